@@ -1,0 +1,50 @@
+// Rotations and rigid motions. Names say the frames: `a_from_b` maps coordinates in b to coordinates in a.
+// Increments: xi = [translation m, rotation rad], applied on the right, in the frame of the camera:
+// T * exp(xi) (method.md 6). Jacobians and 6x6 covariances everywhere use this order and this side.
+#pragma once
+
+#include "engine/geometry/eigen.hpp"
+
+namespace stillmesh {
+
+struct SE3 {
+    Matrix3 rotation = Matrix3::Identity();
+    Vector3 translation = Vector3::Zero();  // m
+
+    [[nodiscard]] SE3 operator*(const SE3& other) const noexcept {
+        SE3 out;
+        out.rotation.noalias() = rotation * other.rotation;
+        out.translation.noalias() = rotation * other.translation;
+        out.translation += translation;
+        return out;
+    }
+    [[nodiscard]] Vector3 operator*(const Vector3& point) const noexcept {
+        Vector3 out;
+        out.noalias() = rotation * point;
+        out += translation;
+        return out;
+    }
+    [[nodiscard]] SE3 inverse() const noexcept {
+        SE3 out;
+        out.rotation = rotation.transpose();
+        out.translation.noalias() = -(out.rotation * translation);
+        return out;
+    }
+};
+
+[[nodiscard]] Matrix3 skew(const Vector3& v) noexcept;
+[[nodiscard]] Matrix3 so3_exp(const Vector3& rotation_vector_rad) noexcept;
+[[nodiscard]] Vector3 so3_log(const Matrix3& rotation) noexcept;  // length in [0, pi]
+[[nodiscard]] SE3 se3_exp(const Vector6& xi) noexcept;
+[[nodiscard]] Vector6 se3_log(const SE3& motion) noexcept;
+// Adjoint for xi = [translation, rotation]: exp(Ad(T) xi) = T exp(xi) T^-1.
+[[nodiscard]] Matrix6 se3_adjoint(const SE3& motion) noexcept;
+// The nearest rotation after many multiplications: one Newton step of the polar decomposition, repeated to the last bit.
+void renormalise(Matrix3& rotation) noexcept;
+// Unit quaternion [x, y, z, w] with w >= 0, and back (normalised first).
+[[nodiscard]] Vector4 quaternion_from_rotation(const Matrix3& rotation) noexcept;
+[[nodiscard]] Matrix3 rotation_from_quaternion(const Vector4& xyzw) noexcept;
+// Rotation angle in [0, pi], rad.
+[[nodiscard]] double rotation_angle(const Matrix3& rotation) noexcept;
+
+}  // namespace stillmesh

@@ -1,0 +1,63 @@
+// Delaunay triangulation by divide and conquer (Guibas & Stolfi 1985; paper 2.1.1, method.md 3) on exact integer
+// predicates, in fixed memory, without recursion. The same points give the same mesh on every processor.
+// Limits: n points give at most n vertices, 3n - 6 edges, 2n - 5 triangles. Cost O(n log n).
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/arena.hpp"
+#include "engine/base/status.hpp"
+#include "engine/mesh/pixel_point.hpp"
+
+namespace stillmesh {
+
+// A planar triangulation of n points has at most 3n - 6 edges and 2n - 5 triangles.
+[[nodiscard]] constexpr std::uint32_t mesh_edges_max(std::uint32_t n) noexcept {
+    return n < 3 ? (n == 2 ? 1 : 0) : 3 * n - 6;
+}
+[[nodiscard]] constexpr std::uint32_t mesh_triangles_max(std::uint32_t n) noexcept { return n < 3 ? 0 : 2 * n - 5; }
+
+inline constexpr std::uint32_t kNoTriangle = 0xffffffffU;
+
+// An undirected edge between two vertices, a < b, with the triangles on its sides (kNoTriangle on the hull).
+struct MeshEdge {
+    std::uint32_t a = 0, b = 0;
+    std::uint32_t left_triangle = kNoTriangle;   // left of a -> b
+    std::uint32_t right_triangle = kNoTriangle;  // right of a -> b
+};
+
+// Counter-clockwise in a frame with x right and y up, which on screen (y down) reads clockwise; the smallest vertex first.
+struct MeshTriangle {
+    std::uint32_t vertex[3] = {0, 0, 0};
+    std::uint32_t edge[3] = {0, 0, 0};  // edge[k] joins vertex[k] and vertex[(k + 1) % 3]
+};
+
+// What a triangulation is, borrowed from the Delaunay that made it until its next triangulate().
+struct Mesh {
+    std::span<const PixelPoint> vertices;            // distinct points, in order of first appearance in the input
+    std::span<const std::uint32_t> vertex_of_point;  // for each input point its vertex (points in one cell share it)
+    std::span<const MeshEdge> edges;                 // sorted by (a, b)
+    std::span<const MeshTriangle> triangles;         // sorted by vertices
+};
+
+class Delaunay {
+public:
+    static constexpr void plan(ArenaPlan& arena, std::uint32_t points_max) noexcept;
+    void create(Arena& arena, std::uint32_t points_max) noexcept;
+
+    // Triangulates the points (coordinates in [0, kMeshCoordinateMax]). Cocircular points: a rule that depends on the
+    // points alone decides, see delaunay.cpp.
+    //   kOk          mesh() is a full Delaunay triangulation, at least one triangle
+    //   kDegenerate  fewer than three distinct points, or all on one line: mesh() holds the vertices and the edges
+    //                between neighbours on the line, and no triangle
+    //   kFull        more than points_max; mesh() is empty
+    //   kInvalid     a coordinate out of range; mesh() is empty
+    [[nodiscard]] Status triangulate(std::span<const PixelPoint> points) noexcept;
+    [[nodiscard]] const Mesh& mesh() const noexcept { return mesh_; }
+
+private:
+    Mesh mesh_;
+};
+
+}  // namespace stillmesh

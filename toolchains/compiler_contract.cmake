@@ -1,0 +1,38 @@
+# One compiler contract for every target of the house: C++20, warnings are errors, floating point in source order.
+# Linked as usage requirements, never as global flags, so that a consumer's project is left alone.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+    set(CMAKE_BUILD_TYPE Release CACHE STRING "Debug, Release, RelWithDebInfo or None" FORCE)
+endif()
+# Nothing may depend on NDEBUG: checks are always on, and Debian builds with CMAKE_BUILD_TYPE=None.
+set(CMAKE_CXX_FLAGS_RELEASE "-O2")
+set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g")
+
+add_library(stillmesh_contract INTERFACE)
+target_include_directories(stillmesh_contract INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+target_compile_options(stillmesh_contract INTERFACE
+    -Wall -Wextra -Wpedantic -Werror -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor
+    -Wno-unknown-warning-option
+    # Same bits everywhere: no fused multiply-add behind our back, no reassociation; errno is not worth a libm call.
+    -ffp-contract=off -fno-math-errno -fno-fast-math)
+if(STILLMESH_SANITIZE)
+    target_compile_options(stillmesh_contract INTERFACE -fsanitize=address,undefined -fno-sanitize-recover=all
+        -fno-omit-frame-pointer)
+    target_link_options(stillmesh_contract INTERFACE -fsanitize=address,undefined)
+endif()
+
+# The engine's own rules on top: no exceptions, no RTTI, no thread-safe statics, Eigen without heap, streams or SIMD.
+add_library(stillmesh_engine_contract INTERFACE)
+target_link_libraries(stillmesh_engine_contract INTERFACE stillmesh_contract)
+target_compile_options(stillmesh_engine_contract INTERFACE -fno-exceptions -fno-rtti -fno-threadsafe-statics
+    -fvisibility=hidden -fvisibility-inlines-hidden -ffunction-sections -fdata-sections -fno-asynchronous-unwind-tables)
+
+# What every translation unit that sees the engine's inner headers must agree on (tests too): Eigen's configuration.
+add_library(stillmesh_eigen INTERFACE)
+target_include_directories(stillmesh_eigen SYSTEM INTERFACE ${EIGEN3_INCLUDE_DIRS})
+target_link_libraries(stillmesh_eigen INTERFACE Eigen3::Eigen)
+target_compile_definitions(stillmesh_eigen INTERFACE EIGEN_DONT_VECTORIZE EIGEN_NO_MALLOC EIGEN_NO_IO
+    EIGEN_NO_AUTOMATIC_RESIZING EIGEN_DONT_PARALLELIZE "eigen_assert=STILLMESH_CHECK")
