@@ -14,7 +14,7 @@ namespace stillmesh {
 
 // Normalised (x/z, y/z) to raw (distorted) pixels.
 [[nodiscard]] Vector2 distort_to_pixel(const CameraModel& model, const Vector2& normalised) noexcept;
-// Raw pixel to normalised, undistorted coordinates: a fixed number of fixed-point steps; residual below 0.01 px inside
+// Raw pixel to normalised, undistorted coordinates: a handful of Newton steps; residual below 0.01 px inside
 // the image of any model that validate() accepts.
 [[nodiscard]] Vector2 undistort_to_normalised(const CameraModel& model, const Vector2& pixel) noexcept;
 
