@@ -4,14 +4,16 @@
 
 #include <cstdint>
 
+#include "engine/base/api.hpp"
+
 namespace stillmesh {
 
 using CheckHandler = void (*)(const char* expression, const char* file, std::int32_t line) noexcept;
 
 // Installs what a failed check calls before it traps; nullptr: trap at once. Not thread-safe: call it once, at start.
-void set_check_handler(CheckHandler handler) noexcept;
+STILLMESH_API void set_check_handler(CheckHandler handler) noexcept;
 
-[[noreturn]] void check_failed(const char* expression, const char* file, std::int32_t line) noexcept;
+[[noreturn]] STILLMESH_API void check_failed(const char* expression, const char* file, std::int32_t line) noexcept;
 
 }  // namespace stillmesh
 

@@ -81,9 +81,7 @@ public:
     }
 
     // Stale or null: nullptr.
-    [[nodiscard]] T* find(Handle<T> handle) noexcept {
-        return is_alive(handle) ? &objects_[handle.slot()] : nullptr;
-    }
+    [[nodiscard]] T* find(Handle<T> handle) noexcept { return is_alive(handle) ? &objects_[handle.slot()] : nullptr; }
     [[nodiscard]] const T* find(Handle<T> handle) const noexcept {
         return is_alive(handle) ? &objects_[handle.slot()] : nullptr;
     }

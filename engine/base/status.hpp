@@ -7,7 +7,7 @@
 
 namespace stillmesh {
 
-enum class [[nodiscard]] Status : std::uint8_t {
+enum class [[nodiscard]] Status : std::uint8_t{
     kOk = 0,
     kFull,         // a fixed container or pool has no room; nothing changed
     kTimedOut,     // nothing came within the time allowed
@@ -56,8 +56,8 @@ private:
 }  // namespace stillmesh
 
 // Returns the status of `expression` from the enclosing function unless it is kOk.
-#define STILLMESH_TRY(expression)                                                           \
-    do {                                                                                    \
+#define STILLMESH_TRY(expression)                                                                        \
+    do {                                                                                                 \
         if (const ::stillmesh::Status try_status = (expression); try_status != ::stillmesh::Status::kOk) \
-            return try_status;                                                              \
+            return try_status;                                                                           \
     } while (false)
