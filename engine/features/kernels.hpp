@@ -1,6 +1,4 @@
-// The integer kernels of the engine as a table of functions: plain C++, SSE2, AVX2 (later NEON) give the same bits, and
-// `platform` chooses the fastest that the processor has.
+// The table of integer kernels. It lies in frame/, the first room that needs it (a room uses only rooms before it).
 #pragma once
-namespace stillmesh {
-struct Kernels;
-}  // namespace stillmesh
+
+#include "engine/frame/kernels.hpp"  // IWYU pragma: export

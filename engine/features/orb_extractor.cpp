@@ -1,0 +1,332 @@
+#include "engine/features/orb_extractor.hpp"
+
+#include <bit>
+#include <cstring>
+
+#include "engine/features/orb_pattern.hpp"
+#include "engine/geometry/trig.hpp"
+
+namespace stillmesh {
+namespace {
+
+// Corners, orientation and pattern stay inside the level.
+constexpr std::uint32_t kBorder = static_cast<std::uint32_t>(kPatchRadius) + 1;
+
+constexpr std::uint32_t minimum(std::uint32_t a, std::uint32_t b) noexcept {
+    return a < b ? a : b;
+}
+
+// Spreads the low 11 bits of `v` to the even bits, and back.
+constexpr std::uint32_t spread_bits(std::uint32_t v) noexcept {
+    v = (v | v << 8) & 0x00ff00ffu;
+    v = (v | v << 4) & 0x0f0f0f0fu;
+    v = (v | v << 2) & 0x33333333u;
+    return (v | v << 1) & 0x55555555u;
+}
+constexpr std::uint32_t gather_bits(std::uint32_t v) noexcept {
+    v &= 0x55555555u;
+    v = (v | v >> 1) & 0x33333333u;
+    v = (v | v >> 2) & 0x0f0f0f0fu;
+    v = (v | v >> 4) & 0x00ff00ffu;
+    return (v | v >> 8) & 0x0000ffffu;
+}
+
+// The nearest of the pattern's turns, ties upward; pattern and angle both run from x towards y.
+std::uint32_t turn_of(double angle_rad) noexcept {
+    constexpr double kTurnsPerRad = kPatternTurns / 6.283185307179586477;
+    // In (0.5, kPatternTurns * 1.5 + 0.5]: positive, so that the cast rounds down.
+    return static_cast<std::uint32_t>(angle_rad * kTurnsPerRad + (kPatternTurns + 0.5)) % kPatternTurns;
+}
+
+}  // namespace
+
+void OrbExtractor::create(Arena& arena, const Limits& limits, const OrbOptions& options,
+                          const Kernels& kernels) noexcept {
+    STILLMESH_CHECK(limits.image_width_max <= kCoordinateMask && limits.image_height_max <= kCoordinateMask);
+    STILLMESH_CHECK(options.features_max <= limits.features_max);
+    STILLMESH_CHECK(options.scale_factor >= kScalePermilleMin * 1e-3 &&
+                    options.scale_factor <= kScalePermilleMax * 1e-3);
+    STILLMESH_CHECK(options.fast_threshold_low >= 1 && options.fast_threshold_low <= options.fast_threshold);
+    options_ = options;
+    kernels_ = &kernels;
+    const std::uint32_t permille = static_cast<std::uint32_t>(options.scale_factor * 1000.0 + 0.5);
+    pyramid_.create(arena, limits, options.levels, permille, kernels);
+    const std::uint32_t width = limits.image_width_max;
+    const std::uint32_t height = limits.image_height_max;
+    std::size_t corners = 0;
+    std::uint32_t level_width = width;
+    std::uint32_t level_height = height;
+    for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
+        corners += corners_max(level_width, level_height);
+        level_width = next_level_side(level_width, kScalePermilleMin);
+        level_height = next_level_side(level_height, kScalePermilleMin);
+    }
+    corners_ = arena.array<std::uint32_t>(corners);
+    sorted_ = arena.array<std::uint32_t>(corners_max(width, height));
+    strengths_stride_ = level_stride(width) + kKernelSlackBytes;
+    strengths_ = arena.array<std::uint8_t>(3 * strengths_stride_);
+    maxima_ = arena.array<std::uint16_t>(width + kKernelSlackBytes);
+    cells_ = arena.array<std::uint8_t>(cells_max(width, height));
+    blurred_ = arena.array<std::uint8_t>(level_stride(width) * height + kKernelSlackBytes);
+    blur_scratch_ = arena.array<std::uint8_t>(level_stride(width) + 2 * kKernelSlackBytes);
+}
+
+Status OrbExtractor::extract(const GreyView& image, FeatureSet& features) noexcept {
+    features.clear();
+    levels_ = 0;
+    STILLMESH_TRY(pyramid_.build(image));
+    levels_ = pyramid_.levels();
+    for (std::uint32_t i = 0; i < levels_; ++i) find_corners(i);
+    const std::size_t room = features.keypoints.capacity();
+    share_out(room < options_.features_max ? static_cast<std::uint32_t>(room) : options_.features_max);
+    for (std::uint32_t i = 0; i < levels_; ++i) {
+        if (level_corners_[i].wanted == 0) continue;
+        select(i);
+        blur(i);
+        describe(i, features);
+    }
+    return Status::kOk;
+}
+
+// All corners of a level at the low threshold, without their weaker neighbours, in raster order.
+void OrbExtractor::find_corners(std::uint32_t level) noexcept {
+    const GreyView image = pyramid_.level(level);
+    LevelCorners& found = level_corners_[level];
+    found = {};
+    if (level > 0) found.begin = level_corners_[level - 1].begin + level_corners_[level - 1].count;
+    const std::uint32_t end_max = found.begin + static_cast<std::uint32_t>(corners_max(image.width, image.height));
+    STILLMESH_CHECK(end_max <= corners_.size());
+    std::uint32_t end = found.begin;
+    std::uint8_t threshold = options_.fast_threshold_low;
+    // One pixel more to each side: the neighbours of the outermost corners.
+    const std::uint32_t x_begin = kBorder - 1;
+    const std::uint32_t x_end = image.width - kBorder + 1;
+    std::uint8_t* rows[3];
+    bool any[3] = {false, false, false};
+    for (std::uint32_t i = 0; i < 3; ++i) rows[i] = strengths_.data() + i * strengths_stride_;
+    for (std::uint32_t y = kBorder - 1; y < image.height - kBorder + 1; ++y) {
+        std::uint8_t* const newest = rows[y % 3];
+        any[y % 3] = kernels_->fast_row(image.row(y), static_cast<std::ptrdiff_t>(image.stride), x_begin, x_end,
+                                        threshold, newest);
+        const std::uint32_t centre_y = y - 1;  // the row whose neighbours are now known
+        if (centre_y < kBorder || !any[centre_y % 3]) continue;
+        const std::uint8_t* const centre = rows[centre_y % 3];
+        const std::uint32_t count =
+            kernels_->local_maxima(rows[(y + 1) % 3], centre, newest, kBorder, image.width - kBorder, maxima_.data());
+        for (std::uint32_t i = 0; i < count; ++i) {
+            const std::uint32_t x = maxima_[i];
+            if (end == end_max) thin_out(found.begin, end, threshold);
+            if (centre[x] <= threshold) continue;
+            corners_[end++] =
+                static_cast<std::uint32_t>(centre[x]) << (2 * kCoordinateBits) | centre_y << kCoordinateBits | x;
+        }
+    }
+    found.count = end - found.begin;
+    put_strong_first(level, image.width);
+}
+
+// Room is short (noise, or worse): raises the threshold until at least half of the level's corners are gone.
+void OrbExtractor::thin_out(std::uint32_t begin, std::uint32_t& end, std::uint8_t& threshold) noexcept {
+    std::uint32_t histogram[256] = {};
+    for (std::uint32_t i = begin; i < end; ++i) ++histogram[corners_[i] >> (2 * kCoordinateBits)];
+    std::uint32_t gone = 0;
+    std::uint32_t strength = 0;
+    while (2 * gone < end - begin) gone += histogram[strength++];
+    threshold = static_cast<std::uint8_t>(strength - 1);
+    std::uint32_t kept = begin;
+    for (std::uint32_t i = begin; i < end; ++i)
+        if (corners_[i] >> (2 * kCoordinateBits) > threshold) corners_[kept++] = corners_[i];
+    end = kept;
+}
+
+// Two thresholds: where a cell has a corner at the high one, its weaker corners come last.
+void OrbExtractor::put_strong_first(std::uint32_t level, std::uint32_t width) noexcept {
+    LevelCorners& found = level_corners_[level];
+    const std::uint32_t cells_across = (width + kCellSide - 1) / kCellSide;
+    const auto cell_of = [cells_across](std::uint32_t corner) noexcept {
+        return (corner >> kCoordinateBits & kCoordinateMask) / kCellSide * cells_across +
+               (corner & kCoordinateMask) / kCellSide;
+    };
+    const std::span<std::uint32_t> corners = corners_.subspan(found.begin, found.count);
+    std::memset(cells_.data(), 0, cells_.size());
+    for (const std::uint32_t corner : corners)
+        if (corner >> (2 * kCoordinateBits) > options_.fast_threshold) cells_[cell_of(corner)] = 1;
+    std::uint32_t strong = 0;
+    std::uint32_t weak = 0;
+    for (const std::uint32_t corner : corners) {
+        if (corner >> (2 * kCoordinateBits) > options_.fast_threshold || cells_[cell_of(corner)] == 0) {
+            corners[strong++] = corner;
+        } else {
+            sorted_[weak++] = corner;
+        }
+    }
+    std::memcpy(corners.data() + strong, sorted_.data(), weak * sizeof(std::uint32_t));
+    found.strong = strong;
+}
+
+// How many features each level gives: in proportion to its side, so that each scale of the world is served alike; what
+// a level lacks the others give, first of their strong corners, then of the weak ones.
+void OrbExtractor::share_out(std::uint32_t total) noexcept {
+    std::uint32_t sides = 0;
+    for (std::uint32_t i = 0; i < levels_; ++i) sides += pyramid_.level(i).width + pyramid_.level(i).height;
+    std::uint32_t left = total;
+    for (std::uint32_t i = 0; i < levels_; ++i) {
+        const GreyView level = pyramid_.level(i);
+        LevelCorners& corners = level_corners_[i];
+        const std::uint32_t share = minimum(left, (total * (level.width + level.height) + sides / 2) / sides);
+        corners.wanted = minimum(share, corners.strong);
+        left -= corners.wanted;
+    }
+    for (std::uint32_t i = 0; i < levels_ && left > 0; ++i) {
+        LevelCorners& corners = level_corners_[i];
+        const std::uint32_t more = minimum(left, corners.strong - corners.wanted);
+        corners.wanted += more;
+        left -= more;
+    }
+    for (std::uint32_t i = 0; i < levels_ && left > 0; ++i) {
+        LevelCorners& corners = level_corners_[i];
+        const std::uint32_t more = minimum(left, corners.count - corners.wanted);
+        corners.wanted += more;
+        left -= more;
+    }
+}
+
+// Moves `wanted` of `corners`, evenly spread, to the front and returns their count. A quadtree without the tree: sorted
+// along Morton's curve, the corners of every square of every depth lie side by side. The finest depth with no more than
+// `wanted` occupied squares gives each square its strongest corner; what is left over goes to the strongest of the
+// squares one depth further down. Linear, but for nothing.
+std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept {
+    const std::uint32_t count = static_cast<std::uint32_t>(corners.size());
+    if (count <= wanted) return count;
+    // Sorted by place (22 bits, above 8 bits of strength), in two passes of 11 bits.
+    constexpr std::uint32_t kDigit = 2048;
+    std::uint32_t starts[2][kDigit] = {};
+    for (std::uint32_t& corner : corners) {
+        const std::uint32_t place =
+            spread_bits(corner & kCoordinateMask) | spread_bits(corner >> kCoordinateBits & kCoordinateMask) << 1;
+        corner = place << 8 | corner >> (2 * kCoordinateBits);
+        ++starts[0][place % kDigit];
+        ++starts[1][place / kDigit];
+    }
+    std::uint32_t sum[2] = {0, 0};
+    for (std::uint32_t i = 0; i < kDigit; ++i) {
+        for (std::uint32_t k = 0; k < 2; ++k) {
+            const std::uint32_t here = starts[k][i];
+            starts[k][i] = sum[k];
+            sum[k] += here;
+        }
+    }
+    for (const std::uint32_t corner : corners) sorted_[starts[0][(corner >> 8) % kDigit]++] = corner;
+    for (std::uint32_t i = 0; i < count; ++i) corners[starts[1][sorted_[i] >> 19]++] = sorted_[i];
+
+    // Where a corner and the one before it part: the depth of the first square that holds but one of them.
+    const auto parting = [&corners](std::uint32_t i) noexcept {
+        const std::uint32_t different = (corners[i] ^ corners[i - 1]) >> 8;  // never 0: places are unique
+        return static_cast<std::uint32_t>(
+            (std::countl_zero(different) - (32 - 2 * static_cast<std::int32_t>(kCoordinateBits))) / 2 + 1);
+    };
+    std::uint32_t parting_at[kCoordinateBits + 1] = {};
+    for (std::uint32_t i = 1; i < count; ++i) ++parting_at[parting(i)];
+    std::uint32_t depth = 0;
+    std::uint32_t squares = 1;
+    while (squares + parting_at[depth + 1] <= wanted) squares += parting_at[++depth];
+
+    // The strongest of every smaller square; one per square is certain, the others compete by strength. sorted_ takes
+    // them with a mark: certain or not.
+    constexpr std::uint32_t kCertain = 1u << 31;
+    std::uint32_t histogram[256] = {};
+    std::uint32_t candidates = 0;
+    std::uint32_t begin = 0;
+    std::uint32_t certain = 0;  // the strongest so far of the square at `depth`
+    for (std::uint32_t i = 1; i <= count; ++i) {
+        const std::uint32_t part = i < count ? parting(i) : 0;
+        if (i < count && part > depth + 1) continue;
+        std::uint32_t best = corners[begin];
+        for (std::uint32_t k = begin + 1; k < i; ++k)
+            if ((corners[k] & 255u) > (best & 255u)) best = corners[k];
+        if (begin == 0 || parting(begin) <= depth) {
+            certain = candidates;
+        } else if ((best & 255u) > (sorted_[certain] & 255u)) {
+            ++histogram[sorted_[certain] & 255u];
+            certain = candidates;
+        } else {
+            ++histogram[best & 255u];
+        }
+        sorted_[candidates++] = best;
+        begin = i;
+        if (i == count || part <= depth) sorted_[certain] |= kCertain;
+    }
+    std::uint32_t left = wanted - squares;
+    std::uint32_t strength = 255;  // all above it are taken, of it only `left`
+    while (left > histogram[strength]) left -= histogram[strength--];
+    std::uint32_t taken = 0;
+    for (std::uint32_t i = 0; i < candidates; ++i) {
+        const std::uint32_t corner = sorted_[i];
+        bool take = (corner & kCertain) != 0 || (corner & 255u) > strength;
+        if (!take && (corner & 255u) == strength && left > 0) {
+            take = true;
+            --left;
+        }
+        if (!take) continue;
+        const std::uint32_t place = corner >> 8 & ((1u << (2 * kCoordinateBits)) - 1);
+        corners[taken++] =
+            (corner & 255u) << (2 * kCoordinateBits) | gather_bits(place >> 1) << kCoordinateBits | gather_bits(place);
+    }
+    return taken;
+}
+
+// Leaves the level's features as the first `wanted` of its corners.
+void OrbExtractor::select(std::uint32_t level) noexcept {
+    LevelCorners& found = level_corners_[level];
+    const std::span<std::uint32_t> corners = corners_.subspan(found.begin, found.count);
+    if (found.wanted <= found.strong) {
+        const std::uint32_t taken = spread(corners.first(found.strong), found.wanted);
+        STILLMESH_CHECK(taken == found.wanted);
+    } else {
+        const std::uint32_t taken = spread(corners.subspan(found.strong), found.wanted - found.strong);
+        STILLMESH_CHECK(found.strong + taken == found.wanted);
+    }
+}
+
+void OrbExtractor::blur(std::uint32_t level) noexcept {
+    const GreyView image = pyramid_.level(level);
+    const std::int32_t last = static_cast<std::int32_t>(image.height) - 1;
+    for (std::int32_t y = 0; y <= last; ++y) {
+        const std::uint8_t* rows[7];
+        for (std::int32_t i = 0; i < 7; ++i) {
+            std::int32_t source = y + i - static_cast<std::int32_t>(kBlurRadius);
+            if (source < 0) source = -source;  // mirrored, the border row itself once
+            if (source > last) source = 2 * last - source;
+            rows[i] = image.row(static_cast<std::uint32_t>(source));
+        }
+        kernels_->blur_row(rows, image.width, blur_scratch_.data() + kKernelSlackBytes,
+                           blurred_.data() + static_cast<std::size_t>(y) * image.stride);
+    }
+}
+
+void OrbExtractor::describe(std::uint32_t level, FeatureSet& features) noexcept {
+    const GreyView image = pyramid_.level(level);
+    const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(image.stride);
+    const TurnedPattern& pattern = turned_pattern();
+    const LevelCorners& found = level_corners_[level];
+    for (std::uint32_t i = 0; i < found.wanted; ++i) {
+        const std::uint32_t corner = corners_[found.begin + i];
+        const std::uint32_t x = corner & kCoordinateMask;
+        const std::uint32_t y = corner >> kCoordinateBits & kCoordinateMask;
+        const Moments moments = kernels_->moments(image.row(y) + x, stride);
+        const double angle_rad = arc_tan2(moments.y, moments.x);
+        Keypoint keypoint;
+        keypoint.x = static_cast<float>(pyramid_.full_x(level, x));
+        keypoint.y = static_cast<float>(pyramid_.full_y(level, y));
+        keypoint.angle_rad = static_cast<float>(angle_rad);
+        keypoint.score = static_cast<std::uint16_t>(corner >> (2 * kCoordinateBits));
+        keypoint.level = static_cast<std::uint8_t>(level);
+        Descriptor descriptor;
+        kernels_->describe(blurred_.data() + y * image.stride + x, stride, pattern.points[turn_of(angle_rad)],
+                           descriptor.words);
+        const bool fits = features.keypoints.push(keypoint) && features.descriptors.push(descriptor);
+        STILLMESH_CHECK(fits);
+    }
+}
+
+}  // namespace stillmesh

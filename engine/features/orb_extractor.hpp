@@ -1,0 +1,105 @@
+// Our own ORB features (Rublee et al. 2011): FAST-9/16 corners on every pyramid level, spread evenly by a quadtree,
+// oriented by their intensity centroid, described by 256 tests of the blurred level. Integers throughout, but for the
+// angle and the position that are handed out: the same bits everywhere. At most features_max, in the order of levels.
+// Takes 1.7 MB at 640x480 with 8 levels; time see bench/features.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/arena.hpp"
+#include "engine/base/status.hpp"
+#include "engine/features/features.hpp"
+#include "engine/frame/kernels.hpp"
+#include "engine/frame/pyramid.hpp"
+#include "engine/limits.hpp"
+
+namespace stillmesh {
+
+struct OrbOptions {
+    std::uint32_t features_max = 1000;    // at most Limits::features_max; more are never given out
+    std::uint32_t levels = 8;             // at most Limits::pyramid_levels_max
+    double scale_factor = 1.2;            // of a level to the next, 1.2 to 1.9, taken in thousandths
+    std::uint8_t fast_threshold = 20;     // grey levels
+    std::uint8_t fast_threshold_low = 7;  // where a cell of the image has no corner at fast_threshold; >= 1
+};
+
+class OrbExtractor final : public FeatureExtractor {
+public:
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept;
+    // Options out of range are our bug (CHECK): configuration is validated before it comes here.
+    void create(Arena& arena, const Limits& limits, const OrbOptions& options, const Kernels& kernels) noexcept;
+
+    [[nodiscard]] Status extract(const GreyView& image, FeatureSet& features) noexcept override;
+
+    // Of the last image.
+    [[nodiscard]] const Pyramid& pyramid() const noexcept { return pyramid_; }
+
+private:
+    // Corners are kept as one number: strength, then y, then x.
+    static constexpr std::uint32_t kCoordinateBits = 11;  // images up to 2047
+    static constexpr std::uint32_t kCoordinateMask = (1u << kCoordinateBits) - 1;
+    // Corners are collected on at most one pixel in so many. Ordinary images stay far below; in noise the weakest go.
+    static constexpr std::uint32_t kPixelsPerCorner = 16;
+    // The side of a cell that chooses between the two thresholds, in pixels of its level.
+    static constexpr std::uint32_t kCellSide = 32;
+
+    static constexpr std::size_t corners_max(std::uint32_t width, std::uint32_t height) noexcept {
+        return static_cast<std::size_t>(width) * height / kPixelsPerCorner;
+    }
+    static constexpr std::size_t cells_max(std::uint32_t width, std::uint32_t height) noexcept {
+        return static_cast<std::size_t>((width + kCellSide - 1) / kCellSide) * ((height + kCellSide - 1) / kCellSide);
+    }
+    struct LevelCorners {
+        std::uint32_t begin = 0;   // in corners_
+        std::uint32_t strong = 0;  // that many first ones: those that the threshold of their cell lets through
+        std::uint32_t count = 0;   // all
+        std::uint32_t wanted = 0;  // how many become features
+    };
+
+    void find_corners(std::uint32_t level) noexcept;
+    void thin_out(std::uint32_t begin, std::uint32_t& end, std::uint8_t& threshold) noexcept;
+    void put_strong_first(std::uint32_t level, std::uint32_t width) noexcept;
+    void share_out(std::uint32_t total) noexcept;
+    [[nodiscard]] std::uint32_t spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept;
+    void select(std::uint32_t level) noexcept;
+    void blur(std::uint32_t level) noexcept;
+    void describe(std::uint32_t level, FeatureSet& features) noexcept;
+
+    OrbOptions options_;
+    const Kernels* kernels_ = nullptr;
+    Pyramid pyramid_;
+    std::uint32_t levels_ = 0;
+    LevelCorners level_corners_[kPyramidLevelsMax];
+    std::span<std::uint32_t> corners_;
+    std::span<std::uint32_t> sorted_;
+    std::span<std::uint8_t> strengths_;  // three rows
+    std::size_t strengths_stride_ = 0;
+    std::span<std::uint16_t> maxima_;  // of a row
+    std::span<std::uint8_t> cells_;
+    std::span<std::uint8_t> blurred_;  // one level
+    std::span<std::uint8_t> blur_scratch_;
+};
+
+constexpr void OrbExtractor::plan(ArenaPlan& arena, const Limits& limits) noexcept {
+    Pyramid::plan(arena, limits);
+    const std::uint32_t width = limits.image_width_max;
+    const std::uint32_t height = limits.image_height_max;
+    std::size_t corners = 0;
+    std::uint32_t level_width = width;
+    std::uint32_t level_height = height;
+    for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
+        corners += corners_max(level_width, level_height);
+        level_width = next_level_side(level_width, kScalePermilleMin);
+        level_height = next_level_side(level_height, kScalePermilleMin);
+    }
+    arena.array<std::uint32_t>(corners);
+    arena.array<std::uint32_t>(corners_max(width, height));
+    arena.array<std::uint8_t>(3 * (level_stride(width) + kKernelSlackBytes));
+    arena.array<std::uint16_t>(width + kKernelSlackBytes);
+    arena.array<std::uint8_t>(cells_max(width, height));
+    arena.array<std::uint8_t>(level_stride(width) * height + kKernelSlackBytes);
+    arena.array<std::uint8_t>(level_stride(width) + 2 * kKernelSlackBytes);
+}
+
+}  // namespace stillmesh

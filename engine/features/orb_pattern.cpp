@@ -1,0 +1,45 @@
+#include "engine/features/orb_pattern.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::int8_t kTests[kDescriptorTests][4] = {
+#include "engine/features/orb_pattern_table.inc"
+};
+
+constexpr std::int8_t rounded(double value) noexcept {
+    return static_cast<std::int8_t>(value < 0 ? -static_cast<int>(0.5 - value) : static_cast<int>(value + 0.5));
+}
+
+constexpr TurnedPattern turn_pattern() noexcept {
+    // cos and sin of one turn, 2 pi / 32; the others by repeated rotation (the error stays below 1e-14).
+    constexpr double kCos = 0.98078528040323044913;
+    constexpr double kSin = 0.19509032201612826785;
+    TurnedPattern turned{};
+    double c = 1;
+    double s = 0;
+    for (std::uint32_t t = 0; t < kPatternTurns; ++t) {
+        for (std::uint32_t i = 0; i < kDescriptorTests; ++i) {
+            for (std::uint32_t k = 0; k < 2; ++k) {
+                const double x = kTests[i][2 * k];
+                const double y = kTests[i][2 * k + 1];
+                turned.points[t][2 * i + k][0] = rounded(c * x - s * y);
+                turned.points[t][2 * i + k][1] = rounded(s * x + c * y);
+            }
+        }
+        const double next = c * kCos - s * kSin;
+        s = s * kCos + c * kSin;
+        c = next;
+    }
+    return turned;
+}
+
+constexpr TurnedPattern kTurned = turn_pattern();
+
+}  // namespace
+
+const TurnedPattern& turned_pattern() noexcept {
+    return kTurned;
+}
+
+}  // namespace stillmesh
