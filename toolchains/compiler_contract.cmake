@@ -16,8 +16,9 @@ target_include_directories(stillmesh_contract INTERFACE $<BUILD_INTERFACE:${PROJ
 target_compile_options(stillmesh_contract INTERFACE
     -Wall -Wextra -Wpedantic -Werror -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor
     -Wno-unknown-warning-option
-    # Same bits everywhere: no fused multiply-add behind our back, no reassociation; errno is not worth a libm call.
-    -ffp-contract=off -fno-math-errno -fno-fast-math)
+    # Same bits everywhere: no fused multiply-add behind our back, no reassociation; errno is not worth a libm call for
+    # sqrt (the order matters: -fno-fast-math turns errno on again).
+    -fno-fast-math -fno-math-errno -ffp-contract=off)
 if(STILLMESH_SANITIZE)
     target_compile_options(stillmesh_contract INTERFACE -fsanitize=address,undefined -fno-sanitize-recover=all
         -fno-omit-frame-pointer)
