@@ -1,0 +1,41 @@
+// Camera files: what turns pixels into rays and depth units into metres. Reads our own TOML, ROS camera_info YAML and
+// ORB-SLAM style YAML, and knows the cameras of the TUM benchmark by name. A key that is unknown, misspelt, missing,
+// not a number or out of its range is an error that names file and key: nothing silently becomes 0.
+// Limits: files of at most kCalibrationBytesMax. Cost: some hundred microseconds, once.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "engine/base/status.hpp"
+#include "hal/depth_camera.hpp"
+
+namespace stillmesh {
+
+inline constexpr std::size_t kCalibrationBytesMax = 64 * 1024;
+
+enum class CalibrationFormat { kToml, kYaml };
+
+// `name_or_file` is one of calibration_names() or a file (.toml, .yaml, .yml). Width and height stay 0 when the file
+// does not give them: whoever sees the first image fills them in.
+//   kOk    kUnavailable: no such file    kInvalid: its content; `message` is a sentence for the user
+[[nodiscard]] Status load_calibration(const std::string& name_or_file, CameraInfo& info, std::string& message);
+
+// The same for bytes in memory; `file` is only used in messages. Any bytes are safe.
+[[nodiscard]] Status parse_calibration(std::string_view text, CalibrationFormat format, const std::string& file,
+                                       CameraInfo& info, std::string& message);
+
+// tum-fr1, tum-fr2, tum-fr3: the colour cameras of the TUM RGB-D benchmark with the depth factor of their PNGs (5000
+// per metre; fr2's depth is 4 % too long with that, so 5208). kinect: ROS's factory default, 5000 per metre.
+[[nodiscard]] std::optional<CameraInfo> built_in_calibration(std::string_view name);
+[[nodiscard]] std::span<const std::string_view> calibration_names();
+
+// The text of a camera.toml that load_calibration reads back to the same bits.
+[[nodiscard]] std::string calibration_toml(const CameraInfo& info);
+
+// The name a user probably meant, or an empty view: at most a third of the letters may differ.
+[[nodiscard]] std::string_view nearest_name(std::string_view name, std::span<const std::string_view> known);
+
+}  // namespace stillmesh

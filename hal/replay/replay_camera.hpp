@@ -1,0 +1,86 @@
+// A recording in the layout of the TUM RGB-D benchmark, played as a depth camera: rgb.txt and depth.txt list "seconds
+// file", colour is 8-bit grey or RGB PNG, depth 16-bit PNG. Frames come as fast as they are polled; nothing is skipped
+// but colour images without a depth image within 20 ms. The calibration is a file or name given by the caller, else
+// camera.toml or camera.yaml in the folder; with none, open() refuses rather than guesses.
+// Memory: two image buffers and 32 bytes per frame, all taken in open(). Every failure leaves a sentence in message().
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "hal/depth_camera.hpp"
+#include "hal/replay/frame_list.hpp"
+#include "hal/replay/png_reader.hpp"
+
+namespace stillmesh {
+
+struct ReplayOptions {
+    std::string folder;
+    std::string calibration;                           // file or built-in name; empty: the folder's own
+    std::uint32_t width_max = 640;                     // px; larger images are refused
+    std::uint32_t height_max = 480;                    // px
+    std::int64_t association_gap_max_ns = 20'000'000;  // between a colour image and its depth image
+    std::int64_t gap_ns = 1'000'000'000;               // silence between two frames that counts as a gap
+};
+
+struct ReplayCounts {
+    std::uint32_t colour_images = 0;
+    std::uint32_t depth_images = 0;
+    std::uint32_t frames = 0;  // pairs; the others are skipped
+    std::uint32_t gaps = 0;    // longer than gap_ns
+    std::int64_t gap_longest_ns = 0;
+    std::int64_t gap_longest_after_ns = 0;  // time of the last frame before it
+    std::int64_t first_ns = 0;
+    std::int64_t last_ns = 0;
+};
+
+class ReplayCamera final : public DepthCamera {
+public:
+    explicit ReplayCamera(ReplayOptions options);
+    ~ReplayCamera();
+    ReplayCamera(const ReplayCamera&) = delete;
+    ReplayCamera& operator=(const ReplayCamera&) = delete;
+
+    // kUnavailable: folder, list or first image missing.    kInvalid: lists, calibration, sizes.    kCorrupt: a PNG.
+    [[nodiscard]] Status open() noexcept override;
+    [[nodiscard]] const CameraInfo& info() const noexcept override;
+    // kOk, kEnd; kCorrupt: an image of the next frame cannot be used: the frame is skipped, and polling may go on;
+    // kUnavailable: not open, or a listed image is missing (skipped as well).
+    [[nodiscard]] Status poll(Frame& frame) noexcept override;
+    // A recording never lets anyone wait: kOk, or kEnd after the last frame.
+    [[nodiscard]] Status wait(std::uint32_t timeout_ms) noexcept override;
+    void close() noexcept override;
+
+    // What went wrong last, as a sentence with file, problem and remedy; empty after success.
+    [[nodiscard]] const std::string& message() const noexcept { return message_; }
+    [[nodiscard]] const ReplayCounts& counts() const noexcept { return counts_; }
+    // Where the calibration came from: a file or a built-in name.
+    [[nodiscard]] const std::string& calibration_source() const noexcept { return calibration_source_; }
+    [[nodiscard]] std::int64_t frame_time_ns(std::size_t index) const noexcept { return pairs_[index].colour.time_ns; }
+
+private:
+    [[nodiscard]] Status open_folder();
+    [[nodiscard]] Status find_calibration();
+    [[nodiscard]] Status read_list(const char* name, std::string& text, std::vector<ListedImage>& images);
+    [[nodiscard]] Status read_pair(const ImagePair& pair, Frame& frame);
+    [[nodiscard]] Status image_path(int list, const ListedImage& image, std::string& path);
+
+    ReplayOptions options_;
+    CameraInfo info_;
+    std::string calibration_source_;
+    std::string message_;
+    std::string path_;  // reused: no allocation per frame once it has grown
+    ReplayCounts counts_;
+    std::vector<ImagePair> pairs_;
+    std::size_t next_ = 0;
+    PngHeader colour_header_;
+    PngHeader depth_header_;
+    std::vector<std::uint8_t> colour_pixels_;
+    std::vector<std::uint16_t> depth_pixels_;
+    int lists_[2] = {-1, -1};  // rgb.txt and depth.txt stay open: names are read from them when needed
+    bool is_open_ = false;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,177 @@
+#include "platform/evaluation/evaluation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+
+#include "engine/base/check.hpp"
+// After CHECK: Eigen's assertions are ours.
+#include <Eigen/Dense>
+
+namespace stillmesh {
+namespace {
+
+using Vector = Eigen::Vector3d;
+using Matrix = Eigen::Matrix3d;
+
+// Isometry3d's products call nothing that allocates; two members are all we need.
+struct Rigid {
+    Matrix r;
+    Vector t;
+    [[nodiscard]] Rigid inverse() const { return {r.transpose(), -(r.transpose() * t)}; }
+    [[nodiscard]] Rigid operator*(const Rigid& other) const { return {r * other.r, r * other.t + t}; }
+};
+
+[[nodiscard]] Vector position(const TrajectoryPose& pose) {
+    return {pose.t[0], pose.t[1], pose.t[2]};
+}
+
+[[nodiscard]] Rigid rigid(const TrajectoryPose& pose) {
+    return {Eigen::Quaterniond(pose.q[3], pose.q[0], pose.q[1], pose.q[2]).toRotationMatrix(), position(pose)};
+}
+
+[[nodiscard]] std::vector<PosePair> associate_poses(const Trajectory& truth, const Trajectory& estimate,
+                                                    std::int64_t gap_max_ns) {
+    struct Candidate {
+        std::int64_t gap_ns;
+        std::size_t truth;
+        std::size_t estimate;
+    };
+    std::vector<Candidate> candidates;
+    std::size_t first = 0;
+    for (std::size_t i = 0; i < estimate.size(); ++i) {
+        const std::int64_t time_ns = estimate[i].time_ns;
+        while (first < truth.size() && truth[first].time_ns < time_ns - gap_max_ns) ++first;
+        for (std::size_t k = first; k < truth.size() && truth[k].time_ns < time_ns + gap_max_ns; ++k) {
+            candidates.push_back({std::abs(truth[k].time_ns - time_ns), k, i});
+        }
+    }
+    std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+        if (a.gap_ns != b.gap_ns) return a.gap_ns < b.gap_ns;
+        return a.truth != b.truth ? a.truth < b.truth : a.estimate < b.estimate;
+    });
+    std::vector<bool> is_truth_used(truth.size(), false);
+    std::vector<bool> is_estimate_used(estimate.size(), false);
+    std::vector<PosePair> pairs;
+    for (const Candidate& candidate : candidates) {
+        if (is_truth_used[candidate.truth] || is_estimate_used[candidate.estimate]) continue;
+        is_truth_used[candidate.truth] = true;
+        is_estimate_used[candidate.estimate] = true;
+        pairs.push_back({candidate.truth, candidate.estimate, 0.0, {}});
+    }
+    std::sort(pairs.begin(), pairs.end(),
+              [](const PosePair& a, const PosePair& b) { return a.estimate_index < b.estimate_index; });
+    return pairs;
+}
+
+// truth = R estimate + t, least squares (Umeyama 1991 without scale).
+[[nodiscard]] Rigid align(const Trajectory& truth, const Trajectory& estimate, const std::vector<PosePair>& pairs) {
+    Vector truth_mean = Vector::Zero();
+    Vector estimate_mean = Vector::Zero();
+    for (const PosePair& pair : pairs) {
+        truth_mean += position(truth[pair.truth_index]);
+        estimate_mean += position(estimate[pair.estimate_index]);
+    }
+    const auto count = static_cast<double>(pairs.size());
+    truth_mean /= count;
+    estimate_mean /= count;
+    Matrix covariance = Matrix::Zero();
+    for (const PosePair& pair : pairs) {
+        covariance += (position(truth[pair.truth_index]) - truth_mean) *
+                      (position(estimate[pair.estimate_index]) - estimate_mean).transpose();
+    }
+    covariance /= count;
+    const Eigen::JacobiSVD<Matrix> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Matrix sign = Matrix::Identity();
+    if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) sign(2, 2) = -1;
+    const Matrix r = svd.matrixU() * sign * svd.matrixV().transpose();
+    return {r, truth_mean - r * estimate_mean};
+}
+
+[[nodiscard]] double rmse(const std::vector<double>& values) {
+    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+    double sum = 0;
+    for (const double value : values) sum += value * value;
+    return std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+[[nodiscard]] double angle_deg(const Matrix& r) {
+    return std::acos(std::clamp((r.trace() - 1) / 2, -1.0, 1.0)) * 180.0 / 3.14159265358979323846;
+}
+
+[[nodiscard]] double coverage_of(const Trajectory& truth, const Trajectory& estimate, std::int64_t hole_ns) {
+    const std::int64_t begin = truth.front().time_ns;
+    const std::int64_t end = truth.back().time_ns;
+    if (end <= begin) return 0.0;
+    std::int64_t covered_ns = 0;
+    std::int64_t last_ns = begin;  // a start within hole_ns of the truth's is no hole
+    for (const TrajectoryPose& pose : estimate) {
+        if (pose.time_ns < begin || pose.time_ns > end) continue;
+        if (pose.time_ns - last_ns <= hole_ns) covered_ns += pose.time_ns - last_ns;
+        last_ns = pose.time_ns;
+    }
+    if (end - last_ns <= hole_ns && last_ns != begin) covered_ns += end - last_ns;
+    return static_cast<double>(covered_ns) / static_cast<double>(end - begin);
+}
+
+}  // namespace
+
+std::optional<Evaluation> evaluate(const Trajectory& truth, const Trajectory& estimate,
+                                   const EvaluationOptions& options) {
+    Evaluation result;
+    result.pairs = associate_poses(truth, estimate, options.gap_max_ns);
+    std::vector<PosePair>& pairs = result.pairs;
+    if (pairs.size() < 3) return std::nullopt;
+
+    const Rigid truth_from_estimate = align(truth, estimate, pairs);
+    std::vector<double> errors;
+    errors.reserve(pairs.size());
+    for (PosePair& pair : pairs) {
+        const Vector aligned = truth_from_estimate.r * position(estimate[pair.estimate_index]) + truth_from_estimate.t;
+        pair.error_m = (aligned - position(truth[pair.truth_index])).norm();
+        pair.aligned_t = {aligned[0], aligned[1], aligned[2]};
+        errors.push_back(pair.error_m);
+        result.ate_mean_m += pair.error_m / static_cast<double>(pairs.size());
+    }
+    result.ate_rmse_m = rmse(errors);
+    std::sort(errors.begin(), errors.end());
+    const std::size_t middle = errors.size() / 2;
+    result.ate_median_m = errors.size() % 2 == 1 ? errors[middle] : (errors[middle - 1] + errors[middle]) / 2;
+    result.ate_max_m = errors.back();
+
+    std::vector<double> translations;
+    std::vector<double> rotations;
+    const auto time_of = [&](std::size_t i) { return estimate[pairs[i].estimate_index].time_ns; };
+    std::size_t after = 0;  // the first pair at or after t_i + delta
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+        const std::int64_t target = time_of(i) + options.delta_ns;
+        while (after < pairs.size() && time_of(after) < target) ++after;
+        std::size_t j = pairs.size();
+        if (after > i + 1) j = after - 1;
+        if (after < pairs.size() && after > i &&
+            (j == pairs.size() || std::abs(time_of(after) - target) < std::abs(time_of(j) - target))) {
+            j = after;
+        }
+        if (j == pairs.size() || std::abs(time_of(j) - target) > options.delta_ns / 10) continue;
+        const Rigid q = rigid(truth[pairs[i].truth_index]).inverse() * rigid(truth[pairs[j].truth_index]);
+        const Rigid p = rigid(estimate[pairs[i].estimate_index]).inverse() * rigid(estimate[pairs[j].estimate_index]);
+        const Rigid error = q.inverse() * p;
+        translations.push_back(error.t.norm());
+        rotations.push_back(angle_deg(error.r));
+    }
+    result.rpe_pairs = translations.size();
+    result.rpe_translation_rmse_m = rmse(translations);
+    result.rpe_rotation_rmse_deg = rmse(rotations);
+    result.coverage = coverage_of(truth, estimate, options.hole_ns);
+    for (int row = 0; row < 3; ++row) {
+        for (int column = 0; column < 3; ++column) {
+            result.truth_from_estimate_r[static_cast<std::size_t>(row * 3 + column)] =
+                truth_from_estimate.r(row, column);
+        }
+        result.truth_from_estimate_t[static_cast<std::size_t>(row)] = truth_from_estimate.t[row];
+    }
+    return result;
+}
+
+}  // namespace stillmesh

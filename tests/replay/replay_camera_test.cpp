@@ -1,0 +1,260 @@
+#include "hal/replay/replay_camera.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <functional>
+
+#include "engine/base/random.hpp"
+#include "tests/replay/recording_folder.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::TemporaryFolder;
+using test::write_recording;
+using test::write_text;
+
+// Promise: times and every pixel arrive as they were written, grey and colour, also when a recording is played twice.
+TEST(ReplayCamera, PlaysWhatWasRecorded) {
+    for (const bool is_rgb : {false, true}) {
+        TemporaryFolder folder;
+        write_recording(folder.path(), is_rgb);
+        ReplayCamera camera({.folder = folder.path(), .calibration = ""});
+        for (int round = 0; round < 2; ++round) {
+            ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+            EXPECT_EQ(camera.counts().frames, 3U);
+            EXPECT_EQ(camera.info().model.fx, 52.5);
+            for (std::uint32_t i = 0; i < 3; ++i) {
+                Frame frame;
+                EXPECT_EQ(camera.wait(0), Status::kOk);
+                ASSERT_EQ(camera.poll(frame), Status::kOk) << camera.message();
+                EXPECT_EQ(frame.time_ns, 100100000000 + 33000000 * i);
+                EXPECT_EQ(frame.depth_time_ns, frame.time_ns + 2000000);
+                EXPECT_EQ(frame.depth_units_per_m, 5000.0);
+                ASSERT_EQ(frame.format, is_rgb ? PixelFormat::kRgb8 : PixelFormat::kGrey8);
+                ASSERT_EQ(frame.colour.width, 64U);
+                ASSERT_EQ(frame.depth.height, 48U);
+                for (std::uint32_t y = 0; y < 48; ++y) {
+                    for (std::uint32_t x = 0; x < frame.colour.stride; ++x) {
+                        ASSERT_EQ(frame.colour.at(x, y), test::colour_byte(i, y * frame.colour.stride + x));
+                    }
+                    for (std::uint32_t x = 0; x < 64; ++x) {
+                        ASSERT_EQ(frame.depth.at(x, y), test::depth_value(i, y * 64 + x));
+                    }
+                }
+            }
+            Frame frame;
+            EXPECT_EQ(camera.wait(0), Status::kEnd);
+            EXPECT_EQ(camera.poll(frame), Status::kEnd);
+        }
+    }
+}
+
+// Promise: colour without depth within 20 ms is skipped and counted; gaps are counted with their place.
+TEST(ReplayCamera, SkipsAndCounts) {
+    TemporaryFolder folder;
+    write_recording(folder.path());
+    write_text(folder.path() + "/depth.txt", "100.102 depth/0.png\n100.154 depth/1.png\n103.166 depth/2.png\n");
+    write_text(folder.path() + "/rgb.txt", "100.100 rgb/0.png\n100.133 rgb/1.png\n103.166 rgb/2.png\n");
+    ReplayCamera camera({.folder = folder.path(), .calibration = ""});
+    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+    EXPECT_EQ(camera.counts().colour_images, 3U);
+    EXPECT_EQ(camera.counts().frames, 2U);
+    EXPECT_EQ(camera.counts().gaps, 1U);
+    EXPECT_EQ(camera.counts().gap_longest_ns, 3066000000);
+    EXPECT_EQ(camera.counts().gap_longest_after_ns, 100100000000);
+}
+
+struct Fault {
+    const char* name;
+    std::function<void(const std::string&)> inflict;
+    Status status;
+    const char* sentence;
+    const char* calibration = "";
+};
+
+class ReplayFaults : public testing::TestWithParam<Fault> {};
+
+// Promise: every way a recording can be broken at the door is its own status and a sentence with file and remedy.
+TEST_P(ReplayFaults, AreRefusedWithASentence) {
+    TemporaryFolder folder;
+    write_recording(folder.path());
+    GetParam().inflict(folder.path());
+    ReplayCamera camera({.folder = folder.path(), .calibration = GetParam().calibration});
+    EXPECT_EQ(camera.open(), GetParam().status) << camera.message();
+    EXPECT_NE(camera.message().find(GetParam().sentence), std::string::npos) << camera.message();
+    EXPECT_TRUE(camera.message().ends_with('.') || camera.message().ends_with('?')) << camera.message();
+    Frame frame;
+    EXPECT_EQ(camera.poll(frame), Status::kUnavailable);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, ReplayFaults,
+    testing::Values(
+        Fault{"no_folder", [](const std::string& f) { std::filesystem::remove_all(f); }, Status::kUnavailable,
+              "no such folder"},
+        Fault{"a_file",
+              [](const std::string& f) {
+                  std::filesystem::remove_all(f);
+                  write_text(f, "x");
+              },
+              Status::kUnavailable, "is not a folder"},
+        Fault{"empty_folder",
+              [](const std::string& f) {
+                  std::filesystem::remove_all(f);
+                  std::filesystem::create_directory(f);
+              },
+              Status::kUnavailable, "/rgb.txt: No such file"},
+        Fault{"no_depth_list", [](const std::string& f) { std::filesystem::remove(f + "/depth.txt"); },
+              Status::kUnavailable, "/depth.txt: No such file"},
+        Fault{"list_is_folder",
+              [](const std::string& f) {
+                  std::filesystem::remove(f + "/rgb.txt");
+                  std::filesystem::create_directory(f + "/rgb.txt");
+              },
+              Status::kUnavailable, "/rgb.txt: not a file"},
+        Fault{"empty_list", [](const std::string& f) { write_text(f + "/rgb.txt", "# nothing\n"); }, Status::kInvalid,
+              "/rgb.txt: the list is empty"},
+        Fault{"time_repeats",
+              [](const std::string& f) { write_text(f + "/rgb.txt", "100.1 rgb/0.png\n100.1 rgb/1.png\n"); },
+              Status::kInvalid, "rgb.txt, line 2: time 100.1 repeats"},
+        Fault{"time_backwards",
+              [](const std::string& f) { write_text(f + "/depth.txt", "100.1 depth/0.png\n100.0 depth/1.png\n"); },
+              Status::kInvalid, "depth.txt, line 2: time 100.0 goes backwards"},
+        Fault{"two_clocks", [](const std::string& f) { write_text(f + "/depth.txt", "5.0 depth/0.png\n"); },
+              Status::kInvalid, "no colour image has a depth image within 20 ms"},
+        Fault{"no_calibration", [](const std::string& f) { std::filesystem::remove(f + "/camera.toml"); },
+              Status::kInvalid, "a camera is not guessed; name one with --calibration"},
+        Fault{"depth_factor_0",
+              [](const std::string& f) {
+                  std::filesystem::remove(f + "/camera.toml");
+                  write_text(f + "/camera.yaml",
+                             "Camera.fx: 52\nCamera.fy: 52\nCamera.cx: 31\nCamera.cy: 23\nDepthMapFactor: 0\n");
+              },
+              Status::kInvalid, "camera.yaml: key 'DepthMapFactor' is 0"},
+        Fault{"calibration_of_another_size", [](const std::string&) {}, Status::kInvalid,
+              "tum-fr1: is for 640x480 pixels, the images are 64x48", "tum-fr1"},
+        Fault{"image_missing", [](const std::string& f) { std::filesystem::remove(f + "/rgb/0.png"); },
+              Status::kUnavailable, "/rgb/0.png: cannot be opened"},
+        Fault{"image_is_text",
+              [](const std::string& f) {
+                  write_text(f + "/rgb/0.png", "GIF89a, not a PNG at all, and long enough to have had a header");
+              },
+              Status::kCorrupt, "/rgb/0.png: cannot be read as PNG"},
+        Fault{"image_is_empty", [](const std::string& f) { write_text(f + "/depth/0.png", ""); }, Status::kCorrupt,
+              "/depth/0.png: the PNG is truncated"},
+        Fault{"depth_of_another_size", [](const std::string& f) { test::write_depth(f + "/depth/0.png", 32, 24, 0); },
+              Status::kInvalid, "depth is 32x24 but colour is 64x48"},
+        Fault{"beyond_the_limits",
+              [](const std::string& f) {
+                  test::write_colour(f + "/rgb/0.png", 641, 480, false, 0);
+                  test::write_depth(f + "/depth/0.png", 641, 480, 0);
+              },
+              Status::kInvalid, "the images are 641x480, the limits allow 640x480"},
+        Fault{"lists_swapped",
+              [](const std::string& f) {
+                  std::filesystem::rename(f + "/rgb.txt", f + "/x");
+                  std::filesystem::rename(f + "/depth.txt", f + "/rgb.txt");
+                  std::filesystem::rename(f + "/x", f + "/depth.txt");
+              },
+              Status::kInvalid, "are rgb.txt and depth.txt swapped?"},
+        Fault{"depth_8_bit", [](const std::string& f) { test::write_colour(f + "/depth/0.png", 64, 48, false, 0); },
+              Status::kInvalid, "depth must be a 16-bit grey PNG"},
+        Fault{"colour_16_bit_rgb",
+              [](const std::string& f) {
+                  test::write_bytes(f + "/rgb/0.png", test::encode_png(4, 4, SPNG_COLOR_TYPE_TRUECOLOR, 16,
+                                                                       std::vector<std::uint8_t>(96)));
+              },
+              Status::kInvalid, "this kind of PNG"}),
+    [](const testing::TestParamInfo<Fault>& fault) { return fault.param.name; });
+
+// Promise: a broken image in the middle says so, leaves the caller's frame alone, and the rest can still be played.
+TEST(ReplayCamera, GoesOnAfterABrokenImage) {
+    TemporaryFolder folder;
+    write_recording(folder.path());
+    const std::string whole = test::read_text(folder.path() + "/depth/1.png");
+    write_text(folder.path() + "/depth/1.png", whole.substr(0, whole.size() / 2));
+    ReplayCamera camera({.folder = folder.path(), .calibration = ""});
+    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+    Frame frame;
+    ASSERT_EQ(camera.poll(frame), Status::kOk);
+    const std::int64_t time_ns = frame.time_ns;
+    EXPECT_EQ(camera.poll(frame), Status::kCorrupt);
+    EXPECT_NE(camera.message().find("/depth/1.png: the PNG is truncated"), std::string::npos) << camera.message();
+    EXPECT_EQ(frame.time_ns, time_ns);
+    EXPECT_EQ(camera.poll(frame), Status::kOk) << camera.message();
+    EXPECT_EQ(camera.poll(frame), Status::kEnd);
+}
+
+// Promise: an image of another size or kind in the middle is refused before anything is written behind a buffer.
+TEST(ReplayCamera, RefusesAChangeOfSize) {
+    TemporaryFolder folder;
+    write_recording(folder.path());
+    test::write_colour(folder.path() + "/rgb/1.png", 320, 240, false, 1);
+    test::write_colour(folder.path() + "/rgb/2.png", 64, 48, true, 2);
+    ReplayCamera camera({.folder = folder.path(), .calibration = ""});
+    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+    Frame frame;
+    ASSERT_EQ(camera.poll(frame), Status::kOk);
+    EXPECT_EQ(camera.poll(frame), Status::kCorrupt);
+    EXPECT_NE(camera.message().find("the image is 320x240 pixels, expected 64x48"), std::string::npos);
+    EXPECT_EQ(camera.poll(frame), Status::kCorrupt);
+    EXPECT_NE(camera.message().find("8-bit RGB, expected 8-bit grey"), std::string::npos) << camera.message();
+}
+
+// Promise: a PNG cut anywhere before its last pixel, or with any byte of its pixels flipped, is never taken for good.
+TEST(PngReader, EveryCutAndFlipIsNoticed) {
+    std::vector<std::uint8_t> pixels(16 * 16 * 2);
+    for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<std::uint8_t>(i * i);
+    const std::vector<std::uint8_t> png = test::encode_png(16, 16, SPNG_COLOR_TYPE_GRAYSCALE, 16, pixels);
+    const PngHeader expected{16, 16, PngKind::kGrey16};
+    std::vector<std::uint8_t> decoded(pixels.size());
+    std::string message;
+    ASSERT_EQ(decode_png(png, "x", expected, decoded, message), Status::kOk) << message;
+    ASSERT_EQ(decoded, pixels);
+    constexpr std::size_t kEndChunk = 12;
+    for (std::size_t size = 0; size < png.size() - kEndChunk - 4; ++size) {
+        const std::vector<std::uint8_t> cut(png.begin(), png.begin() + static_cast<std::ptrdiff_t>(size));
+        EXPECT_NE(decode_png(cut, "x", expected, decoded, message), Status::kOk) << size;
+    }
+    for (std::size_t i = 0; i < png.size() - kEndChunk; ++i) {
+        std::vector<std::uint8_t> flipped = png;
+        flipped[i] ^= 0x10;
+        if (decode_png(flipped, "x", expected, decoded, message) == Status::kOk) {
+            EXPECT_EQ(decoded, pixels) << "byte " << i << " changed the image unnoticed";
+        }
+    }
+}
+
+// Promise: the real recordings open with their own camera file, all pairs decode, and the counts are those of their
+// README.
+TEST(ReplayCamera, RealRecordings) {
+    const char* const data = std::getenv("STILLMESH_TEST_DATA");
+    const char* const ci = std::getenv("CI");
+    if (data == nullptr || !std::filesystem::exists(data)) {
+        if (ci != nullptr && std::string(ci) == "true") FAIL() << "STILLMESH_TEST_DATA must name the recordings in CI";
+        GTEST_SKIP() << "SKIPPED: no real recordings here; set STILLMESH_TEST_DATA to their folder";
+    }
+    for (const char* name : {"fr1_rpy_a", "fr1_rpy_a_walking"}) {
+        ReplayCamera camera({.folder = std::string(data) + "/" + name, .calibration = ""});
+        ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+        EXPECT_EQ(camera.counts().colour_images, 360U);
+        EXPECT_EQ(camera.counts().depth_images, 359U);
+        EXPECT_GE(camera.counts().frames, 350U);
+        EXPECT_EQ(camera.info().model.k3, 1.163314);
+        std::uint32_t frames = 0;
+        std::uint64_t depth_sum = 0;
+        Frame frame;
+        for (std::uint32_t i = 0; i < 40; ++i) {
+            ASSERT_EQ(camera.poll(frame), Status::kOk) << camera.message();
+            depth_sum += frame.depth.at(320, 240);
+            ++frames;
+        }
+        EXPECT_EQ(frames, 40U);
+        EXPECT_GT(depth_sum, 0U);
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
