@@ -38,6 +38,27 @@ std::uint32_t turn_of(double angle_rad) noexcept {
     return static_cast<std::uint32_t>(angle_rad * kTurnsPerRad + (kPatternTurns + 0.5)) % kPatternTurns;
 }
 
+// 256 tests: a bit is set when the first pixel is darker than the second. The first test is the highest bit of word 0.
+// The patch is copied to where its rows lie at a fixed distance: one table of offsets serves every image.
+void run_tests(const std::uint8_t* centre, std::ptrdiff_t stride, const std::int16_t* offsets,
+               Descriptor& descriptor) noexcept {
+    constexpr std::int32_t kRows = 2 * kPatternRadius + 1;
+    std::uint8_t patch[kRows * kPatternPatchStride];
+    const std::uint8_t* from = centre - kPatternRadius * stride - kPatternRadius;
+    for (std::int32_t i = 0; i < kRows; ++i, from += stride) {
+        // 33 bytes, as two fixed copies: the compiler makes them a few moves.
+        std::memcpy(patch + i * kPatternPatchStride, from, 32);
+        patch[i * kPatternPatchStride + 32] = from[32];
+    }
+    const std::uint8_t* const middle = patch + kPatternRadius * kPatternPatchStride + kPatternRadius;
+    for (std::uint64_t& word : descriptor.words) {
+        std::uint64_t bits = 0;
+        for (std::uint32_t i = 0; i < 64; ++i, offsets += 2)
+            bits = bits + bits + (middle[offsets[0]] < middle[offsets[1]] ? 1u : 0u);
+        word = bits;
+    }
+}
+
 }  // namespace
 
 void OrbExtractor::create(Arena& arena, const Limits& limits, const OrbOptions& options,
@@ -322,8 +343,7 @@ void OrbExtractor::describe(std::uint32_t level, FeatureSet& features) noexcept 
         keypoint.score = static_cast<std::uint16_t>(corner >> (2 * kCoordinateBits));
         keypoint.level = static_cast<std::uint8_t>(level);
         Descriptor descriptor;
-        kernels_->describe(blurred_.data() + y * image.stride + x, stride, pattern.points[turn_of(angle_rad)],
-                           descriptor.words);
+        run_tests(blurred_.data() + y * image.stride + x, stride, pattern.offsets[turn_of(angle_rad)], descriptor);
         const bool fits = features.keypoints.push(keypoint) && features.descriptors.push(descriptor);
         STILLMESH_CHECK(fits);
     }

@@ -7,8 +7,8 @@ constexpr std::int8_t kTests[kDescriptorTests][4] = {
 #include "engine/features/orb_pattern_table.inc"
 };
 
-constexpr std::int8_t rounded(double value) noexcept {
-    return static_cast<std::int8_t>(value < 0 ? -static_cast<int>(0.5 - value) : static_cast<int>(value + 0.5));
+constexpr std::int32_t rounded(double value) noexcept {
+    return value < 0 ? -static_cast<std::int32_t>(0.5 - value) : static_cast<std::int32_t>(value + 0.5);
 }
 
 constexpr TurnedPattern turn_pattern() noexcept {
@@ -23,8 +23,9 @@ constexpr TurnedPattern turn_pattern() noexcept {
             for (std::uint32_t k = 0; k < 2; ++k) {
                 const double x = kTests[i][2 * k];
                 const double y = kTests[i][2 * k + 1];
-                turned.points[t][2 * i + k][0] = rounded(c * x - s * y);
-                turned.points[t][2 * i + k][1] = rounded(s * x + c * y);
+                const std::int32_t u = rounded(c * x - s * y);
+                const std::int32_t v = rounded(s * x + c * y);
+                turned.offsets[t][2 * i + k] = static_cast<std::int16_t>(v * kPatternPatchStride + u);
             }
         }
         const double next = c * kCos - s * kSin;

@@ -9,10 +9,14 @@ namespace stillmesh {
 inline constexpr std::uint32_t kDescriptorTests = 256;
 inline constexpr std::uint32_t kPatternTurns = 32;
 
+// A turned point lies at most so far from the corner; the patch around it, 33 rows of 33, is copied to rows of 48.
+inline constexpr std::int32_t kPatternRadius = 16;
+inline constexpr std::int32_t kPatternPatchStride = 48;
+
 // Turn t is the pattern rotated by t * 2 pi / kPatternTurns, from x towards y, each point rounded to the nearest pixel.
-// Points 2i and 2i + 1 are those of test i: (dx, dy).
+// Points 2i and 2i + 1 are those of test i, as offsets from the middle of the copied patch.
 struct TurnedPattern {
-    std::int8_t points[kPatternTurns][2 * kDescriptorTests][2];
+    std::int16_t offsets[kPatternTurns][2 * kDescriptorTests];
 };
 [[nodiscard]] const TurnedPattern& turned_pattern() noexcept;
 

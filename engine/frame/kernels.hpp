@@ -68,11 +68,6 @@ struct Kernels {
     // Moments over the disc of kPatchRadius; the square of that radius (and one column more) exists.
     Moments (*moments)(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept;
 
-    // 256 tests: bit i is set when the pixel at pattern[2i] is darker than the one at pattern[2i+1]. An offset is
-    // (dx, dy), both in [-16, 16]; the square of that radius (and 15 columns more) exists around `centre`.
-    void (*describe)(const std::uint8_t* centre, std::ptrdiff_t stride, const std::int8_t (*pattern)[2],
-                     std::uint64_t words[4]) noexcept;
-
     // Number of different bits of two descriptors.
     std::uint32_t (*hamming)(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept;
     // The same from one to many that lie one after the other, 4 words each.
@@ -81,6 +76,9 @@ struct Kernels {
 };
 
 [[nodiscard]] const Kernels& plain_kernels() noexcept;
+// Those of the plain kernels that the others take over where they have nothing faster.
+void plain_grey_from_rgb(const std::uint8_t* pixels, std::uint32_t width, std::uint8_t* grey) noexcept;
+void plain_grey_from_bgr(const std::uint8_t* pixels, std::uint32_t width, std::uint8_t* grey) noexcept;
 // nullptr where the engine was not built for such a processor. Whether this one can run them is for the caller to ask.
 [[nodiscard]] const Kernels* sse2_kernels() noexcept;
 [[nodiscard]] const Kernels* avx2_kernels() noexcept;

@@ -149,19 +149,6 @@ Moments moments(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
     return result;
 }
 
-void describe(const std::uint8_t* centre, std::ptrdiff_t stride, const std::int8_t (*pattern)[2],
-              std::uint64_t words[4]) noexcept {
-    for (std::uint32_t w = 0; w < 4; ++w) {
-        std::uint64_t word = 0;
-        for (std::uint32_t i = 0; i < 64; ++i, pattern += 2) {
-            const std::uint8_t a = centre[pattern[0][1] * stride + pattern[0][0]];
-            const std::uint8_t b = centre[pattern[1][1] * stride + pattern[1][0]];
-            word |= static_cast<std::uint64_t>(a < b) << i;
-        }
-        words[w] = word;
-    }
-}
-
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
     std::int32_t count = 0;
     for (std::uint32_t i = 0; i < 4; ++i) count += std::popcount(a[i] ^ b[i]);
@@ -173,10 +160,19 @@ void hamming_many(const std::uint64_t a[4], const std::uint64_t* many, std::uint
     for (std::uint32_t i = 0; i < count; ++i) distances[i] = static_cast<std::uint16_t>(hamming(a, many + 4 * i));
 }
 
-constexpr Kernels kPlain = {"plain",  grey_row<0, 2>, grey_row<2, 0>, scale_row, fast_row,    local_maxima,
-                            blur_row, moments,        describe,       hamming,   hamming_many};
+constexpr Kernels kPlain = {
+    "plain", plain_grey_from_rgb, plain_grey_from_bgr, scale_row, fast_row, local_maxima, blur_row, moments,
+    hamming, hamming_many};
 
 }  // namespace
+
+void plain_grey_from_rgb(const std::uint8_t* pixels, std::uint32_t width, std::uint8_t* grey) noexcept {
+    grey_row<0, 2>(pixels, width, grey);
+}
+
+void plain_grey_from_bgr(const std::uint8_t* pixels, std::uint32_t width, std::uint8_t* grey) noexcept {
+    grey_row<2, 0>(pixels, width, grey);
+}
 
 const Kernels& plain_kernels() noexcept {
     return kPlain;

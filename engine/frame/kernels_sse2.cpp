@@ -1,9 +1,293 @@
+// What every x86-64 has.
 #include "engine/frame/kernels.hpp"
 
+#if defined(__SSE2__)
+
+#include <emmintrin.h>
+
+#include <cstring>
+
 namespace stillmesh {
+namespace {
+
+__m128i load(const std::uint8_t* p) noexcept {
+    return _mm_loadu_si128(reinterpret_cast<const __m128i*>(p));
+}
+void store(std::uint8_t* p, __m128i v) noexcept {
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(p), v);
+}
+__m128i bytes(std::uint32_t value) noexcept {
+    return _mm_set1_epi8(static_cast<char>(value));
+}
+__m128i shorts(std::int32_t value) noexcept {
+    return _mm_set1_epi16(static_cast<short>(value));
+}
+
+std::int32_t pair_at(const std::uint8_t* p) noexcept {
+    std::uint16_t pair;
+    std::memcpy(&pair, p, sizeof pair);
+    return pair;
+}
+
+// (weight_a * a + weight_b * b + 64) / 128 of eight 16-bit lanes.
+__m128i blend(__m128i a, __m128i weight_a, __m128i b, __m128i weight_b) noexcept {
+    const __m128i sum = _mm_add_epi16(_mm_mullo_epi16(a, weight_a), _mm_mullo_epi16(b, weight_b));
+    return _mm_srli_epi16(_mm_add_epi16(sum, shorts(64)), 7);
+}
+
+void scale_row(const std::uint8_t* above, const std::uint8_t* below, std::uint32_t source_width,
+               std::uint8_t weight_below, const ScaleBlock* blocks, std::uint32_t width, std::uint8_t* scratch,
+               std::uint8_t* out) noexcept {
+    const __m128i zero = _mm_setzero_si128();
+    const __m128i weight_a = shorts(128 - weight_below);
+    const __m128i weight_b = shorts(weight_below);
+    for (std::uint32_t x = 0; x < source_width; x += 16) {
+        const __m128i a = load(above + x);
+        const __m128i b = load(below + x);
+        const __m128i low = blend(_mm_unpacklo_epi8(a, zero), weight_a, _mm_unpacklo_epi8(b, zero), weight_b);
+        const __m128i high = blend(_mm_unpackhi_epi8(a, zero), weight_a, _mm_unpackhi_epi8(b, zero), weight_b);
+        store(scratch + x, _mm_packus_epi16(low, high));
+    }
+    const __m128i low_byte = shorts(255);
+    for (std::uint32_t x = 0; x < width; x += kScaleBlock, ++blocks) {
+        // A pick and its right neighbour are one 16-bit load.
+        const std::uint8_t* const from = scratch + blocks->first;
+        const std::uint8_t* const picks = blocks->picks;
+        __m128i pairs = _mm_cvtsi32_si128(pair_at(from + picks[0]));
+        pairs = _mm_insert_epi16(pairs, pair_at(from + picks[2]), 1);
+        pairs = _mm_insert_epi16(pairs, pair_at(from + picks[4]), 2);
+        pairs = _mm_insert_epi16(pairs, pair_at(from + picks[6]), 3);
+        pairs = _mm_insert_epi16(pairs, pair_at(from + picks[8]), 4);
+        pairs = _mm_insert_epi16(pairs, pair_at(from + picks[10]), 5);
+        pairs = _mm_insert_epi16(pairs, pair_at(from + picks[12]), 6);
+        pairs = _mm_insert_epi16(pairs, pair_at(from + picks[14]), 7);
+        const __m128i weights = load(blocks->weights);
+        const __m128i pixels = blend(_mm_and_si128(pairs, low_byte), _mm_and_si128(weights, low_byte),
+                                     _mm_srli_epi16(pairs, 8), _mm_srli_epi16(weights, 8));
+        _mm_storel_epi64(reinterpret_cast<__m128i*>(out + x), _mm_packus_epi16(pixels, zero));
+    }
+}
+
+__m128i first_lanes(std::uint32_t count) noexcept {
+    return _mm_cmpgt_epi8(bytes(count), _mm_setr_epi8(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15));
+}
+
+// All 16 centres at once. An arc's least brightness decides for bright corners, its greatest for dark ones: with W[j]
+// the least of eight pixels from j, arcs j-1 and j give min(W[j], max(p[j-1], p[j+8])), and the best of all sixteen
+// arcs, less the centre, is the strength (saturating: no corner is 0). Seldom reached, thanks to the quick test.
+bool fast_row(const std::uint8_t* row, std::ptrdiff_t stride, std::uint32_t x_begin, std::uint32_t x_end,
+              std::uint8_t threshold, std::uint8_t* strengths) noexcept {
+    const std::ptrdiff_t s = stride;
+    const std::ptrdiff_t circle[16] = {-3 * s, -3 * s + 1, -2 * s + 2, -s + 3, 3,  s + 3,  2 * s + 2,  3 * s + 1,
+                                       3 * s,  3 * s - 1,  2 * s - 2,  s - 3,  -3, -s - 3, -2 * s - 2, -3 * s - 1};
+    const __m128i t = bytes(threshold);
+    const __m128i zero = _mm_setzero_si128();
+    __m128i any = zero;
+    for (std::uint32_t x = x_begin; x < x_end; x += 16) {
+        const std::uint8_t* const at = row + x;
+        const __m128i centre = load(at);
+        const __m128i high = _mm_adds_epu8(centre, t);
+        const __m128i low = _mm_subs_epu8(centre, t);
+        __m128i p[16];
+        // An arc of nine holds one of every two opposite pixels: all such pairs must have a bright (or dark) one.
+        p[0] = load(at + circle[0]);
+        p[8] = load(at + circle[8]);
+        p[4] = load(at + circle[4]);
+        p[12] = load(at + circle[12]);
+        __m128i bright = _mm_min_epu8(_mm_max_epu8(p[0], p[8]), _mm_max_epu8(p[4], p[12]));
+        __m128i dark = _mm_max_epu8(_mm_min_epu8(p[0], p[8]), _mm_min_epu8(p[4], p[12]));
+        __m128i hope = _mm_or_si128(_mm_subs_epu8(bright, high), _mm_subs_epu8(low, dark));
+        if (_mm_movemask_epi8(_mm_cmpeq_epi8(hope, zero)) == 0xffff) {
+            store(strengths + x, zero);
+            continue;
+        }
+        p[2] = load(at + circle[2]);
+        p[10] = load(at + circle[10]);
+        p[6] = load(at + circle[6]);
+        p[14] = load(at + circle[14]);
+        bright = _mm_min_epu8(bright, _mm_min_epu8(_mm_max_epu8(p[2], p[10]), _mm_max_epu8(p[6], p[14])));
+        dark = _mm_max_epu8(dark, _mm_max_epu8(_mm_min_epu8(p[2], p[10]), _mm_min_epu8(p[6], p[14])));
+        hope = _mm_or_si128(_mm_subs_epu8(bright, high), _mm_subs_epu8(low, dark));
+        if (_mm_movemask_epi8(_mm_cmpeq_epi8(hope, zero)) == 0xffff) {
+            store(strengths + x, zero);
+            continue;
+        }
+        for (std::uint32_t i = 1; i < 16; i += 2) p[i] = load(at + circle[i]);
+        __m128i least2[8];  // of p[j], p[j + 1], j = 2 i + 1
+        __m128i greatest2[8];
+        for (std::uint32_t i = 0; i < 8; ++i) {
+            least2[i] = _mm_min_epu8(p[2 * i + 1], p[(2 * i + 2) % 16]);
+            greatest2[i] = _mm_max_epu8(p[2 * i + 1], p[(2 * i + 2) % 16]);
+        }
+        __m128i least4[8];
+        __m128i greatest4[8];
+        for (std::uint32_t i = 0; i < 8; ++i) {
+            least4[i] = _mm_min_epu8(least2[i], least2[(i + 1) % 8]);
+            greatest4[i] = _mm_max_epu8(greatest2[i], greatest2[(i + 1) % 8]);
+        }
+        __m128i best_bright = zero;
+        __m128i best_dark = _mm_cmpeq_epi8(zero, zero);
+        for (std::uint32_t i = 0; i < 8; ++i) {
+            const __m128i before = p[2 * i];
+            const __m128i after = p[(2 * i + 9) % 16];
+            const __m128i least8 = _mm_min_epu8(least4[i], least4[(i + 2) % 8]);
+            const __m128i greatest8 = _mm_max_epu8(greatest4[i], greatest4[(i + 2) % 8]);
+            best_bright = _mm_max_epu8(best_bright, _mm_min_epu8(least8, _mm_max_epu8(before, after)));
+            best_dark = _mm_min_epu8(best_dark, _mm_max_epu8(greatest8, _mm_min_epu8(before, after)));
+        }
+        const __m128i strength = _mm_max_epu8(_mm_subs_epu8(best_bright, centre), _mm_subs_epu8(centre, best_dark));
+        const __m128i too_weak = _mm_cmpeq_epi8(_mm_subs_epu8(strength, t), zero);
+        __m128i result = _mm_andnot_si128(too_weak, strength);
+        if (x_end - x < 16) result = _mm_and_si128(result, first_lanes(x_end - x));
+        store(strengths + x, result);
+        any = _mm_or_si128(any, result);
+    }
+    return _mm_movemask_epi8(_mm_cmpeq_epi8(any, zero)) != 0xffff;
+}
+
+std::uint32_t local_maxima(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
+                           std::uint32_t x_begin, std::uint32_t x_end, std::uint16_t* out) noexcept {
+    const __m128i zero = _mm_setzero_si128();
+    std::uint32_t count = 0;
+    for (std::uint32_t x = x_begin; x < x_end; x += 16) {
+        const __m128i centre = load(row + x);
+        if (_mm_movemask_epi8(_mm_cmpeq_epi8(centre, zero)) == 0xffff) continue;
+        __m128i greatest = _mm_max_epu8(load(row + x - 1), load(row + x + 1));
+        greatest = _mm_max_epu8(greatest, _mm_max_epu8(load(above + x - 1), load(above + x + 1)));
+        greatest = _mm_max_epu8(greatest, _mm_max_epu8(load(below + x - 1), load(below + x + 1)));
+        greatest = _mm_max_epu8(greatest, _mm_max_epu8(load(above + x), load(below + x)));
+        const __m128i lower = _mm_cmpeq_epi8(_mm_subs_epu8(centre, greatest), zero);
+        std::uint32_t lanes = ~static_cast<std::uint32_t>(_mm_movemask_epi8(lower)) & 0xffffu;
+        if (x_end - x < 16) lanes &= (1u << (x_end - x)) - 1;
+        for (; lanes != 0; lanes &= lanes - 1)
+            out[count++] = static_cast<std::uint16_t>(x + static_cast<std::uint32_t>(__builtin_ctz(lanes)));
+    }
+    return count;
+}
+
+// The seven taps of the blur on 8 lanes; products and sums stay below 2^16, as unsigned numbers.
+__m128i weigh(__m128i middle, __m128i sum1, __m128i sum2, __m128i sum3) noexcept {
+    __m128i sum = _mm_add_epi16(_mm_mullo_epi16(middle, shorts(56)), _mm_mullo_epi16(sum1, shorts(49)));
+    sum = _mm_add_epi16(sum, _mm_add_epi16(_mm_mullo_epi16(sum2, shorts(33)), _mm_mullo_epi16(sum3, shorts(18))));
+    return _mm_srli_epi16(_mm_add_epi16(sum, shorts(128)), 8);
+}
+
+__m128i seven_taps(const __m128i t[7]) noexcept {
+    const __m128i zero = _mm_setzero_si128();
+    const __m128i low = weigh(_mm_unpacklo_epi8(t[3], zero),
+                              _mm_add_epi16(_mm_unpacklo_epi8(t[2], zero), _mm_unpacklo_epi8(t[4], zero)),
+                              _mm_add_epi16(_mm_unpacklo_epi8(t[1], zero), _mm_unpacklo_epi8(t[5], zero)),
+                              _mm_add_epi16(_mm_unpacklo_epi8(t[0], zero), _mm_unpacklo_epi8(t[6], zero)));
+    const __m128i high = weigh(_mm_unpackhi_epi8(t[3], zero),
+                               _mm_add_epi16(_mm_unpackhi_epi8(t[2], zero), _mm_unpackhi_epi8(t[4], zero)),
+                               _mm_add_epi16(_mm_unpackhi_epi8(t[1], zero), _mm_unpackhi_epi8(t[5], zero)),
+                               _mm_add_epi16(_mm_unpackhi_epi8(t[0], zero), _mm_unpackhi_epi8(t[6], zero)));
+    return _mm_packus_epi16(low, high);
+}
+
+void blur_row(const std::uint8_t* const rows[7], std::uint32_t width, std::uint8_t* scratch,
+              std::uint8_t* out) noexcept {
+    __m128i taps[7];
+    for (std::uint32_t x = 0; x < width; x += 16) {
+        for (std::uint32_t i = 0; i < 7; ++i) taps[i] = load(rows[i] + x);
+        store(scratch + x, seven_taps(taps));
+    }
+    for (std::uint32_t i = 1; i <= kBlurRadius; ++i) {
+        scratch[-static_cast<std::ptrdiff_t>(i)] = scratch[i];
+        scratch[width - 1 + i] = scratch[width - 1 - i];
+    }
+    for (std::uint32_t x = 0; x < width; x += 16) {
+        for (std::uint32_t i = 0; i < 7; ++i) taps[i] = load(scratch + x + i - 3);
+        store(out + x, seven_taps(taps));
+    }
+}
+
+// Weights of the 31 columns of a row of the disc (0 outside of it), and which of them are inside, for |v| = 0..15.
+struct Disc {
+    alignas(16) std::int16_t across[kPatchRadius + 1][32] = {};
+    alignas(16) std::uint8_t inside[kPatchRadius + 1][32] = {};
+    constexpr Disc() noexcept {
+        for (std::int32_t v = 0; v <= kPatchRadius; ++v) {
+            for (std::int32_t u = -kPatchRadius; u <= kPatchRadius; ++u) {
+                if (u * u + v * v > kPatchRadius * kPatchRadius + kPatchRadius) continue;
+                across[v][u + kPatchRadius] = static_cast<std::int16_t>(u);
+                inside[v][u + kPatchRadius] = 255;
+            }
+        }
+    }
+};
+constexpr Disc kDisc;
+
+// As in the AVX2 kernel: the sum of v * row_sum(v) is built by adding the running sum once per row, from the outside
+// in.
+Moments moments(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
+    const __m128i zero = _mm_setzero_si128();
+    const std::uint8_t* const left = centre - kPatchRadius;
+    const auto across = [&zero](__m128i pixels, const std::int16_t* weights) noexcept {
+        const __m128i* const w = reinterpret_cast<const __m128i*>(weights);
+        return _mm_add_epi32(_mm_madd_epi16(_mm_unpacklo_epi8(pixels, zero), _mm_load_si128(w)),
+                             _mm_madd_epi16(_mm_unpackhi_epi8(pixels, zero), _mm_load_si128(w + 1)));
+    };
+    __m128i x = _mm_add_epi32(across(load(left), kDisc.across[0]), across(load(left + 16), kDisc.across[0] + 16));
+    __m128i running = zero;
+    __m128i y = zero;
+    for (std::int32_t v = kPatchRadius; v >= 1; --v) {
+        for (std::int32_t k = 0; k < 32; k += 16) {
+            const __m128i below = load(left + v * stride + k);
+            const __m128i above = load(left - v * stride + k);
+            x = _mm_add_epi32(x, _mm_add_epi32(across(below, kDisc.across[v] + k), across(above, kDisc.across[v] + k)));
+            const __m128i inside = load(kDisc.inside[v] + k);
+            running = _mm_add_epi64(running, _mm_sad_epu8(_mm_and_si128(below, inside), zero));
+            running = _mm_sub_epi64(running, _mm_sad_epu8(_mm_and_si128(above, inside), zero));
+        }
+        y = _mm_add_epi64(y, running);
+    }
+    x = _mm_add_epi32(x, _mm_shuffle_epi32(x, 0x4e));
+    x = _mm_add_epi32(x, _mm_shuffle_epi32(x, 0xb1));
+    y = _mm_add_epi64(y, _mm_shuffle_epi32(y, 0x4e));
+    return {_mm_cvtsi128_si32(x), _mm_cvtsi128_si32(y)};
+}
+
+// Bits of the bytes by halves, then the bytes summed.
+__m128i bit_counts(__m128i v) noexcept {
+    v = _mm_sub_epi8(v, _mm_and_si128(_mm_srli_epi16(v, 1), bytes(0x55)));
+    v = _mm_add_epi8(_mm_and_si128(v, bytes(0x33)), _mm_and_si128(_mm_srli_epi16(v, 2), bytes(0x33)));
+    return _mm_and_si128(_mm_add_epi8(v, _mm_srli_epi16(v, 4)), bytes(0x0f));
+}
+
+std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
+    const __m128i* const p = reinterpret_cast<const __m128i*>(a);
+    const __m128i* const q = reinterpret_cast<const __m128i*>(b);
+    const __m128i low = bit_counts(_mm_xor_si128(_mm_loadu_si128(p), _mm_loadu_si128(q)));
+    const __m128i high = bit_counts(_mm_xor_si128(_mm_loadu_si128(p + 1), _mm_loadu_si128(q + 1)));
+    __m128i sum = _mm_sad_epu8(_mm_add_epi8(low, high), _mm_setzero_si128());
+    sum = _mm_add_epi64(sum, _mm_shuffle_epi32(sum, 0x4e));
+    return static_cast<std::uint32_t>(_mm_cvtsi128_si32(sum));
+}
+
+void hamming_many(const std::uint64_t a[4], const std::uint64_t* many, std::uint32_t count,
+                  std::uint16_t* distances) noexcept {
+    for (std::uint32_t i = 0; i < count; ++i) distances[i] = static_cast<std::uint16_t>(hamming(a, many + 4 * i));
+}
+
+constexpr Kernels kSse2 = {
+    "sse2",  plain_grey_from_rgb, plain_grey_from_bgr, scale_row, fast_row, local_maxima, blur_row, moments,
+    hamming, hamming_many};
+
+}  // namespace
 
 const Kernels* sse2_kernels() noexcept {
-    return nullptr;
+    return &kSse2;
 }
 
 }  // namespace stillmesh
+
+#else
+
+namespace stillmesh {
+const Kernels* sse2_kernels() noexcept {
+    return nullptr;
+}
+}  // namespace stillmesh
+
+#endif
