@@ -1,0 +1,164 @@
+#include "engine/geometry/camera.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "engine/base/random.hpp"
+
+namespace stillmesh {
+namespace {
+
+// Published calibrations: TUM's Freiburg 1 (a strong k1..k3), 2 and the EuRoC left camera (a wide barrel).
+CameraModel freiburg1() {
+    return {640,      480,       517.306408, 516.469215, 318.643040, 255.313989,
+            0.262383, -0.953104, -0.005358,  0.002628,   1.163314};
+}
+CameraModel freiburg2() {
+    return {640,      480,       520.908620, 521.007327, 325.141442, 249.701764,
+            0.231222, -0.784899, -0.003257,  -0.000105,  0.917205};
+}
+CameraModel freiburg3() {
+    return {640, 480, 535.4, 539.2, 320.1, 247.6};
+}
+CameraModel euroc() {
+    return {752, 480, 458.654, 457.296, 367.215, 248.375, -0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0};
+}
+
+double residual_px(const CameraModel& model, const Vector2& pixel) {
+    return (distort_to_pixel(model, undistort_to_normalised(model, pixel)) - pixel).norm();
+}
+
+// Brown's formula, written out once more in long double.
+std::pair<double, double> brown(const CameraModel& m, double x, double y) {
+    const long double lx = x, ly = y;
+    const long double r2 = lx * lx + ly * ly;
+    const long double radial = 1 + m.k1 * r2 + m.k2 * r2 * r2 + m.k3 * r2 * r2 * r2;
+    const long double dx = lx * radial + 2 * m.p1 * lx * ly + m.p2 * (r2 + 2 * lx * lx);
+    const long double dy = ly * radial + m.p1 * (r2 + 2 * ly * ly) + 2 * m.p2 * lx * ly;
+    return {static_cast<double>(m.fx * dx + m.cx), static_cast<double>(m.fy * dy + m.cy)};
+}
+
+// Promise: distortion is Brown's formula as OpenCV, ROS and TUM write it.
+TEST(Camera, DistortionIsBrowns) {
+    Random random(1);
+    for (const CameraModel& model : {freiburg1(), freiburg2(), freiburg3(), euroc()}) {
+        for (int i = 0; i < 5000; ++i) {
+            const Vector2 n(random.uniform(-0.8, 0.8), random.uniform(-0.6, 0.6));
+            const auto [u, v] = brown(model, n.x(), n.y());
+            ASSERT_NEAR(distort_to_pixel(model, n).x(), u, 1e-11);
+            ASSERT_NEAR(distort_to_pixel(model, n).y(), v, 1e-11);
+        }
+    }
+    // A worked value, so that an error common to both copies shows: x = 0.5, y = 0, k1 = 0.1, p2 = 0.01:
+    // x' = 0.5 (1 + 0.1 * 0.25) + 0.01 (0.25 + 0.5) = 0.52; p1 = 0.02: y' = 0.02 * 0.25 = 0.005.
+    CameraModel simple{640, 480, 100, 100, 0, 0, 0.1, 0, 0.02, 0.01, 0};
+    EXPECT_NEAR(distort_to_pixel(simple, {0.5, 0.0}).x(), 52.0, 1e-12);
+    EXPECT_NEAR(distort_to_pixel(simple, {0.5, 0.0}).y(), 0.5, 1e-12);
+}
+
+// Promise: undistortion undoes distortion at every pixel of the known cameras, far below the promised 0.01 px.
+TEST(Camera, UndistortsEveryPixel) {
+    for (const CameraModel& model : {freiburg1(), freiburg2(), freiburg3(), euroc()}) {
+        ASSERT_EQ(validate(model), Status::kOk);
+        double worst = 0;
+        for (std::uint32_t y = 0; y < model.height; ++y) {
+            for (std::uint32_t x = 0; x < model.width; ++x) worst = std::max(worst, residual_px(model, Vector2(x, y)));
+        }
+        EXPECT_LT(worst, 1e-6);
+    }
+}
+
+// Promise: every model that validate() accepts has a residual below 0.01 px and no fold anywhere inside its image:
+// undistorted neighbours keep their order. Random models, mild to absurd; both answers occur.
+TEST(Camera, AcceptedModelsDoNotFold) {
+    Random random(2);
+    int accepted = 0;
+    int refused = 0;
+    for (int i = 0; i < 400; ++i) {
+        CameraModel model{160, 120, 0, 0, 0, 0};
+        model.fx = random.uniform(60.0, 250.0);
+        model.fy = model.fx * random.uniform(0.9, 1.1);
+        model.cx = 80.0 + random.uniform(-20.0, 20.0);
+        model.cy = 60.0 + random.uniform(-20.0, 20.0);
+        const double strength = random.uniform(0.0, 1.0);
+        model.k1 = strength * random.uniform(-0.6, 0.6);
+        model.k2 = strength * random.uniform(-1.2, 1.2);
+        model.k3 = strength * random.uniform(-1.5, 1.5);
+        model.p1 = strength * random.uniform(-0.03, 0.03);
+        model.p2 = strength * random.uniform(-0.03, 0.03);
+        if (validate(model) != Status::kOk) {
+            ++refused;
+            continue;
+        }
+        ++accepted;
+        for (double y = 0; y <= 119; y += 3.5) {
+            for (double x = 0; x <= 159; x += 3.5) {
+                const Vector2 here = undistort_to_normalised(model, {x, y});
+                const Vector2 right = undistort_to_normalised(model, {std::min(x + 0.5, 159.0), y});
+                const Vector2 below = undistort_to_normalised(model, {x, std::min(y + 0.5, 119.0)});
+                ASSERT_LT(residual_px(model, {x, y}), 0.01) << "model " << i << " at " << x << " " << y;
+                if (x < 158 && y < 118) {
+                    const Vector2 a = right - here;
+                    const Vector2 b = below - here;
+                    ASSERT_GT(a.x() * b.y() - a.y() * b.x(), 0.0) << "model " << i << " folds at " << x << " " << y;
+                }
+            }
+        }
+    }
+    EXPECT_GT(accepted, 50);
+    EXPECT_GT(refused, 50);
+}
+
+// Promise: without distortion the pinhole is exact both ways.
+TEST(Camera, PinholeIsExact) {
+    const CameraModel model = freiburg3();
+    EXPECT_EQ(undistort_to_normalised(model, {model.cx, model.cy}), Vector2::Zero());
+    EXPECT_EQ(distort_to_pixel(model, {0.0, 0.0}), Vector2(model.cx, model.cy));
+    EXPECT_EQ(undistort_to_normalised(model, {model.cx + model.fx, model.cy}).x(), 1.0);
+}
+
+// Promise: nonsense is refused with kInvalid: no size, no focal length, no number, an image that folds over.
+TEST(Camera, RefusesNonsense) {
+    const auto refuses = [](auto change) {
+        CameraModel model = freiburg1();
+        change(model);
+        return validate(model) == Status::kInvalid;
+    };
+    ASSERT_EQ(validate(freiburg1()), Status::kOk);
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.width = 0; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.height = 0; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.fx = 0; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.fy = -500; }));
+    const std::vector<double CameraModel::*> fields = {&CameraModel::fx, &CameraModel::fy, &CameraModel::cx,
+                                                       &CameraModel::cy, &CameraModel::k1, &CameraModel::k2,
+                                                       &CameraModel::p1, &CameraModel::p2, &CameraModel::k3};
+    for (const auto field : fields) {
+        EXPECT_TRUE(refuses([&](CameraModel& m) { m.*field = std::numeric_limits<double>::quiet_NaN(); }));
+        EXPECT_TRUE(refuses([&](CameraModel& m) { m.*field = std::numeric_limits<double>::infinity(); }));
+    }
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.k1 = -2.0; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.k3 = -20.0; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.k2 = 1e300; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.p1 = 2.0; }));
+}
+
+// Promise: pixels far outside the image still give finite numbers.
+TEST(Camera, StaysFiniteOutside) {
+    for (const CameraModel& model : {freiburg1(), freiburg2(), euroc()}) {
+        for (double x = -3000; x <= 3000; x += 150) {
+            for (double y = -3000; y <= 3000; y += 150) {
+                const Vector2 n = undistort_to_normalised(model, {x, y});
+                ASSERT_TRUE(std::isfinite(n.x()) && std::isfinite(n.y())) << x << " " << y;
+            }
+        }
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
