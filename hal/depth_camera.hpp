@@ -26,8 +26,7 @@ public:
     [[nodiscard]] virtual Status open() noexcept { return not_implemented(); }
     // Valid after open() returned kOk.
     [[nodiscard]] virtual const CameraInfo& info() const noexcept {
-        STILLMESH_CHECK(!"DepthCamera::info not implemented");
-        __builtin_unreachable();
+        check_failed("DepthCamera::info not implemented", __FILE__, __LINE__);
     }
     // Fills `frame` with the newest complete frame, without waiting. Its pixels stay valid until the next poll or close.
     //   kOk        newer than the last one       kUnavailable  device gone; open() may be tried again
@@ -49,8 +48,7 @@ protected:
 
 private:
     [[noreturn]] static Status not_implemented() noexcept {
-        STILLMESH_CHECK(!"DepthCamera not implemented");
-        __builtin_unreachable();
+        check_failed("DepthCamera not implemented", __FILE__, __LINE__);
     }
 };
 

@@ -54,8 +54,7 @@ public:
     [[nodiscard]] virtual Status extract(const GreyView& image, FeatureSet& features) noexcept {
         static_cast<void>(image);
         static_cast<void>(features);
-        STILLMESH_CHECK(!"FeatureExtractor::extract not implemented");
-        __builtin_unreachable();
+        check_failed("FeatureExtractor::extract not implemented", __FILE__, __LINE__);
     }
 
 protected:

@@ -23,8 +23,10 @@ __m128i shorts(std::int32_t value) noexcept {
     return _mm_set1_epi16(static_cast<short>(value));
 }
 
-std::int32_t pair_at(const std::uint8_t* p) noexcept {
-    std::uint16_t pair;
+// Signed 16 bits: without optimisation the insert is a macro whose operand is a short. The sign reaches lane 1 of the
+// first load only, and the next insert overwrites it.
+std::int16_t pair_at(const std::uint8_t* p) noexcept {
+    std::int16_t pair;
     std::memcpy(&pair, p, sizeof pair);
     return pair;
 }

@@ -30,7 +30,8 @@ double ulp_error(double got, long double want) {
 }
 
 double any_scale(Random& random, std::uint32_t exponents) {
-    return std::ldexp(random.uniform(-1.0, 1.0), -static_cast<int>(random.below(exponents)));
+    const double mantissa = random.uniform(-1.0, 1.0);  // two statements: arguments have no order of evaluation
+    return std::ldexp(mantissa, -static_cast<int>(random.below(exponents)));
 }
 
 // Promise: sin and cos are at most 4 ulp off everywhere in +-1e5 rad, also right beside the multiples of pi/2.
@@ -157,7 +158,7 @@ TEST(Trig, GoldenBits) {
         hash.add(arc_tan2(x, y));
         hash.add(arc_cos(y));
     }
-    EXPECT_EQ(hash.value(), 0x6763ddf78fd6bd33ULL) << std::hex << hash.value();
+    EXPECT_EQ(hash.value(), 0x1fde232cb835aa19ULL) << std::hex << hash.value();
 }
 
 // Promise: what has no answer is our bug: NaN, infinity, angles beyond 1e5.
