@@ -18,9 +18,12 @@ target_compile_options(stillmesh_contract INTERFACE
     -Wno-unknown-warning-option
     # Same bits everywhere: no fused multiply-add behind our back, no reassociation; errno is not worth a libm call for
     # sqrt (the order matters: -fno-fast-math turns errno on again).
-    -fno-fast-math -fno-math-errno -ffp-contract=off)
+    -fno-fast-math -fno-math-errno -ffp-contract=off
+    # What a failed check prints is a path inside the project.
+    -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
 if(STILLMESH_SANITIZE)
     target_compile_options(stillmesh_contract INTERFACE -fsanitize=address,undefined -fno-sanitize-recover=all
+        -fno-sanitize=vptr  # would need RTTI of the engine
         -fno-omit-frame-pointer)
     target_link_options(stillmesh_contract INTERFACE -fsanitize=address,undefined)
 endif()
@@ -29,7 +32,9 @@ endif()
 add_library(stillmesh_engine_contract INTERFACE)
 target_link_libraries(stillmesh_engine_contract INTERFACE stillmesh_contract)
 target_compile_options(stillmesh_engine_contract INTERFACE -fno-exceptions -fno-rtti -fno-threadsafe-statics
-    -fvisibility=hidden -fvisibility-inlines-hidden -ffunction-sections -fdata-sections -fno-asynchronous-unwind-tables)
+    -fvisibility=hidden -fvisibility-inlines-hidden -ffunction-sections -fdata-sections -fno-asynchronous-unwind-tables
+    # One .su file beside each object: tests/house holds every frame against a limit.
+    $<$<CXX_COMPILER_ID:GNU>:-fstack-usage>)
 
 # What every translation unit that sees the engine's inner headers must agree on (tests too): Eigen's configuration.
 add_library(stillmesh_eigen INTERFACE)

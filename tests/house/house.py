@@ -1,0 +1,458 @@
+#!/usr/bin/env python3
+"""Checks of the house: python3 house.py CHECK --source DIR --build DIR --compiler CXX ... Exit 0 when it holds.
+
+  symbols   the engine library needs nothing but a short list of symbols, and exports no Eigen and nothing weak
+  rooms     a room of engine/ includes only rooms before it; hal/ and platform/ see what they may; no heap headers
+  headers   public headers compile alone, and no Eigen comes in with them
+  text      no open ends and no absolute paths in what is committed
+  flags     every file is compiled with the contract's flags
+  stack     every frame in the engine is bounded and small, nothing recurses; prints the deepest path
+  selftest  each of these checks finds a planted mistake
+
+Every check is a function from text to a list of complaints, so that the selftest can feed it wrong text.
+"""
+import argparse
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+# What the compiler itself may call, and the square root (correctly rounded by IEEE 754 everywhere; only compilers
+# that do not optimise call it). __popcountdi2 is libgcc's, for processors without the instruction.
+SYMBOLS_ALLOWED = {"memcpy", "memmove", "memset", "memcmp", "sqrt", "sqrtf", "_GLOBAL_OFFSET_TABLE_", "__popcountdi2"}
+# The helpers of the ARM run-time ABI: integer division, copies.
+SYMBOLS_ALLOWED_PATTERN = re.compile(r"^__aeabi_(u?l?i?divmod|u?idiv|memcpy\d?|memmove\d?|memset\d?|memclr\d?)$")
+
+# Headers of the standard library that need no heap, no locale, no clock, no threads; and intrinsics.
+ENGINE_SYSTEM_HEADERS = {
+    "algorithm", "array", "bit", "climits", "cmath", "compare", "concepts", "cstddef", "cstdint", "cstring",
+    "initializer_list", "iterator", "limits", "new", "numbers", "numeric", "optional", "span", "tuple", "type_traits",
+    "utility", "version", "emmintrin.h", "immintrin.h", "arm_neon.h"}
+# Files directly in engine/ that are plain data, for every room.
+ENGINE_SHARED_HEADERS = {"engine/limits.hpp", "engine/configuration.hpp"}
+FRAME_BYTES_MAX = 20 * 1024  # the largest is the radix sort of the corners: two histograms of 8 KiB
+STACK_BYTES_MAX = 96 * 1024
+
+
+def tracked_files(source):
+    listed = subprocess.run(["git", "-C", source, "ls-files", "-co", "--exclude-standard"],
+                            capture_output=True, text=True, check=False)
+    if listed.returncode == 0:
+        names = listed.stdout.splitlines()
+    else:  # a tarball
+        names = [str(p.relative_to(source)) for p in pathlib.Path(source).rglob("*") if p.is_file()]
+        names = [n for n in names if not n.startswith(("build", ".git/"))]
+    return sorted(n for n in names if (pathlib.Path(source) / n).is_file())
+
+
+def read(path):
+    return pathlib.Path(path).read_text(encoding="utf-8", errors="replace")
+
+
+# --- symbols ---------------------------------------------------------------------------------------------------------
+
+def symbol_complaints(undefined, exported):
+    """undefined: names; exported: (type letter, demangled name) pairs."""
+    complaints = []
+    for name in sorted(undefined):
+        if name not in SYMBOLS_ALLOWED and not SYMBOLS_ALLOWED_PATTERN.match(name):
+            complaints.append(f"the engine needs '{name}'")
+    for letter, name in exported:
+        if "Eigen" in name:
+            complaints.append(f"exports Eigen: {name}")
+        elif letter in "WVuw":
+            complaints.append(f"exports a weak symbol, which another library could replace: {name}")
+        elif not re.search(r"\bstillmesh::", name):
+            complaints.append(f"exports '{name}', which is not in the namespace")
+    return complaints
+
+
+def library_symbols(arguments, path):
+    def nm(*options):
+        return subprocess.run([arguments.nm, *options, str(path)], capture_output=True, text=True, check=True).stdout
+    undefined = set(re.findall(r"^\s+[Uwv] (\S+)", nm("-u"), re.M))
+    defined_inside = set(re.findall(r"^[0-9a-f]+ [A-Za-z] (\S+)", nm("--defined-only"), re.M))
+    exported = re.findall(r"^[0-9a-f]+ ([A-Za-z]) (.+)$", nm("-g", "--defined-only", "-C"), re.M)
+    return undefined - defined_inside, exported
+
+
+def check_symbols(arguments):
+    undefined, exported = library_symbols(arguments, arguments.library)
+    print("needs:   ", ", ".join(sorted(undefined)) or "nothing")
+    print(f"exports:  {len(exported)} symbols")
+    for _, name in exported:
+        print("         ", name)
+    return symbol_complaints(undefined, exported)
+
+
+# --- rooms -----------------------------------------------------------------------------------------------------------
+
+def includes_of(text):
+    return re.findall(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', text, re.M)
+
+
+def cmake_list(text, name):
+    found = re.search(rf"set\({name}\s+([^)]*)\)", text)
+    return found.group(1).split() if found else []
+
+
+def room_complaints(files, rooms, public_headers):
+    """files: {path: text} of engine/, hal/ and platform/."""
+    order = {room: i for i, room in enumerate(rooms)}
+    complaints = []
+    for path, text in sorted(files.items()):
+        parts = path.split("/")
+        for kind, name in includes_of(text):
+            wrong = None
+            target = name.split("/")
+            if parts[0] == "engine":
+                room = parts[1] if len(parts) > 2 else None
+                if room is not None and room not in order:
+                    wrong = f"engine/{room} is not in STILLMESH_ROOMS"
+                elif kind == "<":
+                    if name.startswith("Eigen/"):
+                        if path in public_headers:
+                            wrong = "a public header includes Eigen"
+                    elif name not in ENGINE_SYSTEM_HEADERS:
+                        wrong = f"<{name}> is not for the engine"
+                elif target[0] != "engine":
+                    wrong = f"the engine knows neither hal nor platform nor anybody else ({name})"
+                elif len(target) == 2:
+                    if room is not None and name not in ENGINE_SHARED_HEADERS and room != rooms[-1]:
+                        wrong = f"{name} is the front door; rooms are behind it"
+                elif target[1] not in order:
+                    wrong = f"engine/{target[1]} is no room"
+                elif room is not None and order[target[1]] > order[room]:
+                    wrong = f"room {room} comes before {target[1]} ({name})"
+                if wrong is None and path in public_headers and kind == '"' and name not in public_headers:
+                    wrong = f"a public header includes the inner {name}"
+            elif kind == '"' and target[0] == "engine":
+                if name not in public_headers:
+                    wrong = f"{name} is not a public header"
+                elif parts[0] == "hal" and not (target[1] in ("base", "frame") or
+                                                name in ("engine/geometry/camera_model.hpp", "engine/limits.hpp")):
+                    wrong = f"hal sees engine/base, engine/frame and the camera model only ({name})"
+            elif parts[0] == "hal" and kind == '"' and target[0] == "platform":
+                wrong = f"hal does not know platform ({name})"
+            elif name.startswith("Eigen/") and parts[0] == "hal":
+                wrong = "hal has no Eigen"
+            if wrong is not None:
+                complaints.append(f"{path}: {wrong}")
+    return complaints
+
+
+def public_headers_of(arguments):
+    names = cmake_list(read(f"{arguments.source}/engine/CMakeLists.txt"), "STILLMESH_PUBLIC_HEADERS")
+    return ["engine/" + name for name in names]
+
+
+def check_rooms(arguments):
+    rooms = cmake_list(read(f"{arguments.source}/engine/CMakeLists.txt"), "STILLMESH_ROOMS")
+    files = {name: read(f"{arguments.source}/{name}") for name in tracked_files(arguments.source)
+             if name.split("/")[0] in ("engine", "hal", "platform") and name.endswith((".hpp", ".cpp", ".inc", ".h"))}
+    print(f"{len(files)} files; rooms: {' < '.join(rooms)}")
+    return room_complaints(files, rooms, public_headers_of(arguments))
+
+
+# --- headers ---------------------------------------------------------------------------------------------------------
+
+def header_complaints(arguments, source, headers):
+    """Compiles one file per header that includes nothing else, without Eigen's include path, and reads what came in."""
+    complaints = []
+    for header in headers:
+        if not (pathlib.Path(source) / header).is_file():
+            complaints.append(f"{header} is listed as public and not there")
+            continue
+        with tempfile.TemporaryDirectory() as directory:
+            file = pathlib.Path(directory) / "alone.cpp"
+            file.write_text(f'#include "{header}"\n#include "{header}"\n')
+            run = subprocess.run([arguments.compiler, "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-H",
+                                  "-I", source, str(file)], capture_output=True, text=True, check=False)
+            if run.returncode != 0:
+                errors = [line for line in run.stderr.splitlines() if "error" in line]
+                complaints.append(f"{header} does not compile alone: {errors[0] if errors else run.stderr[-300:]}")
+            elif re.search(r"^\.+ .*/Eigen/", run.stderr, re.M):
+                complaints.append(f"{header} brings Eigen in")
+    return complaints
+
+
+def check_headers(arguments):
+    headers = public_headers_of(arguments)
+    print(f"{len(headers)} public headers")
+    return header_complaints(arguments, arguments.source, headers) + ([] if headers else ["no public headers listed"])
+
+
+# --- text ------------------------------------------------------------------------------------------------------------
+
+OPEN_END = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|HA" r"CK)\b")
+ABSOLUTE_PATH = re.compile(r"(?<![\w.$}{/<])/(home|root|work|Users|mnt|srv|build)/[\w.-]+")
+TEXT_SUFFIXES = (".hpp", ".cpp", ".h", ".c", ".py", ".md", ".txt", ".cmake", ".json", ".toml", ".yaml", ".yml", ".sh",
+                 ".html", ".js", ".css", ".inc", "run", ".clang-tidy", ".clang-format")
+
+
+def text_complaints(files):
+    complaints = []
+    for path, text in sorted(files.items()):
+        for number, line in enumerate(text.splitlines(), 1):
+            if OPEN_END.search(line):
+                complaints.append(f"{path}:{number}: an open end: {line.strip()[:80]}")
+            if ABSOLUTE_PATH.search(line):
+                complaints.append(f"{path}:{number}: an absolute path: {line.strip()[:80]}")
+    return complaints
+
+
+def check_text(arguments):
+    files = {name: read(f"{arguments.source}/{name}") for name in tracked_files(arguments.source)
+             if name.endswith(TEXT_SUFFIXES)}
+    print(f"{len(files)} text files")
+    return text_complaints(files)
+
+
+# --- flags -----------------------------------------------------------------------------------------------------------
+
+def flag_complaints(commands, source):
+    """commands: entries of compile_commands.json."""
+    complaints = []
+    seen_engine = False
+    for entry in commands:
+        path = os.path.relpath(os.path.join(entry["directory"], entry["file"]), source)
+        if path.startswith(".."):
+            continue
+        flags = entry["command"].split() if "command" in entry else entry["arguments"]
+
+        def last(*names):
+            return max([i for i, flag in enumerate(flags) if flag in names], default=-1)
+        needed = ["-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-std=c++20"]
+        if path.startswith("engine/"):
+            seen_engine = True
+            needed += ["-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-fvisibility=hidden",
+                       "-DEIGEN_DONT_VECTORIZE", "-DEIGEN_NO_MALLOC"]
+        for flag in needed:
+            if flag not in flags:
+                complaints.append(f"{path}: compiled without {flag}")
+        for flag in flags:
+            if flag in ("-Ofast", "-ffast-math", "-march=native", "-mtune=native", "-funsafe-math-optimizations",
+                        "-fassociative-math", "-ffp-contract=fast", "-mfma") or flag.startswith("-DNDEBUG"):
+                complaints.append(f"{path}: compiled with {flag}")
+        if last("-fno-math-errno") < last("-fno-fast-math", "-fmath-errno"):
+            complaints.append(f"{path}: -fno-fast-math after -fno-math-errno turns errno on again")
+    if not seen_engine:
+        complaints.append("no engine file in compile_commands.json")
+    return complaints
+
+
+def check_flags(arguments):
+    commands = json.loads(read(f"{arguments.build}/compile_commands.json"))
+    print(f"{len(commands)} compile commands")
+    return flag_complaints(commands, arguments.source)
+
+
+# --- stack -----------------------------------------------------------------------------------------------------------
+
+def frame_complaints(usage):
+    """usage: lines of gcc's .su files: place:line:column:function <tab> bytes <tab> kind."""
+    frames, complaints = [], []
+    for line in usage:
+        place, size, kind = line.rsplit("\t", 2)
+        frames.append((int(size), place))
+        if kind not in ("static", "dynamic,bounded"):
+            complaints.append(f"a frame of unbounded size: {place} ({kind})")
+        elif int(size) > FRAME_BYTES_MAX:
+            complaints.append(f"a frame of {size} bytes, limit {FRAME_BYTES_MAX}: {place}")
+    return sorted(frames, reverse=True), complaints
+
+
+def function_of(symbol):
+    """A section of its own is named after its function; a cold part belongs to its function."""
+    symbol = re.sub(r"^\.text\.(unlikely\.|hot\.|startup\.)?", "", symbol)
+    return re.sub(r"\.cold(\.\d+)?$", "", symbol)
+
+
+def call_graph(disassembly):
+    """{function: (frame bytes, {callees}, has indirect calls)} from `objdump -dr` of x86-64 code."""
+    graph, name, last = {}, None, None
+    for line in disassembly.splitlines():
+        head = re.match(r"^[0-9a-f]+ <(.+)>:$", line)
+        if head:
+            name = function_of(head.group(1))
+            frame, callees, indirect = graph.get(name, (8, set(), False))
+            graph[name] = (frame, callees, indirect)
+            last = None
+            continue
+        if name is None:
+            continue
+        frame, callees, indirect = graph[name]
+        relocation = re.match(r"^\s+[0-9a-f]+: R_X86_64_\w+\s+(\S+?)([-+]0x[0-9a-f]+)?$", line)
+        if relocation:
+            if last in ("call", "jump"):
+                callee = function_of(relocation.group(1))
+                if last == "call" or callee != name:  # a jump to itself is a loop, or its cold part
+                    callees.add(callee)
+            last = None
+            continue
+        last = None
+        instruction = re.match(r"^\s+[0-9a-f]+:\s+(?:bnd |notrack )?(\w+)\s*(.*)$", line)
+        if not instruction:
+            continue
+        mnemonic, operands = instruction.groups()
+        if mnemonic == "push":
+            frame += 8
+        elif mnemonic == "sub" and operands.startswith("$0x") and operands.endswith(",%rsp"):
+            size = int(operands[1:].split(",")[0], 16)
+            frame += size if size < 1 << 62 else 0  # a negative number gives the frame back
+        elif mnemonic == "call" or mnemonic.startswith("j"):
+            last = "call" if mnemonic == "call" else "jump"
+            if operands.startswith("*"):
+                indirect = indirect or last == "call"
+            else:
+                # A target in the middle of the function itself stands for the relocation on the next line.
+                target = re.search(r"<([^>+]+)(\+0x[0-9a-f]+)?>", operands)
+                if target and (function_of(target.group(1)) != name or (last == "call" and not target.group(2))):
+                    callees.add(function_of(target.group(1)))
+        graph[name] = (frame, callees, indirect)
+    return graph
+
+
+def graph_complaints(graph):
+    """Recursion, and the deepest path from any function (indirect calls count as nothing: they are the ports)."""
+    complaints, depth, state = [], {}, {}
+
+    def visit(name, path):
+        if name not in graph:
+            return 0, [name]
+        if state.get(name) == "open":
+            complaints.append("recursion: " + " -> ".join(path[path.index(name):] + [name]))
+            return 0, [name]
+        if name in depth:
+            return depth[name]
+        state[name] = "open"
+        deepest = (0, [])
+        for callee in sorted(graph[name][1]):
+            below = visit(callee, path + [name])
+            deepest = max(deepest, below, key=lambda d: d[0])
+        state[name] = "closed"
+        depth[name] = (graph[name][0] + deepest[0], [name] + deepest[1])
+        return depth[name]
+
+    sys.setrecursionlimit(10000)
+    for name in sorted(graph):
+        visit(name, [])
+    worst = max(depth.values(), key=lambda d: d[0], default=(0, []))
+    if worst[0] > STACK_BYTES_MAX:
+        complaints.append(f"the deepest path needs {worst[0]} bytes of stack, limit {STACK_BYTES_MAX}")
+    return worst, complaints
+
+
+def check_stack(arguments):
+    usage = []
+    for file in sorted(pathlib.Path(arguments.build, "engine").rglob("*.su")):
+        usage += [line for line in read(file).splitlines() if line]
+    frames, complaints = frame_complaints(usage)
+    if not frames:
+        return ["no .su files in the build: gcc's -fstack-usage is missing"]
+    print(f"{len(frames)} functions; largest frames:")
+    for size, place in frames[:8]:
+        print(f"  {size:6d} bytes  {place[:150]}")
+    machine = subprocess.run([arguments.compiler, "-dumpmachine"], capture_output=True, text=True, check=True).stdout
+    if machine.startswith("x86_64"):
+        disassembly = subprocess.run([arguments.objdump, "-dr", "--no-show-raw-insn", arguments.library],
+                                     capture_output=True, text=True, check=True).stdout
+        graph = call_graph(disassembly)
+        worst, more = graph_complaints(graph)
+        complaints += more
+        print(f"{len(graph)} functions in the call graph, {sum(len(g[1]) for g in graph.values())} edges, "
+              f"{sum(g[2] for g in graph.values())} functions call through pointers (ports, kernels)")
+        print(f"deepest path: {worst[0]} bytes")
+        names = subprocess.run(["c++filt"], input="\n".join(worst[1]), capture_output=True, text=True, check=True).stdout
+        for name, plain in zip(worst[1], names.splitlines()):
+            print(f"  {graph[name][0] if name in graph else 0:6d}  {plain[:120]}")
+        if not graph:
+            complaints.append("the disassembly could not be read")
+    return complaints
+
+
+# --- selftest --------------------------------------------------------------------------------------------------------
+
+def check_selftest(arguments):
+    complaints = []
+
+    def expect(what, found, count):
+        if len(found) != count:
+            complaints.append(f"selftest {what}: expected {count} complaints, got {found}")
+
+    expect("symbols", symbol_complaints({"memcpy", "malloc", "sin", "_Znwm", "__cxa_pure_virtual"}, []), 4)
+    expect("symbols", symbol_complaints(set(), [("T", "stillmesh::Engine::submit()"), ("T", "Eigen::x()"),
+                                                ("W", "stillmesh::y()"), ("T", "main")]), 3)
+    rooms = ["base", "frame", "mesh", "tasks"]
+    public = ["engine/base/status.hpp", "engine/engine.hpp", "engine/frame/frame.hpp"]
+
+    def room(path, text):
+        return room_complaints({path: text}, rooms, public)
+    expect("rooms", room("engine/mesh/a.cpp", '#include "engine/frame/f.hpp"\n#include <cstdint>\n'), 0)
+    expect("rooms", room("engine/frame/a.cpp", '#include "engine/mesh/f.hpp"\n'), 1)
+    expect("rooms", room("engine/frame/a.cpp", '#include <vector>\n#include <thread>\n'), 2)
+    expect("rooms", room("engine/frame/a.cpp", '#include "hal/depth_camera.hpp"\n'), 1)
+    expect("rooms", room("engine/frame/a.cpp", '#include "engine/engine.hpp"\n'), 1)
+    expect("rooms", room("engine/attic/a.cpp", '#include <cstdint>\n'), 1)
+    expect("rooms", room("engine/base/status.hpp", '#include "engine/base/pool.hpp"\n#include <Eigen/Core>\n'), 2)
+    expect("rooms", room("hal/x/a.cpp", '#include "engine/engine.hpp"\n#include "platform/x.hpp"\n'), 2)
+    expect("rooms", room("platform/x/a.cpp", '#include "engine/mesh/inner.hpp"\n#include "engine/engine.hpp"\n'), 1)
+    expect("text", text_complaints({"a.cpp": "// TO" "DO later\n", "b.md": "see /ho" "me/me/x\nhttps://x.org/home/y\n"}), 2)
+    good = "c++ -std=c++20 -Wall -Wextra -Werror -fno-fast-math -fno-math-errno -ffp-contract=off"
+    engine = " -fno-exceptions -fno-rtti -fno-threadsafe-statics -fvisibility=hidden -DEIGEN_DONT_VECTORIZE -DEIGEN_NO_MALLOC"
+
+    def flags(command, path="engine/a.cpp"):
+        return flag_complaints([{"directory": "/s", "file": "/s/engine/e.cpp", "command": good + engine},
+                                {"directory": "/s", "file": f"/s/{path}", "command": command}], "/s")
+    expect("flags", flags(good + engine), 0)
+    expect("flags", flags(good), 6)
+    expect("flags", flags(good + " -march=native", "hal/a.cpp"), 1)
+    expect("flags", flags(good + " -fno-fast-math", "hal/a.cpp"), 1)
+    expect("flags", flags(good.replace("-ffp-contract=off", ""), "hal/a.cpp"), 1)
+    expect("stack", frame_complaints(["a.cpp:1:1:void f()\t64\tstatic", "a.cpp:2:1:void g()\t80\tdynamic",
+                                      "a.cpp:3:1:void h()\t99999\tstatic"])[1], 2)
+    loop = {"a": (16, {"b"}, False), "b": (8, {"c"}, False), "c": (8, {"b"}, False)}
+    expect("recursion", graph_complaints(loop)[1], 1)
+    expect("depth", graph_complaints({"a": (90000, {"b"}, False), "b": (10000, set(), False)})[1], 1)
+
+    # The same with real tools: a library that allocates and exports a weak template, and code that recurses.
+    with tempfile.TemporaryDirectory() as directory:
+        folder = pathlib.Path(directory)
+        (folder / "bad.cpp").write_text("namespace stillmesh { template <class T> T* make(T v) { return new T(v); } "
+                                        "template int* make<int>(int); "
+                                        "int down(int n) noexcept { return n < 2 ? 1 : down(n - 1) * n + down(n / 3); } }\n")
+        (folder / "open.hpp").write_text("struct A { std::uint32_t x; };\n")
+        subprocess.run([arguments.compiler, "-std=c++20", "-O1", "-c", str(folder / "bad.cpp"), "-o",
+                        str(folder / "bad.o")], check=True)
+        undefined, exported = library_symbols(arguments, folder / "bad.o")
+        expect("symbols of a library that allocates", symbol_complaints(undefined, exported), 2)
+        expect("headers", header_complaints(arguments, directory, ["open.hpp", "missing.hpp"]), 2)
+        machine = subprocess.run([arguments.compiler, "-dumpmachine"], capture_output=True, text=True, check=True).stdout
+        if machine.startswith("x86_64"):
+            disassembly = subprocess.run([arguments.objdump, "-dr", "--no-show-raw-insn", str(folder / "bad.o")],
+                                         capture_output=True, text=True, check=True).stdout
+            found = graph_complaints(call_graph(disassembly))[1]
+            if not any("recursion" in c for c in found):
+                complaints.append(f"selftest recursion: not found in real code: {found}")
+    return complaints
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    checks = {name[6:]: function for name, function in globals().items() if name.startswith("check_")}
+    parser.add_argument("check", choices=sorted(checks))
+    for name in ("source", "build", "compiler", "nm", "objdump", "library"):
+        parser.add_argument(f"--{name}", required=True)
+    arguments = parser.parse_args()
+    complaints = checks[arguments.check](arguments)
+    for complaint in complaints:
+        print("WRONG:", complaint)
+    print("holds" if not complaints else f"{len(complaints)} complaints")
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
