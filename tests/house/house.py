@@ -16,6 +16,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -38,13 +39,14 @@ STACK_BYTES_MAX = 96 * 1024
 
 
 def tracked_files(source):
-    listed = subprocess.run(["git", "-C", source, "ls-files", "-co", "--exclude-standard"],
-                            capture_output=True, text=True, check=False)
-    if listed.returncode == 0:
-        names = listed.stdout.splitlines()
-    else:  # a tarball
+    names = []
+    if shutil.which("git"):
+        listed = subprocess.run(["git", "-C", source, "ls-files", "-co", "--exclude-standard"],
+                                capture_output=True, text=True, check=False)
+        names = listed.stdout.splitlines() if listed.returncode == 0 else []
+    if not names:  # a tarball, or no git
         names = [str(p.relative_to(source)) for p in pathlib.Path(source).rglob("*") if p.is_file()]
-        names = [n for n in names if not n.startswith(("build", ".git/"))]
+        names = [n for n in names if not re.match(r"(build|out|\.git)[^/]*/", n) and "__pycache__" not in n]
     return sorted(n for n in names if (pathlib.Path(source) / n).is_file())
 
 
