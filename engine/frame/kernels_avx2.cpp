@@ -108,71 +108,114 @@ __m256i first_lanes(std::uint32_t count) noexcept {
     return _mm256_cmpgt_epi8(bytes(count), index);
 }
 
+// The best arcs so far of 32 centres: the greatest of the arcs' least pixels, the least of their greatest.
+struct Arcs {
+    __m256i bright;
+    __m256i dark;
+};
+
+// Two more arcs of nine: those that add one of two pixels to the same eight.
+inline __attribute__((always_inline)) void add_arcs(Arcs& best, __m256i least8, __m256i greatest8, __m256i before,
+                                                    __m256i after) noexcept {
+    best.bright = _mm256_max_epu8(best.bright, _mm256_min_epu8(least8, _mm256_max_epu8(before, after)));
+    best.dark = _mm256_min_epu8(best.dark, _mm256_max_epu8(greatest8, _mm256_min_epu8(before, after)));
+}
+
 // All 32 centres at once. An arc's least brightness decides for bright corners, its greatest for dark ones: with W[j]
 // the least of eight pixels from j, arcs j-1 and j give min(W[j], max(p[j-1], p[j+8])), and the best of all sixteen
-// arcs, less the centre, is the strength (saturating: no corner is 0). Seldom reached, thanks to the quick test.
+// arcs, less the centre, is the strength (saturating: no corner is 0). Written out, because a compiler at -O2 keeps
+// loops and with them the pixels in memory.
 bool fast_row(const std::uint8_t* row, std::ptrdiff_t stride, std::uint32_t x_begin, std::uint32_t x_end,
               std::uint8_t threshold, std::uint8_t* strengths) noexcept {
-    const std::ptrdiff_t s = stride;
-    const std::ptrdiff_t circle[16] = {-3 * s, -3 * s + 1, -2 * s + 2, -s + 3, 3,  s + 3,  2 * s + 2,  3 * s + 1,
-                                       3 * s,  3 * s - 1,  2 * s - 2,  s - 3,  -3, -s - 3, -2 * s - 2, -3 * s - 1};
     const __m256i t = bytes(threshold);
     const __m256i zero = _mm256_setzero_si256();
     __m256i any = zero;
     for (std::uint32_t x = x_begin; x < x_end; x += 32) {
-        const std::uint8_t* const at = row + x;
-        const __m256i centre = load(at);
+        const std::uint8_t* const row0 = row + x;
+        const __m256i centre = load(row0);
+        const std::uint8_t* const above3 = row0 - 3 * stride;
+        const std::uint8_t* const above2 = row0 - 2 * stride;
+        const std::uint8_t* const above1 = row0 - stride;
+        const std::uint8_t* const below1 = row0 + stride;
+        const std::uint8_t* const below2 = row0 + 2 * stride;
+        const std::uint8_t* const below3 = row0 + 3 * stride;
         const __m256i high = _mm256_adds_epu8(centre, t);
         const __m256i low = _mm256_subs_epu8(centre, t);
-        __m256i p[16];
         // An arc of nine holds one of every two opposite pixels: all such pairs must have a bright (or dark) one.
-        p[0] = load(at + circle[0]);
-        p[8] = load(at + circle[8]);
-        p[4] = load(at + circle[4]);
-        p[12] = load(at + circle[12]);
-        __m256i bright = _mm256_min_epu8(_mm256_max_epu8(p[0], p[8]), _mm256_max_epu8(p[4], p[12]));
-        __m256i dark = _mm256_max_epu8(_mm256_min_epu8(p[0], p[8]), _mm256_min_epu8(p[4], p[12]));
+        const __m256i p0 = load(above3);
+        const __m256i p8 = load(below3);
+        const __m256i p4 = load(row0 + 3);
+        const __m256i p12 = load(row0 - 3);
+        __m256i bright = _mm256_min_epu8(_mm256_max_epu8(p0, p8), _mm256_max_epu8(p4, p12));
+        __m256i dark = _mm256_max_epu8(_mm256_min_epu8(p0, p8), _mm256_min_epu8(p4, p12));
         __m256i hope = _mm256_or_si256(_mm256_subs_epu8(bright, high), _mm256_subs_epu8(low, dark));
         if (_mm256_movemask_epi8(_mm256_cmpeq_epi8(hope, zero)) == -1) {
             store(strengths + x, zero);
             continue;
         }
-        p[2] = load(at + circle[2]);
-        p[10] = load(at + circle[10]);
-        p[6] = load(at + circle[6]);
-        p[14] = load(at + circle[14]);
-        bright = _mm256_min_epu8(bright, _mm256_min_epu8(_mm256_max_epu8(p[2], p[10]), _mm256_max_epu8(p[6], p[14])));
-        dark = _mm256_max_epu8(dark, _mm256_max_epu8(_mm256_min_epu8(p[2], p[10]), _mm256_min_epu8(p[6], p[14])));
+        const __m256i p2 = load(above2 + 2);
+        const __m256i p10 = load(below2 - 2);
+        const __m256i p6 = load(below2 + 2);
+        const __m256i p14 = load(above2 - 2);
+        bright = _mm256_min_epu8(bright, _mm256_min_epu8(_mm256_max_epu8(p2, p10), _mm256_max_epu8(p6, p14)));
+        dark = _mm256_max_epu8(dark, _mm256_max_epu8(_mm256_min_epu8(p2, p10), _mm256_min_epu8(p6, p14)));
         hope = _mm256_or_si256(_mm256_subs_epu8(bright, high), _mm256_subs_epu8(low, dark));
         if (_mm256_movemask_epi8(_mm256_cmpeq_epi8(hope, zero)) == -1) {
             store(strengths + x, zero);
             continue;
         }
-        for (std::uint32_t i = 1; i < 16; i += 2) p[i] = load(at + circle[i]);
-        __m256i least2[8];  // of p[j], p[j + 1], j = 2 i + 1
-        __m256i greatest2[8];
-        for (std::uint32_t i = 0; i < 8; ++i) {
-            least2[i] = _mm256_min_epu8(p[2 * i + 1], p[(2 * i + 2) % 16]);
-            greatest2[i] = _mm256_max_epu8(p[2 * i + 1], p[(2 * i + 2) % 16]);
-        }
-        __m256i least4[8];
-        __m256i greatest4[8];
-        for (std::uint32_t i = 0; i < 8; ++i) {
-            least4[i] = _mm256_min_epu8(least2[i], least2[(i + 1) % 8]);
-            greatest4[i] = _mm256_max_epu8(greatest2[i], greatest2[(i + 1) % 8]);
-        }
-        __m256i best_bright = zero;
-        __m256i best_dark = _mm256_cmpeq_epi8(zero, zero);
-        for (std::uint32_t i = 0; i < 8; ++i) {
-            const __m256i before = p[2 * i];
-            const __m256i after = p[(2 * i + 9) % 16];
-            const __m256i least8 = _mm256_min_epu8(least4[i], least4[(i + 2) % 8]);
-            const __m256i greatest8 = _mm256_max_epu8(greatest4[i], greatest4[(i + 2) % 8]);
-            best_bright = _mm256_max_epu8(best_bright, _mm256_min_epu8(least8, _mm256_max_epu8(before, after)));
-            best_dark = _mm256_min_epu8(best_dark, _mm256_max_epu8(greatest8, _mm256_min_epu8(before, after)));
-        }
+        const __m256i p1 = load(above3 + 1);
+        const __m256i p3 = load(above1 + 3);
+        const __m256i p5 = load(below1 + 3);
+        const __m256i p7 = load(below3 + 1);
+        const __m256i p9 = load(below3 - 1);
+        const __m256i p11 = load(below1 - 3);
+        const __m256i p13 = load(above1 - 3);
+        const __m256i p15 = load(above3 - 1);
+        // Of two, four, then eight pixels from an odd one.
+        const __m256i least2_1 = _mm256_min_epu8(p1, p2);
+        const __m256i least2_3 = _mm256_min_epu8(p3, p4);
+        const __m256i least2_5 = _mm256_min_epu8(p5, p6);
+        const __m256i least2_7 = _mm256_min_epu8(p7, p8);
+        const __m256i least2_9 = _mm256_min_epu8(p9, p10);
+        const __m256i least2_11 = _mm256_min_epu8(p11, p12);
+        const __m256i least2_13 = _mm256_min_epu8(p13, p14);
+        const __m256i least2_15 = _mm256_min_epu8(p15, p0);
+        const __m256i least4_1 = _mm256_min_epu8(least2_1, least2_3);
+        const __m256i least4_3 = _mm256_min_epu8(least2_3, least2_5);
+        const __m256i least4_5 = _mm256_min_epu8(least2_5, least2_7);
+        const __m256i least4_7 = _mm256_min_epu8(least2_7, least2_9);
+        const __m256i least4_9 = _mm256_min_epu8(least2_9, least2_11);
+        const __m256i least4_11 = _mm256_min_epu8(least2_11, least2_13);
+        const __m256i least4_13 = _mm256_min_epu8(least2_13, least2_15);
+        const __m256i least4_15 = _mm256_min_epu8(least2_15, least2_1);
+        const __m256i greatest2_1 = _mm256_max_epu8(p1, p2);
+        const __m256i greatest2_3 = _mm256_max_epu8(p3, p4);
+        const __m256i greatest2_5 = _mm256_max_epu8(p5, p6);
+        const __m256i greatest2_7 = _mm256_max_epu8(p7, p8);
+        const __m256i greatest2_9 = _mm256_max_epu8(p9, p10);
+        const __m256i greatest2_11 = _mm256_max_epu8(p11, p12);
+        const __m256i greatest2_13 = _mm256_max_epu8(p13, p14);
+        const __m256i greatest2_15 = _mm256_max_epu8(p15, p0);
+        const __m256i greatest4_1 = _mm256_max_epu8(greatest2_1, greatest2_3);
+        const __m256i greatest4_3 = _mm256_max_epu8(greatest2_3, greatest2_5);
+        const __m256i greatest4_5 = _mm256_max_epu8(greatest2_5, greatest2_7);
+        const __m256i greatest4_7 = _mm256_max_epu8(greatest2_7, greatest2_9);
+        const __m256i greatest4_9 = _mm256_max_epu8(greatest2_9, greatest2_11);
+        const __m256i greatest4_11 = _mm256_max_epu8(greatest2_11, greatest2_13);
+        const __m256i greatest4_13 = _mm256_max_epu8(greatest2_13, greatest2_15);
+        const __m256i greatest4_15 = _mm256_max_epu8(greatest2_15, greatest2_1);
+        Arcs best{zero, _mm256_cmpeq_epi8(zero, zero)};
+        add_arcs(best, _mm256_min_epu8(least4_1, least4_5), _mm256_max_epu8(greatest4_1, greatest4_5), p0, p9);
+        add_arcs(best, _mm256_min_epu8(least4_3, least4_7), _mm256_max_epu8(greatest4_3, greatest4_7), p2, p11);
+        add_arcs(best, _mm256_min_epu8(least4_5, least4_9), _mm256_max_epu8(greatest4_5, greatest4_9), p4, p13);
+        add_arcs(best, _mm256_min_epu8(least4_7, least4_11), _mm256_max_epu8(greatest4_7, greatest4_11), p6, p15);
+        add_arcs(best, _mm256_min_epu8(least4_9, least4_13), _mm256_max_epu8(greatest4_9, greatest4_13), p8, p1);
+        add_arcs(best, _mm256_min_epu8(least4_11, least4_15), _mm256_max_epu8(greatest4_11, greatest4_15), p10, p3);
+        add_arcs(best, _mm256_min_epu8(least4_13, least4_1), _mm256_max_epu8(greatest4_13, greatest4_1), p12, p5);
+        add_arcs(best, _mm256_min_epu8(least4_15, least4_3), _mm256_max_epu8(greatest4_15, greatest4_3), p14, p7);
         const __m256i strength =
-            _mm256_max_epu8(_mm256_subs_epu8(best_bright, centre), _mm256_subs_epu8(centre, best_dark));
+            _mm256_max_epu8(_mm256_subs_epu8(best.bright, centre), _mm256_subs_epu8(centre, best.dark));
         const __m256i too_weak = _mm256_cmpeq_epi8(_mm256_subs_epu8(strength, t), zero);
         __m256i result = _mm256_andnot_si256(too_weak, strength);
         if (x_end - x < 32) result = _mm256_and_si256(result, first_lanes(x_end - x));
@@ -202,39 +245,40 @@ std::uint32_t local_maxima(const std::uint8_t* above, const std::uint8_t* row, c
     return count;
 }
 
-// The seven taps of the blur on 32 pixels; t[3] is the middle. Products and sums stay below 2^16, as unsigned numbers.
-__m256i seven_taps(const __m256i t[7]) noexcept {
+// The seven taps of the blur on 32 pixels; t3 is the middle. Products and sums stay below 2^16, as unsigned numbers.
+inline __attribute__((always_inline)) __m256i seven_taps(__m256i t0, __m256i t1, __m256i t2, __m256i t3, __m256i t4,
+                                                         __m256i t5, __m256i t6) noexcept {
     const __m256i w0 = byte_pairs(56, 0);
     const __m256i w1 = byte_pairs(49, 49);
     const __m256i w2 = byte_pairs(33, 33);
     const __m256i w3 = byte_pairs(18, 18);
     const __m256i half = shorts(128);
-    __m256i low = _mm256_add_epi16(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(t[3], t[3]), w0),
-                                   _mm256_maddubs_epi16(_mm256_unpacklo_epi8(t[2], t[4]), w1));
-    __m256i high = _mm256_add_epi16(_mm256_maddubs_epi16(_mm256_unpackhi_epi8(t[3], t[3]), w0),
-                                    _mm256_maddubs_epi16(_mm256_unpackhi_epi8(t[2], t[4]), w1));
-    low = _mm256_add_epi16(low, _mm256_maddubs_epi16(_mm256_unpacklo_epi8(t[1], t[5]), w2));
-    high = _mm256_add_epi16(high, _mm256_maddubs_epi16(_mm256_unpackhi_epi8(t[1], t[5]), w2));
-    low = _mm256_add_epi16(low, _mm256_maddubs_epi16(_mm256_unpacklo_epi8(t[0], t[6]), w3));
-    high = _mm256_add_epi16(high, _mm256_maddubs_epi16(_mm256_unpackhi_epi8(t[0], t[6]), w3));
+    __m256i low = _mm256_add_epi16(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(t3, t3), w0),
+                                   _mm256_maddubs_epi16(_mm256_unpacklo_epi8(t2, t4), w1));
+    __m256i high = _mm256_add_epi16(_mm256_maddubs_epi16(_mm256_unpackhi_epi8(t3, t3), w0),
+                                    _mm256_maddubs_epi16(_mm256_unpackhi_epi8(t2, t4), w1));
+    low = _mm256_add_epi16(low, _mm256_maddubs_epi16(_mm256_unpacklo_epi8(t1, t5), w2));
+    high = _mm256_add_epi16(high, _mm256_maddubs_epi16(_mm256_unpackhi_epi8(t1, t5), w2));
+    low = _mm256_add_epi16(low, _mm256_maddubs_epi16(_mm256_unpacklo_epi8(t0, t6), w3));
+    high = _mm256_add_epi16(high, _mm256_maddubs_epi16(_mm256_unpackhi_epi8(t0, t6), w3));
     return _mm256_packus_epi16(_mm256_srli_epi16(_mm256_add_epi16(low, half), 8),
                                _mm256_srli_epi16(_mm256_add_epi16(high, half), 8));
 }
 
 void blur_row(const std::uint8_t* const rows[7], std::uint32_t width, std::uint8_t* scratch,
               std::uint8_t* out) noexcept {
-    __m256i taps[7];
     for (std::uint32_t x = 0; x < width; x += 32) {
-        for (std::uint32_t i = 0; i < 7; ++i) taps[i] = load(rows[i] + x);
-        store(scratch + x, seven_taps(taps));
+        store(scratch + x, seven_taps(load(rows[0] + x), load(rows[1] + x), load(rows[2] + x), load(rows[3] + x),
+                                      load(rows[4] + x), load(rows[5] + x), load(rows[6] + x)));
     }
     for (std::uint32_t i = 1; i <= kBlurRadius; ++i) {
         scratch[-static_cast<std::ptrdiff_t>(i)] = scratch[i];
         scratch[width - 1 + i] = scratch[width - 1 - i];
     }
     for (std::uint32_t x = 0; x < width; x += 32) {
-        for (std::uint32_t i = 0; i < 7; ++i) taps[i] = load(scratch + x + i - 3);
-        store(out + x, seven_taps(taps));
+        const std::uint8_t* const c = scratch + x;
+        store(out + x,
+              seven_taps(load(c - 3), load(c - 2), load(c - 1), load(c), load(c + 1), load(c + 2), load(c + 3)));
     }
 }
 
