@@ -1,6 +1,7 @@
 #include "engine/features/orb_extractor.hpp"
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 
 #include "engine/features/orb_pattern.hpp"
@@ -31,6 +32,53 @@ constexpr std::uint32_t gather_bits(std::uint32_t v) noexcept {
     return (v | v >> 8) & 0x0000ffffu;
 }
 
+// How well the patch fixes a corner: the square root of the smaller eigenvalue of its gradients' tensor (Shi and Tomasi
+// 1994), which is in units of contrast, over 4: 511 for more than any but the starkest corner.
+std::uint32_t score_of(const Tensor& tensor) noexcept {
+    const double difference = static_cast<double>(tensor.xx - tensor.yy);
+    const double twice_xy = 2.0 * static_cast<double>(tensor.xy);
+    const double root = std::sqrt(difference * difference + twice_xy * twice_xy);
+    const double least = 0.5 * (static_cast<double>(tensor.xx + tensor.yy) - root);
+    const double score = 0.25 * std::sqrt(least > 0 ? least : 0.0);
+    return score < 511.0 ? static_cast<std::uint32_t>(score) : 511u;
+}
+
+// Where the peak of a parabola through three values lies, from the middle one.
+double peak(std::uint32_t before, std::uint32_t here, std::uint32_t after) noexcept {
+    const double curvature = static_cast<double>(before) - 2.0 * here + after;
+    if (curvature >= 0) return 0;
+    const double offset = 0.5 * (static_cast<double>(before) - after) / curvature;
+    constexpr double kFarthest = 0.75;
+    return offset < -kFarthest ? -kFarthest : offset > kFarthest ? kFarthest : offset;
+}
+
+struct Offset {
+    double x;
+    double y;
+};
+
+// A corner's place to a fraction of a pixel: the peak of its FAST strength among the 5x5 around it, smoothed by
+// (1 2 1) along and (1 4 6 4 1) across. A quarter of the error falls away against whole pixels (bench/features).
+Offset peak_of_strength(const Kernels& kernels, const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
+    constexpr std::uint32_t kSide = 5;
+    constexpr std::uint32_t kWeights[kSide] = {1, 4, 6, 4, 1};
+    std::uint8_t strengths[kSide][kSide + kKernelSlackBytes];
+    std::uint32_t across[kSide] = {};
+    std::uint32_t down[kSide] = {};
+    for (std::uint32_t v = 0; v < kSide; ++v) {
+        const std::uint8_t* const row = centre + (static_cast<std::ptrdiff_t>(v) - 2) * stride - 2;
+        static_cast<void>(kernels.fast_row(row, stride, 0, kSide, 0, strengths[v]));
+        for (std::uint32_t u = 0; u < kSide; ++u) {
+            across[u] += kWeights[v] * strengths[v][u];
+            down[v] += kWeights[u] * strengths[v][u];
+        }
+    }
+    const auto smooth_peak = [](const std::uint32_t line[kSide]) noexcept {
+        return peak(line[0] + 2 * line[1] + line[2], line[1] + 2 * line[2] + line[3], line[2] + 2 * line[3] + line[4]);
+    };
+    return {smooth_peak(across), smooth_peak(down)};
+}
+
 // The nearest of the pattern's turns, ties upward; pattern and angle both run from x towards y.
 std::uint32_t turn_of(double angle_rad) noexcept {
     constexpr double kTurnsPerRad = kPatternTurns / 6.283185307179586477;
@@ -40,6 +88,7 @@ std::uint32_t turn_of(double angle_rad) noexcept {
 
 // 256 tests: a bit is set when the first pixel is darker than the second. The first test is the highest bit of word 0.
 // The patch is copied to where its rows lie at a fixed distance: one table of offsets serves every image.
+template <std::int32_t kSign>
 void run_tests(const std::uint8_t* centre, std::ptrdiff_t stride, const std::int16_t* offsets,
                Descriptor& descriptor) noexcept {
     constexpr std::int32_t kRows = 2 * kPatternRadius + 1;
@@ -54,7 +103,7 @@ void run_tests(const std::uint8_t* centre, std::ptrdiff_t stride, const std::int
     for (std::uint64_t& word : descriptor.words) {
         std::uint64_t bits = 0;
         for (std::uint32_t i = 0; i < 64; ++i, offsets += 2)
-            bits = bits + bits + (middle[offsets[0]] < middle[offsets[1]] ? 1u : 0u);
+            bits = bits + bits + (middle[kSign * offsets[0]] < middle[kSign * offsets[1]] ? 1u : 0u);
         word = bits;
     }
 }
@@ -67,6 +116,7 @@ void OrbExtractor::create(Arena& arena, const Limits& limits, const OrbOptions& 
     STILLMESH_CHECK(options.features_max <= limits.features_max);
     STILLMESH_CHECK(options.scale_factor >= kScalePermilleMin * 1e-3 &&
                     options.scale_factor <= kScalePermilleMax * 1e-3);
+    STILLMESH_CHECK(options.even_permille <= 1000);
     STILLMESH_CHECK(options.fast_threshold_low >= 1 && options.fast_threshold_low <= options.fast_threshold);
     options_ = options;
     kernels_ = &kernels;
@@ -118,7 +168,8 @@ void OrbExtractor::find_corners(std::uint32_t level) noexcept {
     const std::uint32_t end_max = found.begin + static_cast<std::uint32_t>(corners_max(image.width, image.height));
     STILLMESH_CHECK(end_max <= corners_.size());
     std::uint32_t end = found.begin;
-    std::uint8_t threshold = options_.fast_threshold_low;
+    std::uint32_t score_min = 0;
+    const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(image.stride);
     // One pixel more to each side: the neighbours of the outermost corners.
     const std::uint32_t x_begin = kBorder - 1;
     const std::uint32_t x_end = image.width - kBorder + 1;
@@ -127,8 +178,7 @@ void OrbExtractor::find_corners(std::uint32_t level) noexcept {
     for (std::uint32_t i = 0; i < 3; ++i) rows[i] = strengths_.data() + i * strengths_stride_;
     for (std::uint32_t y = kBorder - 1; y < image.height - kBorder + 1; ++y) {
         std::uint8_t* const newest = rows[y % 3];
-        any[y % 3] = kernels_->fast_row(image.row(y), static_cast<std::ptrdiff_t>(image.stride), x_begin, x_end,
-                                        threshold, newest);
+        any[y % 3] = kernels_->fast_row(image.row(y), stride, x_begin, x_end, options_.fast_threshold_low, newest);
         const std::uint32_t centre_y = y - 1;  // the row whose neighbours are now known
         if (centre_y < kBorder || !any[centre_y % 3]) continue;
         const std::uint8_t* const centre = rows[centre_y % 3];
@@ -136,27 +186,27 @@ void OrbExtractor::find_corners(std::uint32_t level) noexcept {
             kernels_->local_maxima(rows[(y + 1) % 3], centre, newest, kBorder, image.width - kBorder, maxima_.data());
         for (std::uint32_t i = 0; i < count; ++i) {
             const std::uint32_t x = maxima_[i];
-            if (end == end_max) thin_out(found.begin, end, threshold);
-            if (centre[x] <= threshold) continue;
-            corners_[end++] =
-                static_cast<std::uint32_t>(centre[x]) << (2 * kCoordinateBits) | centre_y << kCoordinateBits | x;
+            if (end == end_max) thin_out(found.begin, end, score_min);
+            const std::uint32_t score = score_of(kernels_->tensor(image.row(centre_y) + x, stride));
+            if (score < score_min) continue;
+            corners_[end++] = score << kScoreShift | (centre[x] > options_.fast_threshold ? kStrongBit : 0) |
+                              centre_y << kCoordinateBits | x;
         }
     }
     found.count = end - found.begin;
     put_strong_first(level, image.width);
 }
 
-// Room is short (noise, or worse): raises the threshold until at least half of the level's corners are gone.
-void OrbExtractor::thin_out(std::uint32_t begin, std::uint32_t& end, std::uint8_t& threshold) noexcept {
-    std::uint32_t histogram[256] = {};
-    for (std::uint32_t i = begin; i < end; ++i) ++histogram[corners_[i] >> (2 * kCoordinateBits)];
+// Room is short (noise, or worse): raises the least score until at least half of the level's corners are gone.
+void OrbExtractor::thin_out(std::uint32_t begin, std::uint32_t& end, std::uint32_t& score_min) noexcept {
+    std::uint32_t histogram[kScores] = {};
+    for (std::uint32_t i = begin; i < end; ++i) ++histogram[corners_[i] >> kScoreShift];
     std::uint32_t gone = 0;
-    std::uint32_t strength = 0;
-    while (2 * gone < end - begin) gone += histogram[strength++];
-    threshold = static_cast<std::uint8_t>(strength - 1);
+    score_min = 0;
+    while (2 * gone < end - begin) gone += histogram[score_min++];
     std::uint32_t kept = begin;
     for (std::uint32_t i = begin; i < end; ++i)
-        if (corners_[i] >> (2 * kCoordinateBits) > threshold) corners_[kept++] = corners_[i];
+        if (corners_[i] >> kScoreShift >= score_min) corners_[kept++] = corners_[i];
     end = kept;
 }
 
@@ -171,11 +221,11 @@ void OrbExtractor::put_strong_first(std::uint32_t level, std::uint32_t width) no
     const std::span<std::uint32_t> corners = corners_.subspan(found.begin, found.count);
     std::memset(cells_.data(), 0, cells_.size());
     for (const std::uint32_t corner : corners)
-        if (corner >> (2 * kCoordinateBits) > options_.fast_threshold) cells_[cell_of(corner)] = 1;
+        if ((corner & kStrongBit) != 0) cells_[cell_of(corner)] = 1;
     std::uint32_t strong = 0;
     std::uint32_t weak = 0;
     for (const std::uint32_t corner : corners) {
-        if (corner >> (2 * kCoordinateBits) > options_.fast_threshold || cells_[cell_of(corner)] == 0) {
+        if ((corner & kStrongBit) != 0 || cells_[cell_of(corner)] == 0) {
             corners[strong++] = corner;
         } else {
             sorted_[weak++] = corner;
@@ -213,19 +263,22 @@ void OrbExtractor::share_out(std::uint32_t total) noexcept {
 }
 
 // Moves `wanted` of `corners`, evenly spread, to the front and returns their count. A quadtree without the tree: sorted
-// along Morton's curve, the corners of every square of every depth lie side by side. The finest depth with no more than
-// `wanted` occupied squares gives each square its strongest corner; what is left over goes to the strongest of the
-// squares one depth further down. Linear, but for nothing.
+// along Morton's curve, the corners of every square of every depth lie side by side. The finest depth with no more
+// occupied squares than the even share of `wanted` gives each square its best corner; the rest goes to the best of what
+// is left, one corner in each of much smaller squares. Linear time, no recursion; ties end with the earlier on the
+// curve.
 std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept {
     const std::uint32_t count = static_cast<std::uint32_t>(corners.size());
     if (count <= wanted) return count;
-    // Sorted by place (22 bits, above 8 bits of strength), in two passes of 11 bits.
+    // Sorted by place (22 bits, above 10 bits of score and strength), in two passes of 11 bits.
+    constexpr std::uint32_t kPlaceShift = 32 - 2 * kCoordinateBits;
+    constexpr std::uint32_t kScoreMask = kScores - 1;
     constexpr std::uint32_t kDigit = 2048;
     std::uint32_t starts[2][kDigit] = {};
     for (std::uint32_t& corner : corners) {
         const std::uint32_t place =
             spread_bits(corner & kCoordinateMask) | spread_bits(corner >> kCoordinateBits & kCoordinateMask) << 1;
-        corner = place << 8 | corner >> (2 * kCoordinateBits);
+        corner = place << kPlaceShift | corner >> kScoreShift;
         ++starts[0][place % kDigit];
         ++starts[1][place / kDigit];
     }
@@ -237,12 +290,12 @@ std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32
             sum[k] += here;
         }
     }
-    for (const std::uint32_t corner : corners) sorted_[starts[0][(corner >> 8) % kDigit]++] = corner;
-    for (std::uint32_t i = 0; i < count; ++i) corners[starts[1][sorted_[i] >> 19]++] = sorted_[i];
+    for (const std::uint32_t corner : corners) sorted_[starts[0][(corner >> kPlaceShift) % kDigit]++] = corner;
+    for (std::uint32_t i = 0; i < count; ++i) corners[starts[1][sorted_[i] >> (kPlaceShift + 11)]++] = sorted_[i];
 
     // Where a corner and the one before it part: the depth of the first square that holds but one of them.
     const auto parting = [&corners](std::uint32_t i) noexcept {
-        const std::uint32_t different = (corners[i] ^ corners[i - 1]) >> 8;  // never 0: places are unique
+        const std::uint32_t different = (corners[i] ^ corners[i - 1]) >> kPlaceShift;  // never 0: places are unique
         return static_cast<std::uint32_t>(
             (std::countl_zero(different) - (32 - 2 * static_cast<std::int32_t>(kCoordinateBits))) / 2 + 1);
     };
@@ -250,48 +303,54 @@ std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32
     for (std::uint32_t i = 1; i < count; ++i) ++parting_at[parting(i)];
     std::uint32_t depth = 0;
     std::uint32_t squares = 1;
-    while (squares + parting_at[depth + 1] <= wanted) squares += parting_at[++depth];
+    while (1000 * (squares + parting_at[depth + 1]) <= options_.even_permille * wanted) squares += parting_at[++depth];
+    // Corners nearer than a 32nd of a square's side say the same.
+    std::uint32_t fine = minimum(depth + 5, kCoordinateBits);
+    std::uint32_t fine_squares = squares;
+    for (std::uint32_t i = depth + 1; i <= fine; ++i) fine_squares += parting_at[i];
+    while (fine_squares < wanted) fine_squares += parting_at[++fine];
 
-    // The strongest of every smaller square; one per square is certain, the others compete by strength. sorted_ takes
-    // them with a mark: certain or not.
-    constexpr std::uint32_t kCertain = 1u << 31;
-    std::uint32_t histogram[256] = {};
-    std::uint32_t candidates = 0;
+    // The best of every smaller square; the best of each square is certain (the first `squares` of sorted_),
+    // the others, behind them, compete.
+    std::uint32_t histogram[kScores] = {};
+    std::uint32_t certain = 0;
+    std::uint32_t others = squares;
     std::uint32_t begin = 0;
-    std::uint32_t certain = 0;  // the strongest so far of the square at `depth`
     for (std::uint32_t i = 1; i <= count; ++i) {
-        const std::uint32_t part = i < count ? parting(i) : 0;
-        if (i < count && part > depth + 1) continue;
+        if (i < count && parting(i) > fine) continue;
         std::uint32_t best = corners[begin];
         for (std::uint32_t k = begin + 1; k < i; ++k)
-            if ((corners[k] & 255u) > (best & 255u)) best = corners[k];
+            if ((corners[k] & kScoreMask) > (best & kScoreMask)) best = corners[k];
         if (begin == 0 || parting(begin) <= depth) {
-            certain = candidates;
-        } else if ((best & 255u) > (sorted_[certain] & 255u)) {
-            ++histogram[sorted_[certain] & 255u];
-            certain = candidates;
+            sorted_[certain++] = best;
         } else {
-            ++histogram[best & 255u];
+            std::uint32_t& best_of_square = sorted_[certain - 1];
+            if ((best & kScoreMask) > (best_of_square & kScoreMask)) {
+                const std::uint32_t other = best_of_square;
+                best_of_square = best;
+                best = other;
+            }
+            ++histogram[best & kScoreMask];
+            sorted_[others++] = best;
         }
-        sorted_[candidates++] = best;
         begin = i;
-        if (i == count || part <= depth) sorted_[certain] |= kCertain;
     }
+    STILLMESH_CHECK(certain == squares);
     std::uint32_t left = wanted - squares;
-    std::uint32_t strength = 255;  // all above it are taken, of it only `left`
-    while (left > histogram[strength]) left -= histogram[strength--];
+    std::uint32_t score = kScoreMask;  // all above it are taken, of it only `left`
+    while (score > 0 && left > histogram[score]) left -= histogram[score--];
     std::uint32_t taken = 0;
-    for (std::uint32_t i = 0; i < candidates; ++i) {
+    for (std::uint32_t i = 0; i < others; ++i) {
         const std::uint32_t corner = sorted_[i];
-        bool take = (corner & kCertain) != 0 || (corner & 255u) > strength;
-        if (!take && (corner & 255u) == strength && left > 0) {
+        bool take = i < squares || (corner & kScoreMask) > score;
+        if (!take && (corner & kScoreMask) == score && left > 0) {
             take = true;
             --left;
         }
         if (!take) continue;
-        const std::uint32_t place = corner >> 8 & ((1u << (2 * kCoordinateBits)) - 1);
+        const std::uint32_t place = corner >> kPlaceShift;
         corners[taken++] =
-            (corner & 255u) << (2 * kCoordinateBits) | gather_bits(place >> 1) << kCoordinateBits | gather_bits(place);
+            (corner & kScoreMask) << kScoreShift | gather_bits(place >> 1) << kCoordinateBits | gather_bits(place);
     }
     return taken;
 }
@@ -334,16 +393,23 @@ void OrbExtractor::describe(std::uint32_t level, FeatureSet& features) noexcept 
         const std::uint32_t corner = corners_[found.begin + i];
         const std::uint32_t x = corner & kCoordinateMask;
         const std::uint32_t y = corner >> kCoordinateBits & kCoordinateMask;
+        const Offset offset = peak_of_strength(*kernels_, image.row(y) + x, stride);
         const Moments moments = kernels_->moments(image.row(y) + x, stride);
         const double angle_rad = arc_tan2(moments.y, moments.x);
         Keypoint keypoint;
-        keypoint.x = static_cast<float>(pyramid_.full_x(level, x));
-        keypoint.y = static_cast<float>(pyramid_.full_y(level, y));
+        keypoint.x = static_cast<float>(pyramid_.full_x(level, x + offset.x));
+        keypoint.y = static_cast<float>(pyramid_.full_y(level, y + offset.y));
         keypoint.angle_rad = static_cast<float>(angle_rad);
-        keypoint.score = static_cast<std::uint16_t>(corner >> (2 * kCoordinateBits));
+        keypoint.score = static_cast<std::uint16_t>(corner >> kScoreShift);
         keypoint.level = static_cast<std::uint8_t>(level);
         Descriptor descriptor;
-        run_tests(blurred_.data() + y * image.stride + x, stride, pattern.offsets[turn_of(angle_rad)], descriptor);
+        const std::uint8_t* const centre = blurred_.data() + y * image.stride + x;
+        const std::uint32_t turn = turn_of(angle_rad);
+        if (turn < kKeptTurns) {
+            run_tests<1>(centre, stride, pattern.offsets[turn], descriptor);
+        } else {
+            run_tests<-1>(centre, stride, pattern.offsets[turn - kKeptTurns], descriptor);
+        }
         const bool fits = features.keypoints.push(keypoint) && features.descriptors.push(descriptor);
         STILLMESH_CHECK(fits);
     }

@@ -1,7 +1,7 @@
-// Our own ORB features (Rublee et al. 2011): FAST-9/16 corners on every pyramid level, spread evenly by a quadtree,
-// oriented by their intensity centroid, described by 256 tests of the blurred level. Integers throughout, but for the
-// angle and the position that are handed out: the same bits everywhere. At most features_max, in the order of levels.
-// Takes 1.7 MB at 640x480 with 8 levels; time see bench/features.
+// Our own ORB features (Rublee et al. 2011): FAST-9/16 corners on every pyramid level, spread over the image by a
+// quadtree, placed to a fraction of a pixel, oriented by their intensity centroid, described by 256 tests of the
+// blurred level. Integers throughout, but for the angle and the position that are handed out: the same bits everywhere.
+// At most features_max, in the order of levels. Takes 1.7 MB at 640x480 with 8 levels; time see bench/features.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +22,9 @@ struct OrbOptions {
     double scale_factor = 1.2;            // of a level to the next, 1.2 to 1.9, taken in thousandths
     std::uint8_t fast_threshold = 20;     // grey levels
     std::uint8_t fast_threshold_low = 7;  // where a cell of the image has no corner at fast_threshold; >= 1
+    // Thousandths of the features that are given out by place alone, the others by quality; 1000 is as even as can be,
+    // 0 takes the best wherever they are.
+    std::uint32_t even_permille = 250;
 };
 
 class OrbExtractor final : public FeatureExtractor {
@@ -36,9 +39,12 @@ public:
     [[nodiscard]] const Pyramid& pyramid() const noexcept { return pyramid_; }
 
 private:
-    // Corners are kept as one number: strength, then y, then x.
+    // Corners are kept as one number: score (9 bits), whether FAST finds them at the high threshold (1), y, then x.
     static constexpr std::uint32_t kCoordinateBits = 11;  // images up to 2047
     static constexpr std::uint32_t kCoordinateMask = (1u << kCoordinateBits) - 1;
+    static constexpr std::uint32_t kStrongBit = 1u << (2 * kCoordinateBits);
+    static constexpr std::uint32_t kScoreShift = 2 * kCoordinateBits + 1;
+    static constexpr std::uint32_t kScores = 1u << (32 - kScoreShift);
     // Corners are collected on at most one pixel in so many. Ordinary images stay far below; in noise the weakest go.
     static constexpr std::uint32_t kPixelsPerCorner = 16;
     // The side of a cell that chooses between the two thresholds, in pixels of its level.
@@ -58,7 +64,7 @@ private:
     };
 
     void find_corners(std::uint32_t level) noexcept;
-    void thin_out(std::uint32_t begin, std::uint32_t& end, std::uint8_t& threshold) noexcept;
+    void thin_out(std::uint32_t begin, std::uint32_t& end, std::uint32_t& score_min) noexcept;
     void put_strong_first(std::uint32_t level, std::uint32_t width) noexcept;
     void share_out(std::uint32_t total) noexcept;
     [[nodiscard]] std::uint32_t spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept;

@@ -35,6 +35,13 @@ struct Moments {
     std::int32_t y;
 };
 
+// Gradient products summed over the 7x7 pixels around a corner (Sobel's gradients; each sum is below 2^26).
+struct Tensor {
+    std::int32_t xx;
+    std::int32_t xy;
+    std::int32_t yy;
+};
+
 struct Kernels {
     const char* name;
 
@@ -67,6 +74,9 @@ struct Kernels {
 
     // Moments over the disc of kPatchRadius; the square of that radius (and one column more) exists.
     Moments (*moments)(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept;
+
+    // Around `centre`, of which a square of radius 4 (and 8 columns more) exists.
+    Tensor (*tensor)(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept;
 
     // Number of different bits of two descriptors.
     std::uint32_t (*hamming)(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept;

@@ -149,6 +149,25 @@ Moments moments(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
     return result;
 }
 
+Tensor tensor(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
+    Tensor result{0, 0, 0};
+    for (std::ptrdiff_t v = -3; v <= 3; ++v) {
+        for (std::ptrdiff_t u = -3; u <= 3; ++u) {
+            const std::uint8_t* const p = centre + v * stride + u;
+            const std::int32_t right = p[1 - stride] + 2 * p[1] + p[1 + stride];
+            const std::int32_t left = p[-1 - stride] + 2 * p[-1] + p[-1 + stride];
+            const std::int32_t below = p[stride - 1] + 2 * p[stride] + p[stride + 1];
+            const std::int32_t above = p[-stride - 1] + 2 * p[-stride] + p[-stride + 1];
+            const std::int32_t dx = right - left;
+            const std::int32_t dy = below - above;
+            result.xx += dx * dx;
+            result.xy += dx * dy;
+            result.yy += dy * dy;
+        }
+    }
+    return result;
+}
+
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
     std::int32_t count = 0;
     for (std::uint32_t i = 0; i < 4; ++i) count += std::popcount(a[i] ^ b[i]);
@@ -161,7 +180,7 @@ void hamming_many(const std::uint64_t a[4], const std::uint64_t* many, std::uint
 }
 
 constexpr Kernels kPlain = {
-    "plain", plain_grey_from_rgb, plain_grey_from_bgr, scale_row, fast_row, local_maxima, blur_row, moments,
+    "plain", plain_grey_from_rgb, plain_grey_from_bgr, scale_row, fast_row, local_maxima, blur_row, moments, tensor,
     hamming, hamming_many};
 
 }  // namespace

@@ -1,0 +1,186 @@
+#include "engine/frame/kernels.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "engine/base/random.hpp"
+#include "platform/linux/cpu_kernels.hpp"
+#include "tests/features/images.hpp"
+
+namespace stillmesh {
+namespace {
+
+using testing::Image;
+
+std::vector<const Kernels*> fast_kernels() {
+    std::vector<const Kernels*> all;
+    if (sse2_kernels() != nullptr) all.push_back(sse2_kernels());
+    // Only what this processor can run.
+    if (&cpu_kernels() == avx2_kernels()) all.push_back(avx2_kernels());
+    return all;
+}
+
+// Pixels that break careless arithmetic: noise of full and of little contrast, black, white, stripes and boards of
+// both.
+std::vector<Image> hard_images(std::uint32_t width, std::uint32_t height) {
+    std::vector<Image> all;
+    const std::size_t slack = kKernelSlackBytes;
+    for (std::uint64_t seed = 0; seed < 3; ++seed) {
+        all.emplace_back(width, height, width + slack + seed);
+        fill_noise(all.back(), seed);
+        all.emplace_back(width, height, width + slack);
+        fill_noise(all.back(), seed, 100, 110);
+        all.emplace_back(width, height, width + slack);
+        fill_noise(all.back(), seed, 0, 1);
+        for (std::uint8_t& pixel : all.back().pixels) pixel = pixel == 0 ? 0 : 255;
+        all.emplace_back(width, height, width + slack);
+        fill_leaves(all.back(), seed, 300);
+    }
+    for (const int value : {0, 255}) {
+        all.emplace_back(width, height, width + slack);
+        fill(all.back(), static_cast<std::uint8_t>(value));
+    }
+    for (std::uint32_t period = 1; period < 4; ++period) {
+        all.emplace_back(width, height, width + slack);
+        for (std::uint32_t y = 0; y < height; ++y)
+            for (std::uint32_t x = 0; x < width; ++x)
+                all.back().row(y)[x] = (x / period + y / period) % 2 == 0 ? 0 : 255;
+    }
+    // Rows may be read, not used, beyond their end.
+    for (Image& image : all) image.pixels.resize(image.pixels.size() + slack, 77);
+    return all;
+}
+
+// Promise: grey conversion of every kernel is the BT.601 formula, for every length of a row.
+TEST(Kernels, grey) {
+    Random random(1);
+    std::vector<std::uint8_t> colour(3 * 700);
+    for (std::uint8_t& value : colour) value = static_cast<std::uint8_t>(random.below(256));
+    for (std::size_t i = 0; i < 90; ++i) colour[i] = i < 45 ? 255 : 0;
+    std::vector<const Kernels*> all = fast_kernels();
+    all.push_back(&plain_kernels());
+    for (const Kernels* kernels : all) {
+        for (std::uint32_t width = 1; width < 200; width += width < 70 ? 1 : 13) {
+            const std::vector<std::uint8_t> exact(colour.begin(), colour.begin() + 3 * width);
+            std::vector<std::uint8_t> rgb(width + kKernelSlackBytes);
+            std::vector<std::uint8_t> bgr(width + kKernelSlackBytes);
+            kernels->grey_from_rgb(exact.data(), width, rgb.data());
+            kernels->grey_from_bgr(exact.data(), width, bgr.data());
+            for (std::uint32_t x = 0; x < width; ++x) {
+                const std::uint32_t a = exact[3 * x];
+                const std::uint32_t b = exact[3 * x + 1];
+                const std::uint32_t c = exact[3 * x + 2];
+                ASSERT_EQ(rgb[x], (77 * a + 150 * b + 29 * c + 128) / 256) << kernels->name;
+                ASSERT_EQ(bgr[x], (29 * a + 150 * b + 77 * c + 128) / 256) << kernels->name;
+            }
+        }
+    }
+}
+
+// Promise: FAST, its local maxima, blur, moments and tensors of every kernel have the plain kernel's bits.
+TEST(Kernels, equal_plain_bits) {
+    for (const std::uint32_t width : {40u, 63u, 64u, 65u, 97u, 161u}) {
+        const std::uint32_t height = 40;
+        for (Image& image : hard_images(width, height)) {
+            const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(image.stride);
+            for (const Kernels* kernels : fast_kernels()) {
+                SCOPED_TRACE(std::string(kernels->name) + " width " + std::to_string(width));
+                const Kernels& plain = plain_kernels();
+                for (const int threshold : {0, 1, 7, 20, 100, 254, 255}) {
+                    std::vector<std::uint8_t> rows[2][3];
+                    for (std::uint32_t y = 3; y + 3 < height; ++y) {
+                        for (int k = 0; k < 2; ++k) {
+                            std::vector<std::uint8_t>& row = rows[k][y % 3];
+                            row.assign(width + kKernelSlackBytes, 0);
+                            const bool any = (k == 0 ? plain : *kernels)
+                                                 .fast_row(image.row(y), stride, 3, width - 3,
+                                                           static_cast<std::uint8_t>(threshold), row.data());
+                            bool expected = false;
+                            for (std::uint32_t x = 3; x < width - 3; ++x) expected = expected || row[x] != 0;
+                            ASSERT_EQ(any, expected);
+                        }
+                        ASSERT_EQ(0, std::memcmp(rows[0][y % 3].data() + 3, rows[1][y % 3].data() + 3, width - 6))
+                            << "row " << y << " threshold " << threshold;
+                        if (y < 5) continue;
+                        std::uint16_t maxima[2][300];
+                        std::uint32_t counts[2];
+                        for (int k = 0; k < 2; ++k)
+                            counts[k] = (k == 0 ? plain : *kernels)
+                                            .local_maxima(rows[k][(y - 2) % 3].data(), rows[k][(y - 1) % 3].data(),
+                                                          rows[k][y % 3].data(), 4, width - 4, maxima[k]);
+                        ASSERT_EQ(counts[0], counts[1]);
+                        ASSERT_EQ(0, std::memcmp(maxima[0], maxima[1], counts[0] * sizeof(std::uint16_t)));
+                    }
+                }
+                for (std::uint32_t y = 3; y + 3 < height; y += 2) {
+                    const std::uint8_t* sources[7];
+                    for (std::uint32_t i = 0; i < 7; ++i) sources[i] = image.row(y + i - 3);
+                    std::vector<std::uint8_t> out[2];
+                    for (int k = 0; k < 2; ++k) {
+                        std::vector<std::uint8_t> scratch(width + 2 * kKernelSlackBytes, 99);
+                        out[k].assign(width + kKernelSlackBytes, 0);
+                        (k == 0 ? plain : *kernels)
+                            .blur_row(sources, width, scratch.data() + kKernelSlackBytes, out[k].data());
+                    }
+                    ASSERT_EQ(0, std::memcmp(out[0].data(), out[1].data(), width));
+                }
+                for (std::uint32_t y = 16; y < height - 16; y += 3) {
+                    for (std::uint32_t x = 16; x < width - 16; ++x) {
+                        const Moments a = plain.moments(image.row(y) + x, stride);
+                        const Moments b = kernels->moments(image.row(y) + x, stride);
+                        ASSERT_TRUE(a.x == b.x && a.y == b.y) << x << " " << y;
+                        const Tensor c = plain.tensor(image.row(y) + x, stride);
+                        const Tensor d = kernels->tensor(image.row(y) + x, stride);
+                        ASSERT_TRUE(c.xx == d.xx && c.xy == d.xy && c.yy == d.yy) << x << " " << y;
+                    }
+                }
+            }
+        }
+    }
+}
+
+// Promise: moments are the plain sums over the disc u^2 + v^2 <= 15^2 + 15.
+TEST(Kernels, moments_are_sums) {
+    Image image(40, 40);
+    fill_noise(image, 5);
+    std::int32_t x = 0;
+    std::int32_t y = 0;
+    for (std::int32_t v = -15; v <= 15; ++v) {
+        for (std::int32_t u = -15; u <= 15; ++u) {
+            if (u * u + v * v > 240) continue;
+            x += u * image.row(static_cast<std::uint32_t>(20 + v))[20 + u];
+            y += v * image.row(static_cast<std::uint32_t>(20 + v))[20 + u];
+        }
+    }
+    const Moments moments = plain_kernels().moments(image.row(20) + 20, 40);
+    EXPECT_EQ(moments.x, x);
+    EXPECT_EQ(moments.y, y);
+}
+
+// Promise: Hamming distances of every kernel count the different bits.
+TEST(Kernels, hamming) {
+    Random random(3);
+    std::vector<const Kernels*> all = fast_kernels();
+    all.push_back(&plain_kernels());
+    std::vector<std::uint64_t> words(4 * 200);
+    for (std::size_t i = 0; i < words.size(); ++i) words[i] = i < 8 ? (i < 4 ? 0 : ~0ULL) : random.next();
+    for (const Kernels* kernels : all) {
+        for (std::uint32_t i = 0; i < 3; ++i) {
+            std::uint16_t distances[200];
+            kernels->hamming_many(words.data() + 4 * i, words.data(), 200, distances);
+            for (std::uint32_t k = 0; k < 200; ++k) {
+                std::uint32_t expected = 0;
+                for (std::uint32_t bit = 0; bit < 256; ++bit)
+                    expected += (words[4 * i + bit / 64] ^ words[4 * k + bit / 64]) >> (bit % 64) & 1;
+                ASSERT_EQ(distances[k], expected) << kernels->name;
+                ASSERT_EQ(kernels->hamming(words.data() + 4 * i, words.data() + 4 * k), expected) << kernels->name;
+            }
+        }
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
