@@ -300,6 +300,7 @@ def call_graph(disassembly):
         if not instruction:
             continue
         mnemonic, operands = instruction.groups()
+        mnemonic = {"pushq": "push", "subq": "sub", "callq": "call"}.get(mnemonic, mnemonic)  # as LLVM writes them
         if mnemonic == "push":
             frame += 8
         elif mnemonic == "sub" and operands.startswith("$0x") and operands.endswith(",%rsp"):
