@@ -174,7 +174,8 @@ TEST(Kernels, hamming) {
             for (std::uint32_t k = 0; k < 200; ++k) {
                 std::uint32_t expected = 0;
                 for (std::uint32_t bit = 0; bit < 256; ++bit)
-                    expected += (words[4 * i + bit / 64] ^ words[4 * k + bit / 64]) >> (bit % 64) & 1;
+                    expected += static_cast<std::uint32_t>(
+                        (words[4 * i + bit / 64] ^ words[4 * k + bit / 64]) >> (bit % 64) & 1);
                 ASSERT_EQ(distances[k], expected) << kernels->name;
                 ASSERT_EQ(kernels->hamming(words.data() + 4 * i, words.data() + 4 * k), expected) << kernels->name;
             }
