@@ -287,7 +287,7 @@ def call_graph(disassembly):
         if name is None:
             continue
         frame, callees, indirect = graph[name]
-        relocation = re.match(r"^\s+[0-9a-f]+: R_X86_64_\w+\s+(\S+?)([-+]0x[0-9a-f]+)?$", line)
+        relocation = re.match(r"^\s+[0-9a-f]+:\s+R_X86_64_\w+\s+(\S+?)([-+]0x[0-9a-f]+)?$", line)
         if relocation:
             if last in ("call", "jump"):
                 callee = function_of(relocation.group(1))
