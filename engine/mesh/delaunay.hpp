@@ -16,7 +16,9 @@ namespace stillmesh {
 [[nodiscard]] constexpr std::uint32_t mesh_edges_max(std::uint32_t n) noexcept {
     return n < 3 ? (n == 2 ? 1 : 0) : 3 * n - 6;
 }
-[[nodiscard]] constexpr std::uint32_t mesh_triangles_max(std::uint32_t n) noexcept { return n < 3 ? 0 : 2 * n - 5; }
+[[nodiscard]] constexpr std::uint32_t mesh_triangles_max(std::uint32_t n) noexcept {
+    return n < 3 ? 0 : 2 * n - 5;
+}
 
 inline constexpr std::uint32_t kNoTriangle = 0xffffffffU;
 
@@ -27,7 +29,8 @@ struct MeshEdge {
     std::uint32_t right_triangle = kNoTriangle;  // right of a -> b
 };
 
-// Counter-clockwise in a frame with x right and y up, which on screen (y down) reads clockwise; the smallest vertex first.
+// Counter-clockwise in a frame with x right and y up, which on screen (y down) reads clockwise; the smallest
+// vertex first.
 struct MeshTriangle {
     std::uint32_t vertex[3] = {0, 0, 0};
     std::uint32_t edge[3] = {0, 0, 0};  // edge[k] joins vertex[k] and vertex[(k + 1) % 3]
@@ -57,7 +60,62 @@ public:
     [[nodiscard]] const Mesh& mesh() const noexcept { return mesh_; }
 
 private:
+    // One direction of an edge; its other direction is the neighbour in the array (index ^ 1). Carries its origin's
+    // coordinates, so that the inner loops touch nothing else.
+    struct HalfEdge {
+        std::uint32_t origin = 0;    // vertex
+        std::uint32_t next = 0;      // counter-clockwise around the origin
+        std::uint32_t previous = 0;  // clockwise around the origin
+        std::int16_t x = 0, y = 0;   // of the origin
+    };
+    class Subdivision;
+    static_assert(kMeshCoordinateMax <= INT16_MAX);
+
+    static constexpr std::uint32_t kDigits = 1024 + 512 + 512;  // the 28 bits of a point in three radix passes
+    static constexpr std::uint32_t kColumns = 512;              // of 4 px, which strips are made of
+    static constexpr std::uint32_t kLevelsMax = 32;             // of the merge tree over 2^32 points
+
+    void sort_and_number(std::span<const PixelPoint> points) noexcept;
+    std::uint32_t cut_into_strips() noexcept;
+    void write_out(const Subdivision& subdivision) noexcept;
+
+    std::uint32_t points_max_ = 0;
+    std::uint32_t vertices_count_ = 0;
     Mesh mesh_;
+    std::span<PixelPoint> vertices_;
+    std::span<std::uint32_t> vertex_of_point_;
+    std::span<MeshEdge> edges_;
+    std::span<MeshTriangle> triangles_;
+
+    std::span<std::uint64_t> keys_, keys_other_;  // (y, x, input index), sorted into one another
+    const std::uint64_t* sorted_ = nullptr;       // the one that ended up sorted
+    std::span<std::uint32_t> order_;              // vertices, strip by strip, each by (y, x)
+    std::span<std::uint32_t> strip_begin_;        // into order_, one more than there are strips
+    std::span<std::uint32_t> counts_;             // of digits, then of columns
+    std::span<HalfEdge> half_edges_;
+    std::span<std::uint32_t> edge_of_half_edge_;  // where it went in edges_
+    std::span<std::uint32_t> half_edge_of_edge_;  // the direction a -> b
+    std::span<std::uint32_t> spoke_of_vertex_;    // some half edge out of it
+    std::span<std::uint32_t> first_edge_;         // of a vertex's edges to larger ones, in edges_
 };
+
+constexpr void Delaunay::plan(ArenaPlan& arena, std::uint32_t points_max) noexcept {
+    const std::size_t n = points_max;
+    const std::size_t edges = mesh_edges_max(points_max);
+    arena.array<PixelPoint>(n);
+    arena.array<std::uint32_t>(n);
+    arena.array<MeshEdge>(edges);
+    arena.array<MeshTriangle>(mesh_triangles_max(points_max));
+    arena.array<std::uint64_t>(n);
+    arena.array<std::uint64_t>(n);
+    arena.array<std::uint32_t>(n);
+    arena.array<std::uint32_t>(kColumns + 1);
+    arena.array<std::uint32_t>(kDigits);
+    arena.array<HalfEdge>(2 * edges);
+    arena.array<std::uint32_t>(2 * edges);
+    arena.array<std::uint32_t>(edges);
+    arena.array<std::uint32_t>(n);
+    arena.array<std::uint32_t>(n + 1);
+}
 
 }  // namespace stillmesh

@@ -1,0 +1,410 @@
+// Guibas & Stolfi's divide and conquer, bottom-up. The points are cut into about sqrt(n) / 4 vertical strips and each
+// strip is triangulated by merging upwards, then the strips are merged sideways (Dwyer 1987): pieces stay compact, so a
+// merge touches few edges, and for evenly spread points the merges cost O(n) together; never more than O(n log n).
+//
+// Ties. Four points on one circle allow two diagonals. The mesh is the Delaunay triangulation of the points with their
+// lifts x^2 + y^2 lowered by infinitesimal amounts, the first point by (x, y) the most: a polygon of cocircular points
+// becomes a fan around its first corner by (x, y). That is a property of the set of points, so the mesh is unique: it
+// depends neither on the order of the input nor on where the cuts fall, and every predicate stays consistent.
+#include "engine/mesh/delaunay.hpp"
+
+#include <algorithm>
+
+#include "engine/base/check.hpp"
+#include "engine/mesh/predicates.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::uint32_t kNone = 0xffffffffU;
+constexpr std::uint32_t kXBits = 14;
+constexpr std::uint32_t kXMask = (1U << kXBits) - 1;
+static_assert(kMeshCoordinateMax == static_cast<std::int32_t>(kXMask));
+constexpr std::uint32_t kColumnShift = 5;  // 16384 / 512 columns
+constexpr std::uint32_t kStripFactor = 4;  // points in a strip, in square roots of all: measured, bench/mesh
+
+// A piece of the triangulation, by its hull: what a merge needs to know of it.
+struct Piece {
+    std::uint32_t first;  // hull edge, counter-clockwise, out of the first point in the order of the cut
+    std::uint32_t last;   // hull edge, clockwise, out of the last point in the order of the cut
+};
+
+[[nodiscard]] constexpr std::uint32_t square_root(std::uint32_t n) noexcept {
+    std::uint32_t root = 0;
+    for (std::uint32_t bit = 1U << 15; bit != 0; bit >>= 1) {
+        const std::uint32_t candidate = root | bit;
+        if (candidate * candidate <= n) root = candidate;
+    }
+    return root;
+}
+
+}  // namespace
+
+// A plane graph as rings of half edges around their origins. At every moment of the merges it is plane, so it never
+// holds more than mesh_edges_max(n) edges; removed ones are used again, last first.
+class Delaunay::Subdivision {
+public:
+    explicit Subdivision(std::span<HalfEdge> storage) noexcept
+        : edges_(storage.data()), capacity_(static_cast<std::uint32_t>(storage.size())) {}
+
+    [[nodiscard]] static constexpr std::uint32_t twin(std::uint32_t e) noexcept { return e ^ 1U; }
+    [[nodiscard]] std::uint32_t next(std::uint32_t e) const noexcept { return edges_[e].next; }
+    [[nodiscard]] std::uint32_t previous(std::uint32_t e) const noexcept { return edges_[e].previous; }
+    [[nodiscard]] std::uint32_t origin(std::uint32_t e) const noexcept { return edges_[e].origin; }
+    [[nodiscard]] std::uint32_t destination(std::uint32_t e) const noexcept { return edges_[twin(e)].origin; }
+    [[nodiscard]] PixelPoint at_origin(std::uint32_t e) const noexcept { return {edges_[e].x, edges_[e].y}; }
+    [[nodiscard]] PixelPoint at_destination(std::uint32_t e) const noexcept { return at_origin(twin(e)); }
+    // Around the face on the left, and around the face on the right.
+    [[nodiscard]] std::uint32_t left_next(std::uint32_t e) const noexcept { return previous(twin(e)); }
+    [[nodiscard]] std::uint32_t right_previous(std::uint32_t e) const noexcept { return next(twin(e)); }
+
+    [[nodiscard]] std::uint32_t slots_used() const noexcept { return used_; }
+    [[nodiscard]] bool is_alive(std::uint32_t e) const noexcept { return edges_[e].origin != kNone; }
+
+    // Two or three points in the order of the cut.
+    [[nodiscard]] Piece make_pair(const std::uint32_t* v, const PixelPoint* at) noexcept {
+        const std::uint32_t e = take();
+        set_origin(e, v[0], at[v[0]]);
+        set_origin(twin(e), v[1], at[v[1]]);
+        make_ring(e);
+        make_ring(twin(e));
+        return {e, twin(e)};
+    }
+    [[nodiscard]] Piece make_three(const std::uint32_t* v, const PixelPoint* at) noexcept {
+        const std::uint32_t a = make_pair(v, at).first;
+        const std::uint32_t b = take();
+        set_origin(b, v[1], at[v[1]]);
+        set_origin(twin(b), v[2], at[v[2]]);
+        insert_after(twin(a), b);
+        make_ring(twin(b));
+        const int turn = orient2d(at[v[0]], at[v[1]], at[v[2]]);
+        if (turn == 0) return {a, twin(b)};
+        const std::uint32_t c = connect(b, a);
+        return turn > 0 ? Piece{a, twin(b)} : Piece{twin(c), c};
+    }
+
+    // Joins two pieces, every point of `low` before every point of `high` in the order of the cut. That order is the
+    // one along some direction without ties; in the words below it runs from left to right, and up is to its left.
+    [[nodiscard]] Piece merge(Piece low, Piece high) noexcept {
+        std::uint32_t first = low.first, last = high.last;
+        std::uint32_t left = low.last, right = high.first;
+        // Walk down both hulls to their lower common tangent.
+        for (;;) {
+            if (orient2d(at_origin(left), at_destination(left), at_origin(right)) > 0) {
+                left = left_next(left);
+            } else if (orient2d(at_origin(right), at_destination(right), at_origin(left)) < 0) {
+                right = right_previous(right);
+            } else {
+                break;
+            }
+        }
+        std::uint32_t base = connect(twin(right), left);  // from right to left
+        if (origin(left) == origin(first)) first = twin(base);
+        if (origin(right) == origin(last)) last = base;
+
+        // Rise: a circle through the base grows upwards until it meets a point; that point takes the next cross edge.
+        for (;;) {
+            const PixelPoint at_left = at_destination(base);
+            const PixelPoint at_right = at_origin(base);
+            std::uint32_t candidate_left = next(twin(base));
+            PixelPoint tip_left = at_destination(candidate_left);
+            const bool is_left = orient2d(at_left, at_right, tip_left) > 0;
+            if (is_left) {
+                for (;;) {
+                    const std::uint32_t follower = next(candidate_left);
+                    const PixelPoint tip = at_destination(follower);
+                    if (!is_inside(at_left, at_right, tip_left, tip)) break;
+                    remove(candidate_left);
+                    candidate_left = follower;
+                    tip_left = tip;
+                }
+            }
+            std::uint32_t candidate_right = previous(base);
+            PixelPoint tip_right = at_destination(candidate_right);
+            const bool is_right = orient2d(at_left, at_right, tip_right) > 0;
+            if (is_right) {
+                for (;;) {
+                    const std::uint32_t follower = previous(candidate_right);
+                    const PixelPoint tip = at_destination(follower);
+                    if (!is_inside(at_left, at_right, tip_right, tip)) break;
+                    remove(candidate_right);
+                    candidate_right = follower;
+                    tip_right = tip;
+                }
+            }
+            if (!is_left && !is_right) break;  // the base is the upper common tangent
+            if (!is_left || (is_right && is_inside(at_left, at_right, tip_left, tip_right))) {
+                base = connect(candidate_right, twin(base));
+            } else {
+                base = connect(twin(base), twin(candidate_left));
+            }
+        }
+        return {first, last};
+    }
+
+    // The same piece in the order by (x, y): its extreme points are found on its hull.
+    [[nodiscard]] Piece turn_sideways(Piece piece) const noexcept {
+        std::uint32_t first = piece.first, last = piece.first;
+        for (std::uint32_t e = right_previous(piece.first); e != piece.first; e = right_previous(e)) {
+            if (is_before(at_origin(e), at_origin(first))) first = e;
+            if (is_before(at_origin(last), at_origin(e))) last = e;
+        }
+        return {first, previous(last)};
+    }
+
+private:
+    [[nodiscard]] std::uint32_t take() noexcept {
+        if (free_ != kNone) {
+            const std::uint32_t e = free_;
+            free_ = edges_[e].next;
+            return e;
+        }
+        STILLMESH_CHECK(used_ < capacity_);
+        const std::uint32_t e = used_;
+        used_ += 2;
+        return e;
+    }
+    void set_origin(std::uint32_t e, std::uint32_t vertex, PixelPoint at) noexcept {
+        edges_[e].origin = vertex;
+        edges_[e].x = static_cast<std::int16_t>(at.x);
+        edges_[e].y = static_cast<std::int16_t>(at.y);
+    }
+    void make_ring(std::uint32_t e) noexcept { edges_[e].next = edges_[e].previous = e; }
+    void insert_after(std::uint32_t place, std::uint32_t e) noexcept {
+        const std::uint32_t follower = edges_[place].next;
+        edges_[e].next = follower;
+        edges_[e].previous = place;
+        edges_[follower].previous = e;
+        edges_[place].next = e;
+    }
+    // A new edge from the destination of `a` to the origin of `b`, across the face on the left of both.
+    [[nodiscard]] std::uint32_t connect(std::uint32_t a, std::uint32_t b) noexcept {
+        const std::uint32_t e = take();
+        edges_[e] = edges_[twin(a)];
+        edges_[twin(e)] = edges_[b];
+        insert_after(left_next(a), e);
+        insert_after(b, twin(e));
+        return e;
+    }
+    void remove(std::uint32_t e) noexcept {
+        leave_ring(e);
+        leave_ring(twin(e));
+        e &= ~1U;
+        edges_[e].origin = kNone;
+        edges_[e].next = free_;
+        free_ = e;
+    }
+    void leave_ring(std::uint32_t e) noexcept {
+        const HalfEdge leaving = edges_[e];
+        edges_[leaving.previous].next = leaving.next;
+        edges_[leaving.next].previous = leaving.previous;
+    }
+
+    HalfEdge* edges_;
+    std::uint32_t capacity_;
+    std::uint32_t used_ = 0;
+    std::uint32_t free_ = kNone;
+};
+
+void Delaunay::create(Arena& arena, std::uint32_t points_max) noexcept {
+    const std::size_t n = points_max;
+    const std::size_t edges = mesh_edges_max(points_max);
+    points_max_ = points_max;
+    vertices_ = arena.array<PixelPoint>(n);
+    vertex_of_point_ = arena.array<std::uint32_t>(n);
+    edges_ = arena.array<MeshEdge>(edges);
+    triangles_ = arena.array<MeshTriangle>(mesh_triangles_max(points_max));
+    keys_ = arena.array<std::uint64_t>(n);
+    keys_other_ = arena.array<std::uint64_t>(n);
+    order_ = arena.array<std::uint32_t>(n);
+    strip_begin_ = arena.array<std::uint32_t>(kColumns + 1);
+    counts_ = arena.array<std::uint32_t>(kDigits);
+    half_edges_ = arena.array<HalfEdge>(2 * edges);
+    edge_of_half_edge_ = arena.array<std::uint32_t>(2 * edges);
+    half_edge_of_edge_ = arena.array<std::uint32_t>(edges);
+    spoke_of_vertex_ = arena.array<std::uint32_t>(n);
+    first_edge_ = arena.array<std::uint32_t>(n + 1);
+}
+
+Status Delaunay::triangulate(std::span<const PixelPoint> points) noexcept {
+    mesh_ = Mesh{};
+    if (points.size() > points_max_) return Status::kFull;
+    std::uint32_t bits = 0;
+    for (const PixelPoint p : points) bits |= static_cast<std::uint32_t>(p.x) | static_cast<std::uint32_t>(p.y);
+    if ((bits & ~kXMask) != 0) return Status::kInvalid;
+
+    sort_and_number(points);
+    mesh_.vertices = vertices_.first(vertices_count_);
+    mesh_.vertex_of_point = vertex_of_point_.first(points.size());
+    if (vertices_count_ < 2) return Status::kDegenerate;
+
+    const std::uint32_t strips_count = cut_into_strips();
+    Subdivision subdivision(half_edges_);
+    // Binary counters of pieces: after the i-th piece, as many merges as i has trailing zero bits; after the
+    // last, all that are left.
+    Piece strips[kLevelsMax];
+    std::uint32_t strips_top = 0;
+    for (std::uint32_t s = 0; s < strips_count; ++s) {
+        Piece pieces[kLevelsMax];
+        std::uint32_t pieces_top = 0;
+        std::uint32_t at = strip_begin_[s];
+        const std::uint32_t end = strip_begin_[s + 1];
+        for (std::uint32_t made = 1; at < end; ++made) {
+            const std::uint32_t left = end - at;
+            const bool is_pair = left == 2 || left == 4;
+            pieces[pieces_top++] = is_pair ? subdivision.make_pair(&order_[at], vertices_.data())
+                                           : subdivision.make_three(&order_[at], vertices_.data());
+            at += is_pair ? 2 : 3;
+            for (std::uint32_t i = made; pieces_top > 1 && (i % 2 == 0 || at == end); i /= 2) {
+                --pieces_top;
+                pieces[pieces_top - 1] = subdivision.merge(pieces[pieces_top - 1], pieces[pieces_top]);
+            }
+        }
+        strips[strips_top++] = strips_count > 1 ? subdivision.turn_sideways(pieces[0]) : pieces[0];
+        for (std::uint32_t i = s + 1; strips_top > 1 && (i % 2 == 0 || s + 1 == strips_count); i /= 2) {
+            --strips_top;
+            strips[strips_top - 1] = subdivision.merge(strips[strips_top - 1], strips[strips_top]);
+        }
+    }
+    write_out(subdivision);
+    return mesh_.triangles.empty() ? Status::kDegenerate : Status::kOk;
+}
+
+// Radix sort by (y, x), stable, then number the distinct points in order of first appearance.
+void Delaunay::sort_and_number(std::span<const PixelPoint> points) noexcept {
+    const auto count = static_cast<std::uint32_t>(points.size());
+    constexpr std::uint32_t kShift[3] = {0, 10, 19};
+    constexpr std::uint32_t kRange[3] = {1024, 512, 512};
+    std::uint32_t* const digits[3] = {&counts_[0], &counts_[1024], &counts_[1024 + 512]};
+    std::uint64_t* from = keys_.data();
+    std::uint64_t* to = keys_other_.data();
+
+    std::fill(counts_.begin(), counts_.end(), 0U);
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const std::uint32_t key =
+            static_cast<std::uint32_t>(points[i].y) << kXBits | static_cast<std::uint32_t>(points[i].x);
+        from[i] = static_cast<std::uint64_t>(key) << 32 | i;
+        for (int pass = 0; pass < 3; ++pass) ++digits[pass][(key >> kShift[pass]) & (kRange[pass] - 1)];
+    }
+    for (int pass = 0; pass < 3; ++pass) {
+        std::uint32_t begin = 0;
+        for (std::uint32_t digit = 0; digit < kRange[pass]; ++digit) {
+            const std::uint32_t size = digits[pass][digit];
+            digits[pass][digit] = begin;
+            begin += size;
+        }
+        for (std::uint32_t i = 0; i < count; ++i) {
+            const std::uint64_t key = from[i];
+            to[digits[pass][(key >> (32 + kShift[pass])) & (kRange[pass] - 1)]++] = key;
+        }
+        std::swap(from, to);
+    }
+    sorted_ = from;
+
+    // A point's first equal is the smallest index in its run, because the sort is stable.
+    std::uint32_t first = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const auto index = static_cast<std::uint32_t>(from[i]);
+        if (i == 0 || (from[i] ^ from[i - 1]) >> 32 != 0) first = index;
+        vertex_of_point_[index] = first;
+    }
+    vertices_count_ = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        if (vertex_of_point_[i] == i) {
+            vertices_[vertices_count_] = points[i];
+            vertex_of_point_[i] = vertices_count_++;
+        } else {
+            vertex_of_point_[i] = vertex_of_point_[vertex_of_point_[i]];
+        }
+    }
+}
+
+// Fills order_ and strip_begin_; returns how many strips. Whole columns go to a strip until it holds enough points: it
+// follows clusters, never splits equal x, and no strip has fewer than two points.
+std::uint32_t Delaunay::cut_into_strips() noexcept {
+    const std::uint32_t n = vertices_count_;
+    const std::uint32_t strip_points_min = std::max(kStripFactor * square_root(n), 2U);
+    std::uint32_t* const strip_of_column = counts_.data();
+    std::fill_n(strip_of_column, kColumns, 0U);
+    for (std::uint32_t v = 0; v < n; ++v) ++strip_of_column[vertices_[v].x >> kColumnShift];
+    std::uint32_t strips_count = 0, begin = 0, end = 0;
+    for (std::uint32_t column = 0; column < kColumns; ++column) {
+        end += strip_of_column[column];
+        strip_of_column[column] = strips_count;
+        if (end - begin >= strip_points_min && n - end >= strip_points_min) {
+            strip_begin_[strips_count++] = begin;
+            begin = end;
+        }
+    }
+    strip_begin_[strips_count++] = begin;
+    strip_begin_[strips_count] = n;
+
+    // Deal the sorted points out; next[s] runs through strip s, and ends where strip s + 1 begins.
+    std::uint32_t* const next = counts_.data() + kColumns;
+    std::copy_n(strip_begin_.begin(), strips_count, next);
+    std::uint32_t seen = 0;
+    for (std::uint32_t i = 0; seen < n; ++i) {
+        if (i > 0 && (sorted_[i] ^ sorted_[i - 1]) >> 32 == 0) continue;
+        ++seen;
+        const std::uint32_t x = static_cast<std::uint32_t>(sorted_[i] >> 32) & kXMask;
+        order_[next[strip_of_column[x >> kColumnShift]]++] = vertex_of_point_[static_cast<std::uint32_t>(sorted_[i])];
+    }
+    return strips_count;
+}
+
+// Vertices are visited in order, and each tells its smaller neighbours of itself: so every vertex hears of its larger
+// neighbours in order, and the edges come out sorted without a sort. The triangles follow from the edges.
+void Delaunay::write_out(const Subdivision& subdivision) noexcept {
+    const std::uint32_t n = vertices_count_;
+    std::fill_n(first_edge_.begin(), n + 1, 0U);
+    for (std::uint32_t e = 0; e < subdivision.slots_used(); e += 2) {
+        if (!subdivision.is_alive(e)) continue;
+        const std::uint32_t a = subdivision.origin(e), b = subdivision.destination(e);
+        spoke_of_vertex_[a] = e;
+        spoke_of_vertex_[b] = e + 1;
+        ++first_edge_[std::min(a, b)];
+    }
+    std::uint32_t edges_count = 0;
+    for (std::uint32_t v = 0; v < n; ++v) {
+        const std::uint32_t count = first_edge_[v];
+        first_edge_[v] = edges_count;
+        edges_count += count;
+    }
+    for (std::uint32_t b = 0; b < n; ++b) {
+        const std::uint32_t spoke = spoke_of_vertex_[b];
+        std::uint32_t e = spoke;
+        do {
+            const std::uint32_t a = subdivision.destination(e);
+            if (a < b) {
+                const std::uint32_t edge = first_edge_[a]++;
+                edges_[edge] = MeshEdge{a, b, kNoTriangle, kNoTriangle};
+                half_edge_of_edge_[edge] = Subdivision::twin(e);
+                edge_of_half_edge_[e] = edge_of_half_edge_[Subdivision::twin(e)] = edge;
+            }
+            e = subdivision.next(e);
+        } while (e != spoke);
+    }
+    // A triangle is written by the edge that leaves its smallest vertex counter-clockwise, so in sorted order too. On
+    // the outer face the third point lies to the right of a hull edge, or on its line.
+    std::uint32_t triangles_count = 0;
+    for (std::uint32_t edge = 0; edge < edges_count; ++edge) {
+        const std::uint32_t ab = half_edge_of_edge_[edge];
+        const std::uint32_t ac = subdivision.next(ab);
+        const std::uint32_t a = edges_[edge].a, b = edges_[edge].b, c = subdivision.destination(ac);
+        if (c < a || twice_area(subdivision.at_origin(ab), subdivision.at_destination(ab),
+                                subdivision.at_destination(ac)) <= 0) {
+            continue;
+        }
+        const std::uint32_t edge_bc = edge_of_half_edge_[subdivision.left_next(ab)];
+        const std::uint32_t edge_ca = edge_of_half_edge_[ac];
+        triangles_[triangles_count] = MeshTriangle{{a, b, c}, {edge, edge_bc, edge_ca}};
+        edges_[edge].left_triangle = triangles_count;
+        (b < c ? edges_[edge_bc].left_triangle : edges_[edge_bc].right_triangle) = triangles_count;
+        edges_[edge_ca].right_triangle = triangles_count;
+        ++triangles_count;
+    }
+    mesh_.edges = edges_.first(edges_count);
+    mesh_.triangles = triangles_.first(triangles_count);
+}
+
+}  // namespace stillmesh
