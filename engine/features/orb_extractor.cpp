@@ -32,15 +32,21 @@ constexpr std::uint32_t gather_bits(std::uint32_t v) noexcept {
     return (v | v >> 8) & 0x0000ffffu;
 }
 
-// How well the patch fixes a corner: the square root of the smaller eigenvalue of its gradients' tensor (Shi and Tomasi
-// 1994), which is in units of contrast, over 4: 511 for more than any but the starkest corner.
+// How well the patch fixes a corner: det / trace of its gradients' tensor, half the harmonic mean of its eigenvalues
+// (Noble 1988), which is in units of squared contrast. On a logarithmic scale of 32 steps to the octave: the exponent
+// and first bits of a float are that.
 std::uint32_t score_of(const Tensor& tensor) noexcept {
-    const double difference = static_cast<double>(tensor.xx - tensor.yy);
-    const double twice_xy = 2.0 * static_cast<double>(tensor.xy);
-    const double root = std::sqrt(difference * difference + twice_xy * twice_xy);
-    const double least = 0.5 * (static_cast<double>(tensor.xx + tensor.yy) - root);
-    const double score = 0.25 * std::sqrt(least > 0 ? least : 0.0);
-    return score < 511.0 ? static_cast<std::uint32_t>(score) : 511u;
+    const std::int64_t determinant = static_cast<std::int64_t>(tensor.xx) * tensor.yy -
+                                     static_cast<std::int64_t>(tensor.xy) * tensor.xy;  // below 2^52: exact
+    const std::int32_t trace = tensor.xx + tensor.yy;
+    constexpr float kLeast = 1024;
+    constexpr std::uint32_t kDropped = 18;  // of the 23 bits of a mantissa
+    if (trace <= 0) return 0;
+    const float ratio = static_cast<float>(static_cast<double>(determinant) / static_cast<double>(trace));
+    if (!(ratio > kLeast)) return 0;
+    const std::uint32_t score =
+        (std::bit_cast<std::uint32_t>(ratio) - std::bit_cast<std::uint32_t>(kLeast)) >> kDropped;
+    return minimum(score, 511);  // 2^26 and more
 }
 
 // Where the peak of a parabola through three values lies, from the middle one.
@@ -187,7 +193,7 @@ void OrbExtractor::find_corners(std::uint32_t level) noexcept {
         for (std::uint32_t i = 0; i < count; ++i) {
             const std::uint32_t x = maxima_[i];
             if (end == end_max) thin_out(found.begin, end, score_min);
-            const std::uint32_t score = score_of(kernels_->tensor(image.row(centre_y) + x, stride));
+            const std::uint32_t score = centre[x];  // until it is rated
             if (score < score_min) continue;
             corners_[end++] = score << kScoreShift | (centre[x] > options_.fast_threshold ? kStrongBit : 0) |
                               centre_y << kCoordinateBits | x;
@@ -225,11 +231,12 @@ void OrbExtractor::put_strong_first(std::uint32_t level, std::uint32_t width) no
     std::uint32_t strong = 0;
     std::uint32_t weak = 0;
     for (const std::uint32_t corner : corners) {
-        if ((corner & kStrongBit) != 0 || cells_[cell_of(corner)] == 0) {
-            corners[strong++] = corner;
-        } else {
-            sorted_[weak++] = corner;
-        }
+        // Written to both, counted in one: which it is cannot be predicted.
+        const bool is_strong = (corner & kStrongBit) != 0 || cells_[cell_of(corner)] == 0;
+        corners[strong] = corner;
+        sorted_[weak] = corner;
+        strong += is_strong ? 1 : 0;
+        weak += is_strong ? 0 : 1;
     }
     std::memcpy(corners.data() + strong, sorted_.data(), weak * sizeof(std::uint32_t));
     found.strong = strong;
@@ -355,14 +362,38 @@ std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32
     return taken;
 }
 
+// Puts the quality of corners in the place of their FAST strength. Only of those that have a choice before them or are
+// given out: where a cell has strong corners its weak ones, most of all, are never asked.
+void OrbExtractor::rate(const GreyView& image, std::span<std::uint32_t> corners) noexcept {
+    constexpr std::size_t kBatch = 64;
+    std::uint32_t places[kBatch];
+    Tensor tensors[kBatch];
+    for (std::size_t begin = 0; begin < corners.size(); begin += kBatch) {
+        const std::size_t count = corners.size() - begin < kBatch ? corners.size() - begin : kBatch;
+        for (std::size_t i = 0; i < count; ++i) {
+            const std::uint32_t corner = corners[begin + i];
+            places[i] = (corner >> kCoordinateBits & kCoordinateMask) << 16 | (corner & kCoordinateMask);
+        }
+        kernels_->tensors(image.data, static_cast<std::ptrdiff_t>(image.stride), places,
+                          static_cast<std::uint32_t>(count), tensors);
+        for (std::size_t i = 0; i < count; ++i) {
+            std::uint32_t& corner = corners[begin + i];
+            corner = score_of(tensors[i]) << kScoreShift | (corner & ((1u << kScoreShift) - 1));
+        }
+    }
+}
+
 // Leaves the level's features as the first `wanted` of its corners.
 void OrbExtractor::select(std::uint32_t level) noexcept {
     LevelCorners& found = level_corners_[level];
+    const GreyView image = pyramid_.level(level);
     const std::span<std::uint32_t> corners = corners_.subspan(found.begin, found.count);
+    rate(image, corners.first(found.strong));
     if (found.wanted <= found.strong) {
         const std::uint32_t taken = spread(corners.first(found.strong), found.wanted);
         STILLMESH_CHECK(taken == found.wanted);
     } else {
+        rate(image, corners.subspan(found.strong));
         const std::uint32_t taken = spread(corners.subspan(found.strong), found.wanted - found.strong);
         STILLMESH_CHECK(found.strong + taken == found.wanted);
     }

@@ -68,6 +68,7 @@ private:
     void put_strong_first(std::uint32_t level, std::uint32_t width) noexcept;
     void share_out(std::uint32_t total) noexcept;
     [[nodiscard]] std::uint32_t spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept;
+    void rate(const GreyView& image, std::span<std::uint32_t> corners) noexcept;
     void select(std::uint32_t level) noexcept;
     void blur(std::uint32_t level) noexcept;
     void describe(std::uint32_t level, FeatureSet& features) noexcept;

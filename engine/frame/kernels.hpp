@@ -75,8 +75,9 @@ struct Kernels {
     // Moments over the disc of kPatchRadius; the square of that radius (and one column more) exists.
     Moments (*moments)(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept;
 
-    // Around `centre`, of which a square of radius 4 (and 8 columns more) exists.
-    Tensor (*tensor)(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept;
+    // Of `count` pixels, each given as y * 2^16 + x. A square of radius 4 (and 7 columns more) exists around each.
+    void (*tensors)(const std::uint8_t* image, std::ptrdiff_t stride, const std::uint32_t* places, std::uint32_t count,
+                    Tensor* tensors) noexcept;
 
     // Number of different bits of two descriptors.
     std::uint32_t (*hamming)(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept;

@@ -336,7 +336,7 @@ Moments moments(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
 
 // Eight columns at once, of which the last is left out: vertical sums and differences of three rows, then across by
 // shifting lanes. |gradient| <= 1020, a pair of products < 2^22, seven rows < 2^25.
-Tensor tensor(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
+inline __attribute__((always_inline)) Tensor tensor(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
     const __m128i zero = _mm_setzero_si128();
     const __m128i seven = _mm_setr_epi16(-1, -1, -1, -1, -1, -1, -1, 0);
     const std::uint8_t* from = centre - 4 * stride - 4;
@@ -384,6 +384,13 @@ Tensor tensor(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
     return {total(xx), total(xy), total(yy)};
 }
 
+void tensors(const std::uint8_t* image, std::ptrdiff_t stride, const std::uint32_t* places, std::uint32_t count,
+             Tensor* tensors) noexcept {
+    for (std::uint32_t i = 0; i < count; ++i)
+        tensors[i] =
+            tensor(image + static_cast<std::ptrdiff_t>(places[i] >> 16) * stride + (places[i] & 0xffff), stride);
+}
+
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
     return static_cast<std::uint32_t>(__builtin_popcountll(a[0] ^ b[0]) + __builtin_popcountll(a[1] ^ b[1]) +
                                       __builtin_popcountll(a[2] ^ b[2]) + __builtin_popcountll(a[3] ^ b[3]));
@@ -395,7 +402,7 @@ void hamming_many(const std::uint64_t a[4], const std::uint64_t* many, std::uint
 }
 
 constexpr Kernels kAvx2 = {"avx2",   grey_row<true>, grey_row<false>, scale_row, fast_row,    local_maxima,
-                           blur_row, moments,        tensor,          hamming,   hamming_many};
+                           blur_row, moments,        tensors,         hamming,   hamming_many};
 
 }  // namespace
 

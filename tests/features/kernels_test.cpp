@@ -132,8 +132,12 @@ TEST(Kernels, equal_plain_bits) {
                         const Moments a = plain.moments(image.row(y) + x, stride);
                         const Moments b = kernels->moments(image.row(y) + x, stride);
                         ASSERT_TRUE(a.x == b.x && a.y == b.y) << x << " " << y;
-                        const Tensor c = plain.tensor(image.row(y) + x, stride);
-                        const Tensor d = kernels->tensor(image.row(y) + x, stride);
+                        const std::uint32_t here[2] = {y << 16 | x, 16 << 16 | 16};
+                        Tensor c;
+                        Tensor both[2];
+                        plain.tensors(image.row(0), stride, here, 1, &c);
+                        kernels->tensors(image.row(0), stride, here, 2, both);
+                        const Tensor& d = both[0];
                         ASSERT_TRUE(c.xx == d.xx && c.xy == d.xy && c.yy == d.yy) << x << " " << y;
                     }
                 }
