@@ -148,7 +148,8 @@ def room_complaints(files, rooms, public_headers):
 
 def public_headers_of(arguments):
     names = cmake_list(read(f"{arguments.source}/engine/CMakeLists.txt"), "STILLMESH_PUBLIC_HEADERS")
-    return ["engine/" + name for name in names]
+    front = [name for name in ("engine.hpp", "configuration.hpp") if pathlib.Path(arguments.source, "engine", name).is_file()]
+    return ["engine/" + name for name in dict.fromkeys(names + front)]
 
 
 def check_rooms(arguments):
