@@ -95,6 +95,7 @@ TEST(ByteReader, CountsAreBounded) {
     EXPECT_EQ(read(4, 3, 2, 100), -1);
     EXPECT_EQ(read(0, 0, 8, 0), 0);
     EXPECT_EQ(read(0xffffffffU, 0xffffffffU, std::numeric_limits<std::size_t>::max() / 2, 100), -1);
+    EXPECT_EQ(read(4, 10, std::numeric_limits<std::size_t>::max() / 4 + 1, 100), -1) << "the product would wrap to 0";
     EXPECT_EQ(read(5, 10, 0, 0), 5);
 }
 

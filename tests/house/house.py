@@ -24,8 +24,8 @@ import tempfile
 # What the compiler itself may call, and the square root (correctly rounded by IEEE 754 everywhere; only compilers
 # that do not optimise call it). __popcountdi2 is libgcc's, for processors without the instruction.
 SYMBOLS_ALLOWED = {"memcpy", "memmove", "memset", "memcmp", "sqrt", "sqrtf", "_GLOBAL_OFFSET_TABLE_", "__popcountdi2"}
-# The helpers of the ARM run-time ABI: integer division, copies.
-SYMBOLS_ALLOWED_PATTERN = re.compile(r"^__aeabi_(u?l?i?divmod|u?idiv|memcpy\d?|memmove\d?|memset\d?|memclr\d?)$")
+# The helpers of the ARM run-time ABI: integer division, 64-bit integers to double and back, copies.
+SYMBOLS_ALLOWED_PATTERN = re.compile(r"^__aeabi_(u?l?i?divmod|u?idiv|u?l2d|d2u?lz|memcpy\d?|memmove\d?|memset\d?|memclr\d?)$")
 
 # Headers of the standard library that need no heap, no locale, no clock, no threads; and intrinsics.
 ENGINE_SYSTEM_HEADERS = {
