@@ -23,8 +23,8 @@ struct DepthSample {
     [[nodiscard]] bool is_valid() const noexcept { return variance_m2 >= 0; }
 };
 
-// The mixture over the 3x3 neighbourhood of pixel (x, y) (Dryanovski 2013). Invalid when the centre of mass has no
-// valid pixel, mean > z_max, mean < z_min or sqrt(variance) > sigma_max.
+// The mixture over the 3x3 neighbourhood of pixel (x, y) (Dryanovski 2013). Invalid when none of the nine has depth, when
+// (x, y) is outside, or mean > z_max, mean < z_min or sqrt(variance) > sigma_max.
 [[nodiscard]] DepthSample sample_depth(const DepthView& depth, double metres_per_unit, std::int32_t x, std::int32_t y,
                                        const DepthNoise& noise) noexcept;
 
