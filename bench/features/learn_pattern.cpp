@@ -117,7 +117,7 @@ int main() {
                         match = m;
                     }
                 }
-                if (match == found.size() || random.below(3) != 0) continue;
+                if (match == found.size() || random.below(6) != 0) continue;
                 first.push_back(originals[k]);
                 second.push_back(found[match]);
             }
@@ -132,7 +132,7 @@ int main() {
         test.b = random.below(static_cast<std::uint32_t>(points.size()));
         const int dx = points[test.a].x - points[test.b].x;
         const int dy = points[test.a].y - points[test.b].y;
-        if (dx * dx + dy * dy < 9) continue;
+        if (dx * dx + dy * dy < 4) continue;
         test.bits.assign((pairs + 63) / 64, 0);
         std::size_t ones = 0;
         std::size_t flips = 0;
@@ -149,30 +149,30 @@ int main() {
         tests.push_back(std::move(test));
     }
     std::stable_sort(tests.begin(), tests.end(), [](const Test& a, const Test& b) { return a.worth > b.worth; });
+    // Greedy: worth, less the more it repeats the one among those taken that it is most like.
     std::vector<const Test*> taken;
-    std::vector<bool> is_taken(tests.size(), false);
-    // Binary search of the loosest rule that still yields 256.
-    double low = 0.05;
-    double high = 1;
-    for (int round = 0; round < 12; ++round) {
-        const double limit = round == 11 ? high : 0.5 * (low + high);
-        taken.clear();
-        for (const Test& test : tests) {
-            bool is_new = true;
-            for (const Test* other : taken) {
-                std::size_t different = 0;
-                for (std::size_t w = 0; w < test.bits.size(); ++w)
-                    different += static_cast<std::size_t>(std::popcount(test.bits[w] ^ other->bits[w]));
-                const double agreement = 1 - 2 * static_cast<double>(different) / static_cast<double>(pairs);
-                if (std::abs(agreement) > limit) {
-                    is_new = false;
-                    break;
-                }
+    double most_alike = 0;
+    std::vector<double> likeness(tests.size(), 0);
+    while (taken.size() < 256) {
+        std::size_t best = 0;
+        double best_value = -1;
+        for (std::size_t i = 0; i < tests.size(); ++i) {
+            const double value = tests[i].worth * std::pow(1 - likeness[i], 2);
+            if (value > best_value) {
+                best_value = value;
+                best = i;
             }
-            if (is_new) taken.push_back(&test);
-            if (taken.size() == 256) break;
         }
-        (taken.size() == 256 ? high : low) = limit;
+        taken.push_back(&tests[best]);
+        most_alike = std::max(most_alike, likeness[best]);
+        for (std::size_t i = 0; i < tests.size(); ++i) {
+            if (tests[i].worth * std::pow(1 - likeness[i], 2) < 0.3 * best_value) continue;
+            std::size_t different = 0;
+            for (std::size_t w = 0; w < tests[i].bits.size(); ++w)
+                different += static_cast<std::size_t>(std::popcount(tests[i].bits[w] ^ tests[best].bits[w]));
+            const double agreement = std::abs(1 - 2 * static_cast<double>(different) / static_cast<double>(pairs));
+            likeness[i] = std::max(likeness[i], agreement);
+        }
     }
     double worth = 0;
     double same = 0;
@@ -180,7 +180,8 @@ int main() {
         worth += test->worth / 256;
         same += test->same / 256;
     }
-    std::fprintf(stderr, "agreement at most %.3f, mean worth %.3f, flips between views %.3f\n", high, worth, same);
+    std::fprintf(stderr, "agreement at most %.3f, mean worth %.3f, flips between views %.3f\n", most_alike, worth,
+                 same);
     for (std::size_t i = 0; i < taken.size(); ++i) {
         const Point a = points[taken[i]->a];
         const Point b = points[taken[i]->b];

@@ -24,11 +24,13 @@ int main() {
             for (int i = 0; i < 2; ++i) {
                 const testing::Quality q = testing::measure(originals[i], (i == 0 ? ours : theirs)(t.image), t);
                 table[i][t.name].add(q);
-                table[i]["sum"].add(q);
+                table[i]["= " + testing::kind_of(t)].add(q);
+                table[i]["= sum"].add(q);
             }
         }
     }
-    names.push_back("sum");
+    for (const char* kind : {"rotation", "scale", "blur", "noise", "mixed", "sum"})
+        names.push_back(std::string("= ") + kind);
     std::printf("%-20s| repeatability | matching score | inlier ratio  | error px      | in its level\n",
                 "ours / cv::ORB");
     for (const std::string& name : names) {

@@ -1,10 +1,9 @@
 // Time of our extraction as a share of cv::ORB(1000, 1.2, 8)'s, on the same frames, in the same run, on one thread.
 // Each frame is measured several times by both in turn and the minimum of each is kept, so that what else the machine
 // does falls out. Exit 1 when the share exceeds --max.
-//   feature_ratio [--kernels auto|sse2|plain] [--max SHARE] [--repeat N]
+//   feature_ratio [--kernels auto|avx2|sse2|plain] [--max SHARE] [--repeat N]
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 
@@ -26,14 +25,19 @@ int main(int argc, char** argv) {
     double share_max = 1e9;
     int repeat = 7;
     for (int i = 1; i + 1 < argc; i += 2) {
-        if (std::strcmp(argv[i], "--kernels") == 0 && std::strcmp(argv[i + 1], "sse2") == 0) kernels = sse2_kernels();
-        if (std::strcmp(argv[i], "--kernels") == 0 && std::strcmp(argv[i + 1], "plain") == 0)
-            kernels = &plain_kernels();
-        if (std::strcmp(argv[i], "--max") == 0) share_max = std::atof(argv[i + 1]);
-        if (std::strcmp(argv[i], "--repeat") == 0) repeat = std::atoi(argv[i + 1]);
+        const std::string option = argv[i];
+        const std::string value = argv[i + 1];
+        if (option == "--kernels") {
+            // AVX2 only where the processor has it.
+            if (value == "avx2") kernels = &cpu_kernels() == avx2_kernels() ? avx2_kernels() : nullptr;
+            if (value == "sse2") kernels = sse2_kernels();
+            if (value == "plain") kernels = &plain_kernels();
+        }
+        if (option == "--max") share_max = std::atof(argv[i + 1]);
+        if (option == "--repeat") repeat = std::atoi(argv[i + 1]);
     }
     if (kernels == nullptr) {
-        std::printf("these kernels are not in this build\n");
+        std::printf("these kernels are not in this build, or not for this processor\n");
         return 77;
     }
     cv::setNumThreads(1);

@@ -272,7 +272,7 @@ void OrbExtractor::share_out(std::uint32_t total) noexcept {
 // Moves `wanted` of `corners`, evenly spread, to the front and returns their count. A quadtree without the tree: sorted
 // along Morton's curve, the corners of every square of every depth lie side by side. The finest depth with no more
 // occupied squares than the even share of `wanted` gives each square its best corner; the rest goes to the best of what
-// is left, one corner in each of much smaller squares. Linear time, no recursion; ties end with the earlier on the
+// is left, one corner in each square of 4 px. Linear time, no recursion; ties end with the earlier on the
 // curve.
 std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept {
     const std::uint32_t count = static_cast<std::uint32_t>(corners.size());
@@ -311,8 +311,8 @@ std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32
     std::uint32_t depth = 0;
     std::uint32_t squares = 1;
     while (1000 * (squares + parting_at[depth + 1]) <= options_.even_permille * wanted) squares += parting_at[++depth];
-    // Corners nearer than a 32nd of a square's side say the same.
-    std::uint32_t fine = minimum(depth + 5, kCoordinateBits);
+    // Corners that share a square of 4 px say the same.
+    std::uint32_t fine = depth < kCoordinateBits - 2 ? kCoordinateBits - 2 : kCoordinateBits;
     std::uint32_t fine_squares = squares;
     for (std::uint32_t i = depth + 1; i <= fine; ++i) fine_squares += parting_at[i];
     while (fine_squares < wanted) fine_squares += parting_at[++fine];

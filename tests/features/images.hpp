@@ -7,6 +7,7 @@
 
 #include "engine/base/random.hpp"
 #include "engine/frame/image_view.hpp"
+#include "engine/frame/kernels.hpp"
 
 namespace stillmesh::testing {
 
@@ -59,6 +60,37 @@ inline void fill_leaves(Image& image, std::uint64_t seed, std::uint32_t count = 
             }
         }
     }
+}
+
+// Pixels that break careless arithmetic: noise of full and of little contrast, black, white, stripes and boards of
+// both.
+inline std::vector<Image> hard_images(std::uint32_t width, std::uint32_t height) {
+    std::vector<Image> all;
+    const std::size_t slack = kKernelSlackBytes;
+    for (std::uint64_t seed = 0; seed < 3; ++seed) {
+        all.emplace_back(width, height, width + slack + seed);
+        fill_noise(all.back(), seed);
+        all.emplace_back(width, height, width + slack);
+        fill_noise(all.back(), seed, 100, 110);
+        all.emplace_back(width, height, width + slack);
+        fill_noise(all.back(), seed, 0, 1);
+        for (std::uint8_t& pixel : all.back().pixels) pixel = pixel == 0 ? 0 : 255;
+        all.emplace_back(width, height, width + slack);
+        fill_leaves(all.back(), seed, 300);
+    }
+    for (const int value : {0, 255}) {
+        all.emplace_back(width, height, width + slack);
+        fill(all.back(), static_cast<std::uint8_t>(value));
+    }
+    for (std::uint32_t period = 1; period < 4; ++period) {
+        all.emplace_back(width, height, width + slack);
+        for (std::uint32_t y = 0; y < height; ++y)
+            for (std::uint32_t x = 0; x < width; ++x)
+                all.back().row(y)[x] = (x / period + y / period) % 2 == 0 ? 0 : 255;
+    }
+    // Rows may be read, not used, beyond their end.
+    for (Image& image : all) image.pixels.resize(image.pixels.size() + slack, 77);
+    return all;
 }
 
 }  // namespace stillmesh::testing

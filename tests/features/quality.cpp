@@ -1,5 +1,6 @@
 #include "tests/features/quality.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -65,6 +66,13 @@ std::vector<Transformed> transformations(const cv::Mat& image) {
     return all;
 }
 
+std::string kind_of(const Transformed& transformed) {
+    const std::string word = transformed.name.substr(0, transformed.name.find(' '));
+    if (word == "motion") return "blur";
+    if (word == "dim" || word == "shift") return "noise";
+    return word == "all" ? "mixed" : word;
+}
+
 double Quality::error_px() const {
     return std::sqrt(error2_px2 / right);
 }
@@ -73,11 +81,21 @@ double Quality::error_level_px() const {
     return std::sqrt(error2_level / right_level);
 }
 
+double Quality::inlier_ratio_of_best(std::size_t count) const {
+    std::vector<std::pair<float, bool>> sorted = ranked;
+    std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    sorted.resize(std::min(count, sorted.size()));
+    double inliers = 0;
+    for (const auto& match : sorted) inliers += match.second ? 1 : 0;
+    return inliers / static_cast<double>(sorted.size());
+}
+
 void Quality::add(const Quality& other) {
     visible += other.visible;
     repeated += other.repeated;
     matches += other.matches;
     right += other.right;
+    ranked.insert(ranked.end(), other.ranked.begin(), other.ranked.end());
     error2_px2 += other.error2_px2;
     error2_level += other.error2_level;
     right_level += other.right_level;
@@ -111,6 +129,7 @@ Quality measure(const Found& original, const Found& copy, const Transformed& tra
         const cv::Point2f p = copy.keypoints[static_cast<std::size_t>(match.trainIdx)].pt;
         const double error = std::hypot(p.x - q.x, p.y - q.y);
         quality.matches += 1;
+        quality.ranked.emplace_back(match.distance, error <= 3);
         if (error > 3) continue;
         quality.right += 1;
         quality.error2_px2 += error * error;

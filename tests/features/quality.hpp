@@ -4,6 +4,7 @@
 #include <functional>
 #include <opencv2/core.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace stillmesh::testing {
@@ -24,6 +25,9 @@ struct Transformed {
 // Rotations, scales, blurs, noise, dimming, and all of them a little. Deterministic.
 std::vector<Transformed> transformations(const cv::Mat& image);
 
+// rotation, scale, blur, noise or mixed.
+std::string kind_of(const Transformed& transformed);
+
 struct Quality {
     double visible = 0;       // keypoints of the original that lie inside the copy
     double repeated = 0;      // of them, found again within 2.5 px
@@ -32,6 +36,11 @@ struct Quality {
     double error2_px2 = 0;    // sum over the right ones of the squared distance to the truth
     double error2_level = 0;  // the same in pixels of the original keypoint's level, over those under 2 of them
     double right_level = 0;
+    // Distance of the descriptors, and whether the match is right.
+    std::vector<std::pair<float, bool>> ranked;
+    // Inlier ratio of the `count` matches with the smallest distances: an extractor that gives out more features, and
+    // so harder ones, is compared at the same number of matches.
+    [[nodiscard]] double inlier_ratio_of_best(std::size_t count) const;
     [[nodiscard]] double repeatability() const { return repeated / visible; }
     [[nodiscard]] double inlier_ratio() const { return right / matches; }
     [[nodiscard]] double matching_score() const { return right / visible; }
