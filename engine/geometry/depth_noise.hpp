@@ -13,7 +13,7 @@ struct DepthNoise {
     double sigma_pixel = 1.0;          // px at pyramid level 0
     double z_min_m = 0.3;
     double z_max_m = 6.0;
-    double sigma_max_m = 0.15;         // beyond: the feature has no usable depth (isolated, paper Fig. 4)
+    double sigma_max_m = 0.15;  // beyond: the feature has no usable depth (isolated, paper Fig. 4)
 };
 
 // Depth of one feature: mean and variance of the 3x3 mixture. variance_m2 < 0 means no valid depth there.
@@ -23,8 +23,8 @@ struct DepthSample {
     [[nodiscard]] bool is_valid() const noexcept { return variance_m2 >= 0; }
 };
 
-// The mixture over the 3x3 neighbourhood of pixel (x, y) (Dryanovski 2013). Invalid when none of the nine has depth, when
-// (x, y) is outside, or mean > z_max, mean < z_min or sqrt(variance) > sigma_max.
+// The mixture over the 3x3 neighbourhood of pixel (x, y) (Dryanovski 2013). Invalid when none of the nine has depth,
+// when (x, y) is outside, or mean > z_max, mean < z_min or sqrt(variance) > sigma_max.
 [[nodiscard]] DepthSample sample_depth(const DepthView& depth, double metres_per_unit, std::int32_t x, std::int32_t y,
                                        const DepthNoise& noise) noexcept;
 

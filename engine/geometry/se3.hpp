@@ -39,7 +39,8 @@ struct SE3 {
 [[nodiscard]] Vector6 se3_log(const SE3& motion) noexcept;
 // Adjoint for xi = [translation, rotation]: exp(Ad(T) xi) = T exp(xi) T^-1.
 [[nodiscard]] Matrix6 se3_adjoint(const SE3& motion) noexcept;
-// The nearest rotation after many multiplications: one Newton step of the polar decomposition, repeated to the last bit.
+// The nearest rotation after many multiplications: one Newton step of the polar decomposition, repeated to the last
+// bit.
 void renormalise(Matrix3& rotation) noexcept;
 // Unit quaternion [x, y, z, w] with w >= 0, and back (normalised first).
 [[nodiscard]] Vector4 quaternion_from_rotation(const Matrix3& rotation) noexcept;
