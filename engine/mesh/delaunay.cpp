@@ -21,7 +21,7 @@ constexpr std::uint32_t kXBits = 14;
 constexpr std::uint32_t kXMask = (1U << kXBits) - 1;
 static_assert(kMeshCoordinateMax == static_cast<std::int32_t>(kXMask));
 constexpr std::uint32_t kColumnShift = 5;  // 16384 / 512 columns
-constexpr std::uint32_t kStripFactor = 4;  // points in a strip, in square roots of all: measured, bench/mesh
+constexpr std::uint32_t kStripFactor = 2;  // points in a strip, in square roots of all: measured, bench/mesh
 
 // A piece of the triangulation, by its hull: what a merge needs to know of it.
 struct Piece {
@@ -103,41 +103,64 @@ public:
         if (origin(right) == origin(last)) last = base;
 
         // Rise: a circle through the base grows upwards until it meets a point; that point takes the next cross edge.
+        // The candidates for it are the first edges above the base on either side; an edge whose neighbour is met
+        // before its own tip would be crossed, and goes. Below the base the circle never holds a point.
+        PixelPoint at_left = at_origin(left), at_right = at_origin(right);
+        std::uint32_t candidate_left = next(twin(base)), candidate_right = previous(base);
         for (;;) {
-            const PixelPoint at_left = at_destination(base);
-            const PixelPoint at_right = at_origin(base);
-            std::uint32_t candidate_left = next(twin(base));
             PixelPoint tip_left = at_destination(candidate_left);
-            const bool is_left = orient2d(at_left, at_right, tip_left) > 0;
+            PixelPoint tip_right = at_destination(candidate_right);
+            Sight sight_left = sight(at_left, at_right, tip_left);
+            Sight sight_right = sight(at_left, at_right, tip_right);
+            const bool is_left = sight_left.area > 0;
+            const bool is_right = sight_right.area > 0;
             if (is_left) {
                 for (;;) {
                     const std::uint32_t follower = next(candidate_left);
                     const PixelPoint tip = at_destination(follower);
-                    if (!is_inside(at_left, at_right, tip_left, tip)) break;
+                    const Sight of_tip = sight(at_left, at_right, tip);
+                    const std::int64_t determinant = circle_determinant(sight_left, of_tip);
+                    if (determinant < 0) break;
+                    if (determinant == 0 && !is_inside_by_rule(at_left, at_right, tip_left, tip)) break;
                     remove(candidate_left);
                     candidate_left = follower;
                     tip_left = tip;
+                    sight_left = of_tip;
                 }
             }
-            std::uint32_t candidate_right = previous(base);
-            PixelPoint tip_right = at_destination(candidate_right);
-            const bool is_right = orient2d(at_left, at_right, tip_right) > 0;
             if (is_right) {
                 for (;;) {
                     const std::uint32_t follower = previous(candidate_right);
                     const PixelPoint tip = at_destination(follower);
-                    if (!is_inside(at_left, at_right, tip_right, tip)) break;
+                    const Sight of_tip = sight(at_left, at_right, tip);
+                    const std::int64_t determinant = circle_determinant(sight_right, of_tip);
+                    if (determinant < 0) break;
+                    if (determinant == 0 && !is_inside_by_rule(at_left, at_right, tip_right, tip)) break;
                     remove(candidate_right);
                     candidate_right = follower;
                     tip_right = tip;
+                    sight_right = of_tip;
                 }
             }
-            if (!is_left && !is_right) break;  // the base is the upper common tangent
-            if (!is_left || (is_right && is_inside(at_left, at_right, tip_left, tip_right))) {
-                base = connect(candidate_right, twin(base));
-            } else {
-                base = connect(twin(base), twin(candidate_left));
+            bool takes_right = is_right;
+            if (is_left && is_right) [[likely]] {
+                const std::int64_t determinant = circle_determinant(sight_left, sight_right);
+                takes_right = determinant > 0;
+                if (determinant == 0) [[unlikely]] {
+                    takes_right = is_inside_by_rule(at_left, at_right, tip_left, tip_right);
+                }
+            } else if (!is_left && !is_right) {
+                break;  // the base is the upper common tangent
             }
+            // Written without a branch: which side it is, nobody can predict.
+            const std::uint32_t from = takes_right ? candidate_right : twin(base);
+            const std::uint32_t to = takes_right ? twin(base) : twin(candidate_left);
+            const std::uint32_t beyond = takes_right ? previous(twin(candidate_right)) : next(twin(candidate_left));
+            at_left = takes_right ? at_left : tip_left;
+            at_right = takes_right ? tip_right : at_right;
+            candidate_left = takes_right ? candidate_left : beyond;
+            candidate_right = takes_right ? beyond : candidate_right;
+            base = connect(from, to);
         }
         return {first, last};
     }
@@ -213,17 +236,18 @@ void Delaunay::create(Arena& arena, std::uint32_t points_max) noexcept {
     vertices_ = arena.array<PixelPoint>(n);
     vertex_of_point_ = arena.array<std::uint32_t>(n);
     edges_ = arena.array<MeshEdge>(edges);
-    triangles_ = arena.array<MeshTriangle>(mesh_triangles_max(points_max));
+    triangles_ = arena.array<MeshTriangle>(mesh_triangles_max(points_max) + 1);
     keys_ = arena.array<std::uint64_t>(n);
     keys_other_ = arena.array<std::uint64_t>(n);
     order_ = arena.array<std::uint32_t>(n);
     strip_begin_ = arena.array<std::uint32_t>(kColumns + 1);
     counts_ = arena.array<std::uint32_t>(kDigits);
     half_edges_ = arena.array<HalfEdge>(2 * edges);
-    edge_of_half_edge_ = arena.array<std::uint32_t>(2 * edges);
+    begin_by_b_ = arena.array<std::uint32_t>(n);
+    begin_by_a_ = arena.array<std::uint32_t>(n);
+    half_edge_by_b_ = arena.array<std::uint32_t>(edges);
     half_edge_of_edge_ = arena.array<std::uint32_t>(edges);
-    spoke_of_vertex_ = arena.array<std::uint32_t>(n);
-    first_edge_ = arena.array<std::uint32_t>(n + 1);
+    edge_of_slot_ = arena.array<std::uint32_t>(edges);
 }
 
 Status Delaunay::triangulate(std::span<const PixelPoint> points) noexcept {
@@ -352,56 +376,70 @@ std::uint32_t Delaunay::cut_into_strips() noexcept {
     return strips_count;
 }
 
-// Vertices are visited in order, and each tells its smaller neighbours of itself: so every vertex hears of its larger
-// neighbours in order, and the edges come out sorted without a sort. The triangles follow from the edges.
+// The edges are sorted by counting, by their larger vertex and then by their smaller; the triangles follow in order
+// from the edges. Straight loops: a branch on which of two vertices is smaller would be mispredicted every other time.
 void Delaunay::write_out(const Subdivision& subdivision) noexcept {
     const std::uint32_t n = vertices_count_;
-    std::fill_n(first_edge_.begin(), n + 1, 0U);
-    for (std::uint32_t e = 0; e < subdivision.slots_used(); e += 2) {
-        if (!subdivision.is_alive(e)) continue;
-        const std::uint32_t a = subdivision.origin(e), b = subdivision.destination(e);
-        spoke_of_vertex_[a] = e;
-        spoke_of_vertex_[b] = e + 1;
-        ++first_edge_[std::min(a, b)];
-    }
+    const std::uint32_t slots_used = subdivision.slots_used();
+    std::uint32_t* const begin_by_b = begin_by_b_.data();
+    std::uint32_t* const begin_by_a = begin_by_a_.data();
+    std::uint32_t* const half_edge_of_edge = half_edge_of_edge_.data();
+    std::uint32_t* const unsorted = half_edge_of_edge;
+    std::fill_n(begin_by_b, n, 0U);
+    std::fill_n(begin_by_a, n, 0U);
     std::uint32_t edges_count = 0;
-    for (std::uint32_t v = 0; v < n; ++v) {
-        const std::uint32_t count = first_edge_[v];
-        first_edge_[v] = edges_count;
-        edges_count += count;
+    for (std::uint32_t e = 0; e < slots_used; e += 2) {
+        if (!subdivision.is_alive(e)) continue;
+        const std::uint32_t ab = e + static_cast<std::uint32_t>(subdivision.origin(e) > subdivision.destination(e));
+        ++begin_by_a[subdivision.origin(ab)];
+        ++begin_by_b[subdivision.destination(ab)];
+        unsorted[edges_count++] = ab;
     }
-    for (std::uint32_t b = 0; b < n; ++b) {
-        const std::uint32_t spoke = spoke_of_vertex_[b];
-        std::uint32_t e = spoke;
-        do {
-            const std::uint32_t a = subdivision.destination(e);
-            if (a < b) {
-                const std::uint32_t edge = first_edge_[a]++;
-                edges_[edge] = MeshEdge{a, b, kNoTriangle, kNoTriangle};
-                half_edge_of_edge_[edge] = Subdivision::twin(e);
-                edge_of_half_edge_[e] = edge_of_half_edge_[Subdivision::twin(e)] = edge;
-            }
-            e = subdivision.next(e);
-        } while (e != spoke);
+    for (std::uint32_t v = 0, sum_a = 0, sum_b = 0; v < n; ++v) {
+        const std::uint32_t count_a = begin_by_a[v], count_b = begin_by_b[v];
+        begin_by_a[v] = sum_a;
+        begin_by_b[v] = sum_b;
+        sum_a += count_a;
+        sum_b += count_b;
     }
+    std::uint32_t* const by_b = half_edge_by_b_.data();
+    for (std::uint32_t i = 0; i < edges_count; ++i) {
+        by_b[begin_by_b[subdivision.destination(unsorted[i])]++] = unsorted[i];
+    }
+    MeshEdge* const edges = edges_.data();
+    std::uint32_t* const edge_of_slot = edge_of_slot_.data();
+    for (std::uint32_t i = 0; i < edges_count; ++i) {
+        const std::uint32_t ab = by_b[i];
+        const std::uint32_t a = subdivision.origin(ab);
+        const std::uint32_t edge = begin_by_a[a]++;
+        edges[edge] = MeshEdge{a, subdivision.destination(ab), kNoTriangle, kNoTriangle};
+        half_edge_of_edge[edge] = ab;
+        edge_of_slot[ab / 2] = edge;
+    }
+
     // A triangle is written by the edge that leaves its smallest vertex counter-clockwise, so in sorted order too. On
-    // the outer face the third point lies to the right of a hull edge, or on its line.
+    // the outer face the third point lies to the right of a hull edge, or on its line. What is written for an edge that
+    // writes no triangle is overwritten by the next; the array has one place more for the last.
+    MeshTriangle* const triangles = triangles_.data();
     std::uint32_t triangles_count = 0;
     for (std::uint32_t edge = 0; edge < edges_count; ++edge) {
-        const std::uint32_t ab = half_edge_of_edge_[edge];
+        const std::uint32_t ab = half_edge_of_edge[edge];
         const std::uint32_t ac = subdivision.next(ab);
-        const std::uint32_t a = edges_[edge].a, b = edges_[edge].b, c = subdivision.destination(ac);
-        if (c < a || twice_area(subdivision.at_origin(ab), subdivision.at_destination(ab),
-                                subdivision.at_destination(ac)) <= 0) {
-            continue;
-        }
-        const std::uint32_t edge_bc = edge_of_half_edge_[subdivision.left_next(ab)];
-        const std::uint32_t edge_ca = edge_of_half_edge_[ac];
-        triangles_[triangles_count] = MeshTriangle{{a, b, c}, {edge, edge_bc, edge_ca}};
-        edges_[edge].left_triangle = triangles_count;
-        (b < c ? edges_[edge_bc].left_triangle : edges_[edge_bc].right_triangle) = triangles_count;
-        edges_[edge_ca].right_triangle = triangles_count;
-        ++triangles_count;
+        const std::uint32_t a = edges[edge].a, b = edges[edge].b, c = subdivision.destination(ac);
+        const std::int32_t area =
+            twice_area(subdivision.at_origin(ab), subdivision.at_destination(ab), subdivision.at_destination(ac));
+        triangles[triangles_count] =
+            MeshTriangle{{a, b, c}, {edge, edge_of_slot[subdivision.left_next(ab) / 2], edge_of_slot[ac / 2]}};
+        triangles_count += static_cast<std::uint32_t>(c > a) & static_cast<std::uint32_t>(area > 0);
+    }
+    for (std::uint32_t t = 0; t < triangles_count; ++t) {
+        const MeshTriangle& triangle = triangles[t];
+        MeshEdge& bc = edges[triangle.edge[1]];
+        edges[triangle.edge[0]].left_triangle = t;
+        edges[triangle.edge[2]].right_triangle = t;
+        const std::uint32_t is_left = 0U - static_cast<std::uint32_t>(triangle.vertex[1] < triangle.vertex[2]);
+        bc.left_triangle = (bc.left_triangle & ~is_left) | (t & is_left);
+        bc.right_triangle = (bc.right_triangle & is_left) | (t & ~is_left);
     }
     mesh_.edges = edges_.first(edges_count);
     mesh_.triangles = triangles_.first(triangles_count);

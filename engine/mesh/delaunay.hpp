@@ -93,10 +93,10 @@ private:
     std::span<std::uint32_t> strip_begin_;        // into order_, one more than there are strips
     std::span<std::uint32_t> counts_;             // of digits, then of columns
     std::span<HalfEdge> half_edges_;
-    std::span<std::uint32_t> edge_of_half_edge_;  // where it went in edges_
-    std::span<std::uint32_t> half_edge_of_edge_;  // the direction a -> b
-    std::span<std::uint32_t> spoke_of_vertex_;    // some half edge out of it
-    std::span<std::uint32_t> first_edge_;         // of a vertex's edges to larger ones, in edges_
+    std::span<std::uint32_t> begin_by_b_, begin_by_a_;  // of a vertex's edges, by its being the larger or the smaller
+    std::span<std::uint32_t> half_edge_by_b_;           // the direction a -> b, sorted by b
+    std::span<std::uint32_t> half_edge_of_edge_;        // the direction a -> b, sorted by (a, b)
+    std::span<std::uint32_t> edge_of_slot_;             // of two half edges, their place in edges_
 };
 
 constexpr void Delaunay::plan(ArenaPlan& arena, std::uint32_t points_max) noexcept {
@@ -105,17 +105,18 @@ constexpr void Delaunay::plan(ArenaPlan& arena, std::uint32_t points_max) noexce
     arena.array<PixelPoint>(n);
     arena.array<std::uint32_t>(n);
     arena.array<MeshEdge>(edges);
-    arena.array<MeshTriangle>(mesh_triangles_max(points_max));
+    arena.array<MeshTriangle>(mesh_triangles_max(points_max) + 1);
     arena.array<std::uint64_t>(n);
     arena.array<std::uint64_t>(n);
     arena.array<std::uint32_t>(n);
     arena.array<std::uint32_t>(kColumns + 1);
     arena.array<std::uint32_t>(kDigits);
     arena.array<HalfEdge>(2 * edges);
-    arena.array<std::uint32_t>(2 * edges);
-    arena.array<std::uint32_t>(edges);
     arena.array<std::uint32_t>(n);
-    arena.array<std::uint32_t>(n + 1);
+    arena.array<std::uint32_t>(n);
+    arena.array<std::uint32_t>(edges);
+    arena.array<std::uint32_t>(edges);
+    arena.array<std::uint32_t>(edges);
 }
 
 }  // namespace stillmesh

@@ -8,11 +8,11 @@
 
 #include "engine/mesh/delaunay.hpp"
 
-namespace stillmesh::mesh_test {
+namespace stillmesh::testing {
 
-class Rig {
+class MeshRig {
 public:
-    explicit Rig(std::uint32_t points_max) : bytes_(planned_bytes(points_max)), arena_(allocate(bytes_)) {
+    explicit MeshRig(std::uint32_t points_max) : bytes_(planned_bytes(points_max)), arena_(allocate(bytes_)) {
         block_.reset(last_);
         delaunay.create(arena_, points_max);
         arena_.seal();
@@ -41,4 +41,4 @@ private:
     std::unique_ptr<std::byte[], Free> block_;
 };
 
-}  // namespace stillmesh::mesh_test
+}  // namespace stillmesh::testing
