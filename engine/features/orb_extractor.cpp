@@ -195,6 +195,7 @@ void OrbExtractor::find_corners(std::uint32_t level) noexcept {
             if (end == end_max) thin_out(found.begin, end, score_min);
             const std::uint32_t score = centre[x];  // until it is rated
             if (score < score_min) continue;
+            STILLMESH_CHECK(end < end_max);
             corners_[end++] = score << kScoreShift | (centre[x] > options_.fast_threshold ? kStrongBit : 0) |
                               centre_y << kCoordinateBits | x;
         }
@@ -203,17 +204,20 @@ void OrbExtractor::find_corners(std::uint32_t level) noexcept {
     put_strong_first(level, image.width);
 }
 
-// Room is short (noise, or worse): raises the least score until at least half of the level's corners are gone.
+// Room is short (noise, or worse): raises the least score until at least half of the level's corners are gone. Where
+// more than half share the best score, every second one goes.
 void OrbExtractor::thin_out(std::uint32_t begin, std::uint32_t& end, std::uint32_t& score_min) noexcept {
     std::uint32_t histogram[kScores] = {};
     for (std::uint32_t i = begin; i < end; ++i) ++histogram[corners_[i] >> kScoreShift];
+    const std::uint32_t total = end - begin;
     std::uint32_t gone = 0;
     score_min = 0;
-    while (2 * gone < end - begin) gone += histogram[score_min++];
-    std::uint32_t kept = begin;
+    while (2 * gone < total && gone + histogram[score_min] < total) gone += histogram[score_min++];
+    const std::uint32_t step = 2 * gone < total ? 2 : 1;
+    std::uint32_t kept = 0;
     for (std::uint32_t i = begin; i < end; ++i)
-        if (corners_[i] >> kScoreShift >= score_min) corners_[kept++] = corners_[i];
-    end = kept;
+        if (corners_[i] >> kScoreShift >= score_min) corners_[begin + kept++ / step] = corners_[i];
+    end = begin + (kept + step - 1) / step;
 }
 
 // Two thresholds: where a cell has a corner at the high one, its weaker corners come last.

@@ -80,10 +80,10 @@ TEST(OrbExtractor, any_image) {
                     for (std::uint32_t x = 0; x < width; ++x) image.row(y)[x] = (x + y) % 2 == 0 ? 0 : 255;
                 break;
             case 4: fill_leaves(image, random.next(), 100, 20 + random.below(230)); break;
-            default:  // single bright pixels: as many corners as there can be
-                for (std::uint32_t y = 1; y < height; y += 2)
+            default:  // bright points between which no circle runs: more corners than there is room for
+                for (std::uint32_t y = 1; y < height; y += 4)
                     for (std::uint32_t x = 1; x < width; x += 2)
-                        image.row(y)[x] = static_cast<std::uint8_t>(100 + random.below(156));
+                        image.row(y)[x] = static_cast<std::uint8_t>(round % 4 == 1 ? 255 : 100 + random.below(156));
         }
         std::uint64_t expected = 0;
         for (std::size_t i = 0; i < rigs.size(); ++i) {
@@ -105,7 +105,7 @@ TEST(OrbExtractor, any_image) {
         if (round % 6 == 2) {
             EXPECT_EQ(rigs[0]->features.size(), 0u);
         }
-        if (round % 6 == 0 && width > 90 && height > 90) {
+        if ((round % 6 == 0 || round % 6 == 5) && width > 90 && height > 90) {
             EXPECT_EQ(rigs[0]->features.size(), 100u);
         }
     }
