@@ -1,7 +1,6 @@
 #include "engine/features/orb_extractor.hpp"
 
 #include <bit>
-#include <cmath>
 #include <cstring>
 
 #include "engine/features/orb_pattern.hpp"
