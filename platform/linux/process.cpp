@@ -1,0 +1,57 @@
+#include "platform/linux/process.hpp"
+
+#include <sys/resource.h>
+#include <time.h>
+
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+
+namespace stillmesh {
+namespace {
+
+volatile std::sig_atomic_t caught_signal = 0;
+
+void remember(int signal) { caught_signal = signal; }
+
+}  // namespace
+
+std::int64_t monotonic_ns() noexcept {
+    timespec now{};
+    static_cast<void>(::clock_gettime(CLOCK_MONOTONIC, &now));
+    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+
+double cpu_seconds() noexcept {
+    rusage usage{};
+    if (::getrusage(RUSAGE_SELF, &usage) != 0) return 0.0;
+    const auto seconds = [](const timeval& t) {
+        return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6;
+    };
+    return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+std::size_t peak_resident_bytes() noexcept {
+    std::FILE* const file = std::fopen("/proc/self/status", "r");
+    if (file == nullptr) return 0;
+    char line[256];
+    unsigned long kib = 0;
+    while (std::fgets(line, sizeof(line), file) != nullptr) {
+        if (std::strncmp(line, "VmHWM:", 6) == 0 && std::sscanf(line + 6, "%lu", &kib) == 1) break;
+    }
+    static_cast<void>(std::fclose(file));
+    return static_cast<std::size_t>(kib) * 1024;
+}
+
+void catch_stop_signals() noexcept {
+    struct sigaction action {};
+    action.sa_handler = remember;
+    static_cast<void>(sigemptyset(&action.sa_mask));
+    action.sa_flags = static_cast<int>(SA_RESETHAND | static_cast<unsigned>(SA_RESTART));
+    static_cast<void>(::sigaction(SIGINT, &action, nullptr));
+    static_cast<void>(::sigaction(SIGTERM, &action, nullptr));
+}
+
+int stop_signal() noexcept { return caught_signal; }
+
+}  // namespace stillmesh

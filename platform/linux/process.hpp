@@ -1,0 +1,21 @@
+// What a program asks the operating system about itself: time, processor seconds, memory, and whether to stop.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace stillmesh {
+
+// Never goes backwards; its zero means nothing.
+[[nodiscard]] std::int64_t monotonic_ns() noexcept;
+// User and system time of all threads.
+[[nodiscard]] double cpu_seconds() noexcept;
+// The most this process has had in memory (VmHWM; getrusage would count what ran before exec too). 0: unknown.
+[[nodiscard]] std::size_t peak_resident_bytes() noexcept;
+
+// From now on the first SIGINT or SIGTERM only sets stop_signal(); a second one ends the program at once.
+void catch_stop_signals() noexcept;
+// 0, or the signal that asked us to finish.
+[[nodiscard]] int stop_signal() noexcept;
+
+}  // namespace stillmesh
