@@ -1,5 +1,5 @@
-// The one block of memory that the engine lives in, straight from the operating system: pages, hence aligned to far more
-// than a cache line; pages never touched cost nothing.
+// The one block of memory that the engine lives in, straight from the operating system: pages, hence aligned to far
+// more than a cache line; pages never touched cost nothing.
 #pragma once
 
 #include <cstddef>

@@ -12,7 +12,9 @@ namespace {
 
 volatile std::sig_atomic_t caught_signal = 0;
 
-void remember(int signal) { caught_signal = signal; }
+void remember(int signal) {
+    caught_signal = signal;
+}
 
 }  // namespace
 
@@ -52,6 +54,8 @@ void catch_stop_signals() noexcept {
     static_cast<void>(::sigaction(SIGTERM, &action, nullptr));
 }
 
-int stop_signal() noexcept { return caught_signal; }
+int stop_signal() noexcept {
+    return caught_signal;
+}
 
 }  // namespace stillmesh

@@ -1,0 +1,32 @@
+// The engine as a TrackingSession: its block of memory, its configuration, the clock around its stages.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "hal/depth_camera.hpp"
+#include "platform/cli/session.hpp"
+
+namespace stillmesh {
+
+struct SessionOptions {
+    std::string limits = "room";      // room, pocket
+    std::string scene = "indoor";     // indoor, outdoor
+    std::string features = "native";  // native, opencv
+    std::string configuration;        // TOML file; empty: defaults
+};
+
+struct SessionSizes {
+    std::uint32_t width_max = 640;
+    std::uint32_t height_max = 480;
+};
+
+// The largest image that the limits allow.
+[[nodiscard]] SessionSizes session_sizes(const std::string& limits);
+// kInvalid, kUnavailable: `message` says why; `session` is untouched.
+[[nodiscard]] Status create_engine_session(const SessionOptions& options, const CameraInfo& camera,
+                                           std::unique_ptr<TrackingSession>& session, std::string& message);
+// The configuration that the options give, as TOML.
+[[nodiscard]] Status print_configuration(const SessionOptions& options, std::string& toml, std::string& message);
+
+}  // namespace stillmesh

@@ -1,0 +1,38 @@
+#include "platform/cli/progress.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <string>
+
+namespace stillmesh {
+
+Progress::Progress(bool is_shown, std::uint64_t frames_expected)
+    : is_shown_(is_shown), is_terminal_(::isatty(STDERR_FILENO) == 1), frames_expected_(frames_expected) {}
+
+void Progress::frame(std::uint64_t count, PoseState state, std::int64_t now_ns) {
+    if (!is_shown_) return;
+    if (begin_ns_ == 0) begin_ns_ = last_ns_ = now_ns;
+    const std::int64_t interval_ns = is_terminal_ ? 100'000'000 : 5'000'000'000;
+    if (now_ns - last_ns_ < interval_ns) return;
+    last_ns_ = now_ns;
+    const double fps = static_cast<double>(count) * 1e9 / static_cast<double>(now_ns - begin_ns_);
+    std::string line = fmt::format("frame {}", count);
+    if (frames_expected_ > 0) line += fmt::format(" of {}", frames_expected_);
+    line += fmt::format(", {:.0f} frames/s, {}", fps, pose_state_name(state));
+    if (is_terminal_) {
+        std::fprintf(stderr, "\r%-60s", line.c_str());
+        is_line_open_ = true;
+    } else {
+        std::fprintf(stderr, "%s\n", line.c_str());
+    }
+    static_cast<void>(std::fflush(stderr));
+}
+
+void Progress::finish() {
+    if (is_line_open_) std::fprintf(stderr, "\r%60s\r", "");
+    is_line_open_ = false;
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,246 @@
+#include "platform/cli/run_loop.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "platform/cli/exit_code.hpp"
+#include "platform/cli/frame_diagnosis.hpp"
+#include "platform/cli/progress.hpp"
+#include "platform/linux/process.hpp"
+#include "platform/linux/text_output.hpp"
+#include "platform/report/png_writer.hpp"
+
+namespace stillmesh {
+namespace {
+
+// Keeps a few meshes spread over a run of unknown length, and the one with the most moving features.
+class SnapshotKeeper {
+public:
+    explicit SnapshotKeeper(std::uint32_t count_max) : count_max_(count_max) {}
+
+    void frame(std::uint64_t index, const Frame& frame, const SessionFrame& out, TrackingSession& session) {
+        if (count_max_ == 0) return;
+        const float matched = static_cast<float>(out.static_features) + static_cast<float>(out.dynamic_features);
+        const float dynamic_share = matched > 0 ? static_cast<float>(out.dynamic_features) / matched : 0.0F;
+        if (out.state >= PoseState::kUnsure && matched > 50 && dynamic_share > busiest_.dynamic_share + 0.03F) {
+            busiest_ = take(index, frame, out, session, dynamic_share);
+        }
+        if (index % stride_ != stride_ / 2) return;
+        if (kept_.size() == std::size_t{2} * count_max_) {
+            std::vector<MeshSnapshot> half;
+            for (std::size_t i = 0; i < kept_.size(); i += 2) half.push_back(std::move(kept_[i]));
+            kept_ = std::move(half);
+            stride_ *= 2;
+            if (index % stride_ != stride_ / 2) return;
+        }
+        kept_.push_back(take(index, frame, out, session, dynamic_share));
+    }
+
+    [[nodiscard]] std::vector<MeshSnapshot> finish() {
+        std::vector<MeshSnapshot> chosen;
+        const std::size_t wanted = std::min<std::size_t>(kept_.size(), count_max_);
+        for (std::size_t i = 0; i < wanted; ++i) chosen.push_back(std::move(kept_[i * kept_.size() / wanted]));
+        const bool is_new = std::none_of(chosen.begin(), chosen.end(),
+                                         [this](const MeshSnapshot& s) { return s.frame == busiest_.frame; });
+        if (busiest_.width > 0 && is_new) chosen.push_back(std::move(busiest_));
+        std::sort(chosen.begin(), chosen.end(),
+                  [](const MeshSnapshot& a, const MeshSnapshot& b) { return a.frame < b.frame; });
+        return chosen;
+    }
+
+private:
+    [[nodiscard]] static MeshSnapshot take(std::uint64_t index, const Frame& frame, const SessionFrame& out,
+                                           TrackingSession& session, float dynamic_share) {
+        MeshSnapshot snapshot;
+        snapshot.frame = index;
+        snapshot.time_ns = frame.time_ns;
+        snapshot.state = out.state;
+        snapshot.width = frame.colour.width;
+        snapshot.height = frame.colour.height;
+        snapshot.dynamic_share = dynamic_share;
+        snapshot.grey_png = encode_grey_png(frame);
+        session.draw(snapshot);
+        return snapshot;
+    }
+
+    std::uint32_t count_max_;
+    std::uint64_t stride_ = 8;
+    std::vector<MeshSnapshot> kept_;
+    MeshSnapshot busiest_;
+};
+
+// The longest time without a measured pose, and what the pixels said meanwhile.
+class LossWatch {
+public:
+    void frame(const Frame& frame, PoseState state) {
+        if (first_ns_ < 0) first_ns_ = last_measured_ns_ = frame.time_ns;
+        last_ns_ = frame.time_ns;
+        if (state >= PoseState::kUnsure) {
+            end_of_loss(frame.time_ns);
+            last_measured_ns_ = frame.time_ns;
+            return;
+        }
+        ++lost_frames_;
+        ++faults_[static_cast<std::size_t>(diagnose(frame))];
+    }
+    void finish() { end_of_loss(last_ns_); }
+    [[nodiscard]] std::string sentence(std::int64_t lost_max_ns) const {
+        if (longest_ns_ <= lost_max_ns) return {};
+        return fmt::format("no pose for {:.1f} s ({} frames) from second {:.1f} on: {}.",
+                           static_cast<double>(longest_ns_) * 1e-9, longest_frames_,
+                           static_cast<double>(longest_begin_ns_ - first_ns_) * 1e-9, fault_sentence(longest_fault_));
+    }
+
+private:
+    void end_of_loss(std::int64_t now_ns) {
+        if (lost_frames_ > 0 && now_ns - last_measured_ns_ > longest_ns_) {
+            longest_ns_ = now_ns - last_measured_ns_;
+            longest_begin_ns_ = last_measured_ns_;
+            longest_frames_ = lost_frames_;
+            // What more than half of the frames say; else the general sentence.
+            longest_fault_ = FrameFault::kNone;
+            for (std::size_t i = 0; i < faults_.size(); ++i) {
+                if (faults_[i] * 2 > lost_frames_) longest_fault_ = static_cast<FrameFault>(i);
+            }
+        }
+        lost_frames_ = 0;
+        faults_ = {};
+    }
+
+    std::int64_t first_ns_ = -1, last_ns_ = 0, last_measured_ns_ = 0;
+    std::uint64_t lost_frames_ = 0;
+    std::array<std::uint64_t, 6> faults_{};
+    std::int64_t longest_ns_ = 0, longest_begin_ns_ = 0;
+    std::uint64_t longest_frames_ = 0;
+    FrameFault longest_fault_ = FrameFault::kNone;
+};
+
+// A predicted pose is given out, but not measured: a comment, so that no tool counts it as covered.
+[[nodiscard]] std::string trajectory_line(const SessionFrame& out) {
+    if (out.state == PoseState::kNone) return {};
+    const std::string line = pose_line(out.world_from_camera);
+    return out.state == PoseState::kPredicted ? "# predicted " + line : line;
+}
+
+}  // namespace
+
+int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_message, TrackingSession& session,
+             const RunLoopOptions& options, RunRecord& record) {
+    LineFile trajectory;
+    LineFile hashes;
+    std::string message;
+    const auto give_up = [&](int code) {
+        record.problems.push_back(message);
+        return code;
+    };
+    constexpr const char* kHeader = "# timestamp tx ty tz qx qy qz qw (camera to world, s, m)\n";
+    if (!options.trajectory.empty() &&
+        (!trajectory.open(options.trajectory, message) || !trajectory.write(kHeader, message))) {
+        return give_up(kExitUsage);
+    }
+    if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
+
+    Progress progress(options.show_progress, options.frames_expected);
+    SnapshotKeeper snapshots(options.snapshots_max);
+    LossWatch loss;
+    std::string final_lines = options.trajectory_final.empty() ? "" : kHeader;
+    int code = kExitDone;
+    std::int64_t last_frame_ns = -1;
+    std::int64_t first_frame_ns = -1;
+    std::int64_t gap_longest_ns = 0;
+    std::int64_t gap_begin_ns = 0;
+    const std::int64_t wall_begin_ns = monotonic_ns();
+    const double cpu_begin = cpu_seconds();
+
+    while (options.frames_max == 0 || record.frames_total < options.frames_max) {
+        if (stop_signal() != 0) {
+            code = 128 + stop_signal();
+            record.problems.push_back("stopped by a signal; everything up to the last frame was written.");
+            break;
+        }
+        Frame frame;
+        const Status polled = camera.poll(frame);
+        if (polled == Status::kEnd) break;
+        if (polled == Status::kTimedOut) {
+            static_cast<void>(camera.wait(100));
+            continue;
+        }
+        if (polled != Status::kOk) {
+            message = camera_message();
+            if (message.empty()) message = fmt::format("the camera is {}.", status_name(polled));
+            code = give_up(kExitFailed);
+            break;
+        }
+        if (last_frame_ns >= 0 && frame.time_ns - last_frame_ns > gap_longest_ns) {
+            gap_longest_ns = frame.time_ns - last_frame_ns;
+            gap_begin_ns = last_frame_ns;
+        }
+        if (first_frame_ns < 0) first_frame_ns = frame.time_ns;
+        last_frame_ns = frame.time_ns;
+
+        SessionFrame out;
+        const std::int64_t begin_ns = monotonic_ns();
+        const Status submitted = session.submit(frame, out, message);
+        const std::int64_t end_ns = monotonic_ns();
+        if (submitted != Status::kOk) {
+            message =
+                fmt::format("frame {} was refused ({}): {}", record.frames_total, status_name(submitted), message);
+            code = give_up(kExitFailed);
+            break;
+        }
+        out.world_from_camera.time_ns = frame.time_ns;
+        if (trajectory.is_open() && !trajectory.write(trajectory_line(out), message)) {
+            code = give_up(kExitFailed);
+            break;
+        }
+        if (hashes.is_open() &&
+            !hashes.write(fmt::format("{} {:016x}\n", time_text(frame.time_ns), out.state_hash), message)) {
+            code = give_up(kExitFailed);
+            break;
+        }
+        if (!options.trajectory_final.empty()) final_lines += trajectory_line(out);
+        if (options.keep_trajectory && out.state >= PoseState::kUnsure) {
+            record.estimate.push_back(out.world_from_camera);
+        }
+        snapshots.frame(record.frames_total, frame, out, session);
+        record.state_hash = out.state_hash;
+        record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
+                    out.dynamic_features, out.state});
+        loss.frame(frame, out.state);
+        progress.frame(record.frames_total, out.state, end_ns);
+    }
+    progress.finish();
+    record.wall_seconds = static_cast<double>(monotonic_ns() - wall_begin_ns) * 1e-9;
+    record.cpu_seconds = cpu_seconds() - cpu_begin;
+    record.snapshots = snapshots.finish();
+    session.account(record);
+
+    if (!options.trajectory_final.empty() && !write_whole_file(options.trajectory_final, final_lines, message)) {
+        code = give_up(kExitFailed);
+    }
+    if (record.frames_total == 0 && code == kExitDone) {
+        message = "the camera gave no frame.";
+        code = give_up(kExitFailed);
+    }
+    loss.finish();
+    if (const std::string sentence = loss.sentence(options.lost_ns); !sentence.empty()) {
+        record.problems.push_back(sentence);
+        if (code == kExitDone) code = kExitFailed;
+    } else if (record.frames_total > 0 && record.coverage() < 0.5) {
+        record.problems.push_back(
+            fmt::format("only {:.0f} % of the frames have a measured pose.", 100.0 * record.coverage()));
+        if (code == kExitDone) code = kExitFailed;
+    }
+    if (gap_longest_ns > options.lost_ns) {
+        record.problems.push_back(fmt::format(
+            "no frames for {:.1f} s from second {:.1f} on; where the camera went meanwhile is unknown.",
+            static_cast<double>(gap_longest_ns) * 1e-9, static_cast<double>(gap_begin_ns - first_frame_ns) * 1e-9));
+        if (code == kExitDone) code = kExitFailed;
+    }
+    return code;
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,31 @@
+// The main job: frames from a camera into a session, poses out to files, numbers into a record. Poses are on disk
+// before the next frame is looked at; whatever stops the run, what was given out stays.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "hal/depth_camera.hpp"
+#include "platform/cli/session.hpp"
+
+namespace stillmesh {
+
+struct RunLoopOptions {
+    std::string trajectory;             // file; empty: none
+    std::string trajectory_final;       // file; empty: none
+    std::string state_hashes;           // file, a line per frame; empty: none
+    std::uint64_t frames_max = 0;       // 0: all
+    std::uint64_t frames_expected = 0;  // 0: unknown; only for the progress
+    std::uint32_t snapshots_max = 0;    // meshes kept for a report
+    bool keep_trajectory = false;       // in record.estimate
+    bool show_progress = true;
+    std::int64_t lost_ns = 1'000'000'000;  // longer without a measured pose, or without a frame, is a failure
+};
+
+// Runs until the camera's end, frames_max, a failure or a signal. Returns an exit code (exit_code.hpp); sentences for
+// the user are in record.problems. `camera_message` says what a camera's last failure was.
+[[nodiscard]] int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_message,
+                           TrackingSession& session, const RunLoopOptions& options, RunRecord& record);
+
+}  // namespace stillmesh

@@ -1,0 +1,36 @@
+// What the run loop needs of an engine, without the engine's types: EngineSession is the real one; tests bring one that
+// tells any story (a lost camera, a full disk in the middle).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "engine/base/status.hpp"
+#include "engine/frame/frame.hpp"
+#include "platform/report/run_record.hpp"
+
+namespace stillmesh {
+
+// What came out for one frame.
+struct SessionFrame {
+    PoseState state = PoseState::kNone;
+    TrajectoryPose world_from_camera;  // valid unless the state is kNone
+    std::uint16_t features = 0;
+    std::uint16_t static_features = 0;
+    std::uint16_t dynamic_features = 0;
+    std::uint64_t state_hash = 0;
+};
+
+class TrackingSession {
+public:
+    virtual ~TrackingSession() = default;
+    // kOk: `out` is filled. Else the frame was refused and `message` says why.
+    [[nodiscard]] virtual Status submit(const Frame& frame, SessionFrame& out, std::string& message) = 0;
+    // What the last frame's mesh was, without the picture.
+    virtual void draw(MeshSnapshot& snapshot) = 0;
+    // Stages with their times, pools with their high-water marks, memory.
+    virtual void account(RunRecord& record) = 0;
+};
+
+}  // namespace stillmesh

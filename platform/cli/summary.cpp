@@ -1,0 +1,106 @@
+#include "platform/cli/summary.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace stillmesh {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+[[nodiscard]] double mib(std::size_t bytes) {
+    return static_cast<double>(bytes) / (1024.0 * 1024.0);
+}
+
+[[nodiscard]] Json number(double value) {
+    return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+[[nodiscard]] Json json_of(const Evaluation& e) {
+    return {{"pairs", e.pairs.size()},
+            {"ate_rmse_m", number(e.ate_rmse_m)},
+            {"ate_mean_m", number(e.ate_mean_m)},
+            {"ate_median_m", number(e.ate_median_m)},
+            {"ate_max_m", number(e.ate_max_m)},
+            {"rpe_pairs", e.rpe_pairs},
+            {"rpe_translation_rmse_m", number(e.rpe_translation_rmse_m)},
+            {"rpe_rotation_rmse_deg", number(e.rpe_rotation_rmse_deg)},
+            {"coverage", number(e.coverage)}};
+}
+
+}  // namespace
+
+std::string evaluation_text(const Evaluation& e) {
+    std::string text =
+        fmt::format("ATE           {:.4f} m RMSE (mean {:.4f}, median {:.4f}, max {:.4f}) over {} poses\n",
+                    e.ate_rmse_m, e.ate_mean_m, e.ate_median_m, e.ate_max_m, e.pairs.size());
+    if (e.rpe_pairs > 0) {
+        text += fmt::format("RPE           {:.4f} m, {:.3f} degrees RMSE over 1 s, {} pairs\n",
+                            e.rpe_translation_rmse_m, e.rpe_rotation_rmse_deg, e.rpe_pairs);
+    } else {
+        text += "RPE           shorter than a second: none\n";
+    }
+    return text;
+}
+
+std::string evaluation_json(const Evaluation& e) {
+    return json_of(e).dump(2) + "\n";
+}
+
+std::string summary_text(const RunRecord& record, const std::string& report) {
+    std::string text = fmt::format(
+        "frames        {} ({:.1f} % with a measured pose: {:.1f} % tracked, {:.1f} % unsure; {:.1f} % predicted, "
+        "{:.1f} % none)\n",
+        record.frames_total, 100 * record.coverage(), 100 * record.share(PoseState::kTracked),
+        100 * record.share(PoseState::kUnsure), 100 * record.share(PoseState::kPredicted),
+        100 * record.share(PoseState::kNone));
+    text += record.evaluation
+                ? evaluation_text(*record.evaluation)
+                : std::string(record.truth.empty() ? "ATE, RPE      no ground truth here\n"
+                                                   : "ATE, RPE      fewer than three poses have a partner\n");
+    text += fmt::format("time          {:.2f} ms median, {:.2f} ms p99, {:.2f} ms max per frame; start-up {:.1f} ms\n",
+                        record.frame_ms.median(), record.frame_ms.p99(), record.frame_ms.max(), record.start_up_ms);
+    text += fmt::format("memory        {:.1f} MiB block, {:.1f} MiB of it used; process peak {:.1f} MiB\n",
+                        mib(record.block_bytes), mib(record.arena_used_bytes), mib(record.peak_resident_bytes));
+    text += fmt::format("state hash    {:016x}\n", record.state_hash);
+    if (!report.empty()) text += fmt::format("report        {}\n", report);
+    return text;
+}
+
+std::string summary_json(const RunRecord& record, const std::string& report, int exit_code) {
+    Json json = {{"input", record.input},
+                 {"calibration", record.calibration},
+                 {"limits", record.limits},
+                 {"features", record.features},
+                 {"exit_code", exit_code},
+                 {"frames", record.frames_total},
+                 {"coverage", record.coverage()},
+                 {"share_tracked", record.share(PoseState::kTracked)},
+                 {"share_unsure", record.share(PoseState::kUnsure)},
+                 {"share_predicted", record.share(PoseState::kPredicted)},
+                 {"share_none", record.share(PoseState::kNone)},
+                 {"ms_median", record.frame_ms.median()},
+                 {"ms_p99", record.frame_ms.p99()},
+                 {"ms_max", record.frame_ms.max()},
+                 {"start_up_ms", record.start_up_ms},
+                 {"wall_s", record.wall_seconds},
+                 {"cpu_s", record.cpu_seconds},
+                 {"block_bytes", record.block_bytes},
+                 {"arena_used_bytes", record.arena_used_bytes},
+                 {"peak_resident_bytes", record.peak_resident_bytes},
+                 {"state_hash", fmt::format("{:016x}", record.state_hash)}};
+    json["evaluation"] = record.evaluation ? json_of(*record.evaluation) : Json(nullptr);
+    Json stages = Json::object();
+    for (const StageRecord& stage : record.stages) {
+        stages[stage.name] = {{"ms_median", stage.ms.median()}, {"ms_p99", stage.ms.p99()}, {"ms_max", stage.ms.max()}};
+    }
+    json["stages"] = stages;
+    json["problems"] = record.problems;
+    json["report"] = report.empty() ? Json(nullptr) : Json(report);
+    // A folder's name may hold any bytes: replaced rather than thrown over.
+    return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace stillmesh

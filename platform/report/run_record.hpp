@@ -1,0 +1,122 @@
+// What a run leaves behind for its summary and its report: plain numbers, no type of the engine. A run of any length is
+// kept in bounded memory: when the frames are full, every second one is dropped.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "platform/evaluation/evaluation.hpp"
+#include "platform/report/percentiles.hpp"
+
+namespace stillmesh {
+
+// How far a pose can be trusted; the order is the engine's.
+enum class PoseState : std::uint8_t { kNone = 0, kPredicted = 1, kUnsure = 2, kTracked = 3 };
+
+[[nodiscard]] constexpr const char* pose_state_name(PoseState state) noexcept {
+    switch (state) {
+        case PoseState::kNone: return "none";
+        case PoseState::kPredicted: return "predicted";
+        case PoseState::kUnsure: return "unsure";
+        case PoseState::kTracked: return "tracked";
+    }
+    return "unknown";
+}
+
+struct FrameRecord {
+    std::int64_t time_ns = 0;
+    float ms = 0;  // frame in to pose out
+    std::uint16_t features = 0;
+    std::uint16_t static_features = 0;   // in the chosen group
+    std::uint16_t dynamic_features = 0;  // matched, but moving against it
+    PoseState state = PoseState::kNone;
+};
+
+// One mesh as it lay over one image, for the report.
+struct MeshSnapshot {
+    struct Edge {
+        float x0, y0, x1, y1;  // px
+        bool is_kept;
+    };
+    struct Point {
+        float x, y;          // px
+        std::int32_t group;  // -1: in none
+        bool is_static;      // in the chosen group
+    };
+    std::uint64_t frame = 0;
+    std::int64_t time_ns = 0;
+    PoseState state = PoseState::kNone;
+    std::uint32_t width = 0, height = 0;
+    std::vector<std::uint8_t> grey_png;
+    std::vector<Edge> edges;
+    std::vector<Point> points;
+    float dynamic_share = 0;
+};
+
+struct StageRecord {
+    std::string name;
+    Percentiles ms;
+};
+
+struct PoolRecord {
+    std::string name;
+    std::size_t high_water = 0;
+    std::size_t limit = 0;
+};
+
+struct RunRecord {
+    static constexpr std::size_t kFramesMax = 32768;
+
+    std::string input;        // folder or scene
+    std::string calibration;  // where it came from
+    std::string limits;       // preset
+    std::string features;     // extractor
+    std::string command;      // as it was typed
+    std::vector<FrameRecord> frames;
+    std::uint32_t frames_stride = 1;
+    std::uint64_t frames_total = 0;
+    std::uint64_t state_counts[4] = {0, 0, 0, 0};
+    Percentiles frame_ms;
+    std::vector<StageRecord> stages;
+    std::vector<PoolRecord> pools;
+    std::size_t block_bytes = 0;  // bytes_needed(limits)
+    std::size_t arena_used_bytes = 0;
+    std::size_t peak_resident_bytes = 0;
+    double start_up_ms = 0;
+    double wall_seconds = 0;
+    double cpu_seconds = 0;
+    std::uint64_t state_hash = 0;
+    Trajectory estimate;  // poses measured from an image (tracked, unsure)
+    Trajectory truth;     // empty: unknown
+    std::optional<Evaluation> evaluation;
+    std::vector<MeshSnapshot> snapshots;
+    std::vector<std::string> problems;  // sentences for the user
+
+    void add(const FrameRecord& frame) {
+        if (frames_total++ % frames_stride == 0) {
+            if (frames.size() == kFramesMax) {
+                for (std::size_t i = 0; i < kFramesMax / 2; ++i) frames[i] = frames[2 * i];
+                frames.resize(kFramesMax / 2);
+                frames_stride *= 2;
+            }
+            if ((frames_total - 1) % frames_stride == 0) frames.push_back(frame);
+        }
+        ++state_counts[static_cast<std::size_t>(frame.state)];
+        frame_ms.add(static_cast<double>(frame.ms));
+    }
+    // Share of the frames whose pose was measured: predicted ones do not count.
+    [[nodiscard]] double coverage() const {
+        return frames_total == 0
+                   ? 0.0
+                   : static_cast<double>(state_counts[2] + state_counts[3]) / static_cast<double>(frames_total);
+    }
+    [[nodiscard]] double share(PoseState state) const {
+        return frames_total == 0 ? 0.0
+                                 : static_cast<double>(state_counts[static_cast<std::size_t>(state)]) /
+                                       static_cast<double>(frames_total);
+    }
+};
+
+}  // namespace stillmesh
