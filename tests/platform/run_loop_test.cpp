@@ -1,0 +1,289 @@
+#include "platform/cli/run_loop.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "hal/replay/replay_camera.hpp"
+#include "platform/cli/frame_diagnosis.hpp"
+#include "platform/cli/summary.hpp"
+#include "platform/report/report.hpp"
+#include "tests/platform/story_session.hpp"
+#include "tests/replay/recording_folder.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::StoryCamera;
+using test::StorySession;
+
+struct Outcome {
+    int code = -1;
+    RunRecord record;
+    std::string trajectory;
+    std::string hashes;
+    std::string final_trajectory;
+};
+
+[[nodiscard]] Outcome play(StoryCamera& camera, StorySession& session, std::uint64_t frames_max = 0) {
+    test::TemporaryFolder folder;
+    RunLoopOptions options;
+    options.trajectory = folder.path() + "/t.txt";
+    options.trajectory_final = folder.path() + "/f.txt";
+    options.state_hashes = folder.path() + "/h.txt";
+    options.frames_max = frames_max;
+    options.keep_trajectory = true;
+    options.show_progress = false;
+    Outcome outcome;
+    outcome.code = run_loop(
+        camera, [] { return std::string("the camera said why."); }, session, options, outcome.record);
+    outcome.trajectory = test::read_text(options.trajectory);
+    outcome.final_trajectory = test::read_text(options.trajectory_final);
+    outcome.hashes = test::read_text(options.state_hashes);
+    return outcome;
+}
+
+[[nodiscard]] std::size_t poses_in(const std::string& text) {
+    Trajectory trajectory;
+    std::string message;
+    EXPECT_EQ(parse_trajectory(text, "f", trajectory, message), Status::kOk) << message;
+    return trajectory.size();
+}
+
+// Promise: a good run writes one pose and one hash per frame, counts them, and ends with 0.
+TEST(RunLoop, WritesEveryFrame) {
+    StoryCamera camera;
+    StorySession session;
+    const Outcome outcome = play(camera, session);
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_TRUE(outcome.record.problems.empty());
+    EXPECT_EQ(outcome.record.frames_total, 90U);
+    EXPECT_EQ(outcome.record.coverage(), 1.0);
+    EXPECT_EQ(poses_in(outcome.trajectory), 90U);
+    EXPECT_EQ(outcome.trajectory, outcome.final_trajectory);
+    EXPECT_EQ(outcome.hashes.substr(0, 29), "1.000000000 0000000000001000\n");
+    EXPECT_EQ(std::count(outcome.hashes.begin(), outcome.hashes.end(), '\n'), 90);
+    EXPECT_EQ(outcome.record.estimate.size(), 90U);
+}
+
+// Promise: --frames N stops after N.
+TEST(RunLoop, StopsAfterFramesMax) {
+    StoryCamera camera;
+    StorySession session;
+    EXPECT_EQ(play(camera, session, 7).record.frames_total, 7U);
+}
+
+// Promise: a predicted pose is given out, but no tool counts it: neither the file's readers nor our coverage.
+TEST(RunLoop, PredictedIsNotCovered) {
+    StoryCamera camera;
+    StorySession session;
+    session.state_of = [](std::uint64_t i) { return i % 10 == 5 ? PoseState::kPredicted : PoseState::kUnsure; };
+    const Outcome outcome = play(camera, session);
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_EQ(poses_in(outcome.trajectory), 81U);
+    EXPECT_NE(outcome.trajectory.find("# predicted 1.165000000 0.050000000"), std::string::npos);
+    EXPECT_NEAR(outcome.record.coverage(), 0.9, 1e-12);
+    EXPECT_EQ(outcome.record.estimate.size(), 81U);
+}
+
+// Promise: whatever stops a run, every pose given out before is in the file, and the exit code is 1 with a sentence.
+TEST(RunLoop, NothingIsLostWhenItBreaks) {
+    for (const Status status : {Status::kCorrupt, Status::kUnavailable}) {
+        StoryCamera camera;
+        camera.status_of = [status](std::uint64_t i) { return i == 40 ? status : Status::kOk; };
+        StorySession session;
+        const Outcome outcome = play(camera, session);
+        EXPECT_EQ(outcome.code, 1);
+        ASSERT_EQ(outcome.record.problems.size(), 1U);
+        EXPECT_EQ(outcome.record.problems[0], "the camera said why.");
+        EXPECT_EQ(poses_in(outcome.trajectory), 40U);
+        EXPECT_EQ(poses_in(outcome.final_trajectory), 40U);
+    }
+    StoryCamera camera;
+    StorySession session;
+    session.status_of = [](std::uint64_t i) { return i == 12 ? Status::kInvalid : Status::kOk; };
+    const Outcome outcome = play(camera, session);
+    EXPECT_EQ(outcome.code, 1);
+    EXPECT_EQ(outcome.record.problems.at(0), "frame 12 was refused (invalid): the story says so.");
+    EXPECT_EQ(poses_in(outcome.trajectory), 12U);
+}
+
+// Promise: a camera lost for more than a second, a gap of seconds, and a run without poses end with 1 and say why.
+TEST(RunLoop, LossAndGapsAreFailures) {
+    {
+        StoryCamera camera;
+        StorySession session;
+        session.state_of = [](std::uint64_t i) {
+            return i >= 20 && i < 60 ? PoseState::kPredicted : PoseState::kTracked;
+        };
+        std::fill(camera.colour.begin(), camera.colour.end(), std::uint8_t{3});
+        const Outcome outcome = play(camera, session);
+        EXPECT_EQ(outcome.code, 1);
+        EXPECT_NE(outcome.record.problems.at(0).find("no pose for 1.4 s (40 frames)"), std::string::npos)
+            << outcome.record.problems[0];
+        EXPECT_NE(outcome.record.problems[0].find("the images are black"), std::string::npos);
+    }
+    {
+        StoryCamera camera;
+        StorySession session;
+        camera.time_of = [](std::uint64_t i) {
+            return static_cast<std::int64_t>(i) * 33'000'000 + (i > 30 ? 3'000'000'000 : 0);
+        };
+        const Outcome outcome = play(camera, session);
+        EXPECT_EQ(outcome.code, 1);
+        EXPECT_NE(outcome.record.problems.at(0).find("no frames for 3.0 s from second 1.0 on"), std::string::npos)
+            << outcome.record.problems[0];
+    }
+    {
+        StoryCamera camera;
+        camera.frames = 10;
+        StorySession session;
+        session.state_of = [](std::uint64_t) { return PoseState::kNone; };
+        const Outcome outcome = play(camera, session);
+        EXPECT_EQ(outcome.code, 1);
+        EXPECT_EQ(poses_in(outcome.trajectory), 0U);
+    }
+    {
+        StoryCamera camera;
+        camera.frames = 0;
+        StorySession session;
+        EXPECT_EQ(play(camera, session).code, 1);
+    }
+}
+
+// Promise: an output that cannot be written is refused before the first frame; a disk that fills up is a failure.
+TEST(RunLoop, OutputsThatCannotBeWritten) {
+    StoryCamera camera;
+    StorySession session;
+    RunLoopOptions options;
+    options.show_progress = false;
+    options.trajectory = "/nowhere/t.txt";
+    RunRecord record;
+    EXPECT_EQ(run_loop(
+                  camera, [] { return std::string(); }, session, options, record),
+              2);
+    EXPECT_NE(record.problems.at(0).find("/nowhere/t.txt: cannot be written"), std::string::npos);
+    options.trajectory = "/dev/full";
+    RunRecord full;
+    EXPECT_EQ(run_loop(
+                  camera, [] { return std::string(); }, session, options, full),
+              2);
+}
+
+// Promise: black, saturated, empty, covered and plain pictures are told apart.
+TEST(FrameDiagnosis, TellsWhy) {
+    StoryCamera camera;
+    Frame frame;
+    ASSERT_EQ(camera.poll(frame), Status::kOk);
+    EXPECT_EQ(diagnose(frame), FrameFault::kNone);
+    std::fill(camera.depth.begin(), camera.depth.end(), std::uint16_t{0});
+    EXPECT_EQ(diagnose(frame), FrameFault::kNoDepth);
+    std::fill(camera.colour.begin(), camera.colour.end(), std::uint8_t{0});
+    EXPECT_EQ(diagnose(frame), FrameFault::kBlack);
+    std::fill(camera.colour.begin(), camera.colour.end(), std::uint8_t{255});
+    EXPECT_EQ(diagnose(frame), FrameFault::kSaturated);
+    std::fill(camera.colour.begin(), camera.colour.end(), std::uint8_t{90});
+    EXPECT_EQ(diagnose(frame), FrameFault::kCovered);
+    std::fill(camera.depth.begin(), camera.depth.end(), std::uint16_t{10000});
+    EXPECT_EQ(diagnose(frame), FrameFault::kPlain);
+}
+
+// Promise: percentiles of a histogram in fixed memory are within a bucket (0.8 %) of the sorted values.
+TEST(Percentiles, AreWithinABucket) {
+    Percentiles percentiles;
+    for (int i = 1; i <= 1000; ++i) percentiles.add(0.01 * i);
+    EXPECT_NEAR(percentiles.median(), 5.0, 0.05);
+    EXPECT_NEAR(percentiles.p99(), 9.9, 0.1);
+    EXPECT_EQ(percentiles.max(), 10.0);
+    EXPECT_EQ(Percentiles().median(), 0.0);
+}
+
+// Promise: a record's memory stays bounded, evenly thinned, while its counts stay exact.
+TEST(RunRecord, StaysBounded) {
+    RunRecord record;
+    constexpr std::uint64_t kFrames = 200'000;
+    for (std::uint64_t i = 0; i < kFrames; ++i) {
+        FrameRecord frame;
+        frame.time_ns = static_cast<std::int64_t>(i);
+        frame.state = PoseState::kTracked;
+        record.add(frame);
+    }
+    EXPECT_EQ(record.frames_total, kFrames);
+    EXPECT_EQ(record.coverage(), 1.0);
+    EXPECT_LE(record.frames.size(), RunRecord::kFramesMax);
+    for (std::size_t i = 0; i < record.frames.size(); ++i) {
+        ASSERT_EQ(record.frames[i].time_ns, static_cast<std::int64_t>(i * record.frames_stride));
+    }
+}
+
+// Promise: the report is one page that fetches nothing, holds what was promised, and no name in it can break out.
+TEST(Report, IsSelfContained) {
+    StoryCamera camera;
+    StorySession session;
+    RunLoopOptions options;
+    options.keep_trajectory = true;
+    options.show_progress = false;
+    options.snapshots_max = 4;
+    RunRecord record;
+    record.input = "<script>alert(1)</script>";
+    ASSERT_EQ(run_loop(
+                  camera, [] { return std::string(); }, session, options, record),
+              0);
+    record.truth = record.estimate;
+    record.evaluation = evaluate(record.truth, record.estimate);
+    const std::string html = report_html(record);
+    EXPECT_EQ(html.find("<script>alert"), std::string::npos);
+    EXPECT_EQ(html.find("http://"), std::string::npos);
+    EXPECT_EQ(html.find("https://"), std::string::npos);
+    EXPECT_EQ(html.find("nan"), std::string::npos);
+    for (const char* part : {"Path from above", "Error over time", "Static and moving features", "What it saw",
+                             "map points", "static region", "data:image/png;base64,iVBOR"}) {
+        EXPECT_NE(html.find(part), std::string::npos) << part;
+    }
+    EXPECT_FALSE(report_html(RunRecord()).empty());
+}
+
+// Promise: the machine's summary is the human's: same numbers, and a name of broken bytes does not break it.
+TEST(Summary, JsonHoldsTheNumbers) {
+    RunRecord record;
+    record.input = "\xff\xfe";
+    FrameRecord frame;
+    frame.state = PoseState::kTracked;
+    record.add(frame);
+    record.state_hash = 0xabc;
+    const std::string json = summary_json(record, "", 1);
+    EXPECT_NE(json.find("\"frames\": 1"), std::string::npos);
+    EXPECT_NE(json.find("\"state_hash\": \"0000000000000abc\""), std::string::npos);
+    EXPECT_NE(json.find("\"evaluation\": null"), std::string::npos);
+    EXPECT_NE(summary_text(record, "").find("no ground truth"), std::string::npos);
+}
+
+// For looking at: STILLMESH_REPORT_OUT=DIR writes a report of a story over real pictures.
+TEST(Report, ForLookingAt) {
+    const char* const out = std::getenv("STILLMESH_REPORT_OUT");
+    const char* const data = std::getenv("STILLMESH_TEST_DATA");
+    if (out == nullptr || data == nullptr)
+        GTEST_SKIP() << "SKIPPED: only writes a page when STILLMESH_REPORT_OUT is set";
+    ReplayCamera camera({.folder = std::string(data) + "/fr1_rpy_a_walking", .calibration = ""});
+    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+    StorySession session;
+    session.state_of = [](std::uint64_t i) { return i > 100 && i < 120 ? PoseState::kUnsure : PoseState::kTracked; };
+    RunLoopOptions options;
+    options.keep_trajectory = true;
+    options.snapshots_max = 4;
+    options.frames_max = 200;
+    RunRecord record;
+    record.input = "fr1_rpy_a_walking (a story, not a measurement)";
+    EXPECT_EQ(run_loop(
+                  camera, [] { return std::string(); }, session, options, record),
+              0);
+    record.truth = record.estimate;
+    for (std::size_t i = 0; i < record.truth.size(); ++i)
+        record.truth[i].t[1] += 0.02 * std::sin(static_cast<double>(i) / 9);
+    record.evaluation = evaluate(record.truth, record.estimate);
+    std::string message;
+    EXPECT_TRUE(write_report(record, std::string(out) + "/index.html", message)) << message;
+}
+
+}  // namespace
+}  // namespace stillmesh
