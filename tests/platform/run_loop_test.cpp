@@ -279,7 +279,7 @@ TEST(Report, ForLookingAt) {
               0);
     record.truth = record.estimate;
     for (std::size_t i = 0; i < record.truth.size(); ++i)
-        record.truth[i].t[1] += 0.02 * std::sin(static_cast<double>(i) / 9);
+        record.truth[i].t[2] += 0.02 * std::sin(static_cast<double>(i) / 9);
     record.evaluation = evaluate(record.truth, record.estimate);
     std::string message;
     EXPECT_TRUE(write_report(record, std::string(out) + "/index.html", message)) << message;

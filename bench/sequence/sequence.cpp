@@ -1,0 +1,145 @@
+// What whole recordings cost: milliseconds per frame and stage, processor seconds, peak memory, heap calls after
+// create, and the error of the path. `bench_sequence DIR...`; each folder is tracked once, in the same process.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "hal/replay/replay_camera.hpp"
+#include "platform/cli/engine_session.hpp"
+#include "platform/cli/summary.hpp"
+#include "platform/linux/process.hpp"
+
+// Every heap call of the program comes by here (operator new too); they are counted only while the engine has the word.
+extern "C" {
+void* __libc_malloc(std::size_t size);
+void* __libc_calloc(std::size_t count, std::size_t size);
+void* __libc_realloc(void* block, std::size_t size);
+void* __libc_memalign(std::size_t alignment, std::size_t size);
+}
+
+namespace {
+bool is_counting = false;
+unsigned long long heap_calls = 0;
+void count_heap_call() {
+    if (is_counting) ++heap_calls;
+}
+}  // namespace
+
+extern "C" {
+void* malloc(std::size_t size) noexcept {
+    count_heap_call();
+    return __libc_malloc(size);
+}
+void* calloc(std::size_t count, std::size_t size) noexcept {
+    count_heap_call();
+    return __libc_calloc(count, size);
+}
+void* realloc(void* block, std::size_t size) noexcept {
+    count_heap_call();
+    return __libc_realloc(block, size);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept {
+    count_heap_call();
+    return __libc_memalign(alignment, size);
+}
+}
+
+namespace stillmesh {
+namespace {
+
+void print_failed_check(const char* expression, const char* file, std::int32_t line) noexcept {
+    std::fprintf(stderr, "bench_sequence: check failed: %s (%s:%d)\n", expression, file, line);
+}
+
+int complain(const std::string& sentence) {
+    std::fprintf(stderr, "bench_sequence: %s\n", sentence.c_str());
+    return 1;
+}
+
+int measure(const std::string& folder, const SessionOptions& options) {
+    std::string message;
+    const SessionSizes sizes = session_sizes(options.limits);
+    ReplayCamera camera(
+        {.folder = folder, .calibration = "", .width_max = sizes.width_max, .height_max = sizes.height_max});
+    if (camera.open() != Status::kOk) return complain(camera.message());
+    RunRecord record;
+    const std::string truth_file = folder + "/groundtruth.txt";
+    std::error_code error;
+    if (std::filesystem::exists(truth_file, error) &&
+        read_trajectory(truth_file, record.truth, message) != Status::kOk) {
+        return complain(message);
+    }
+    std::unique_ptr<TrackingSession> session;
+    if (create_engine_session(options, camera.info(), session, message) != Status::kOk) return complain(message);
+    heap_calls = 0;
+    double engine_cpu_seconds = 0;
+    for (;;) {
+        Frame frame;
+        const Status polled = camera.poll(frame);
+        if (polled == Status::kEnd) break;
+        if (polled != Status::kOk) return complain(camera.message());
+        SessionFrame out;
+        const double cpu_begin = cpu_seconds();
+        const std::int64_t begin_ns = monotonic_ns();
+        is_counting = true;
+        const Status submitted = session->submit(frame, out, message);
+        is_counting = false;
+        const std::int64_t end_ns = monotonic_ns();
+        engine_cpu_seconds += cpu_seconds() - cpu_begin;
+        if (submitted != Status::kOk) return complain(message);
+        out.world_from_camera.time_ns = frame.time_ns;
+        if (out.state >= PoseState::kUnsure) record.estimate.push_back(out.world_from_camera);
+        record.state_hash = out.state_hash;
+        record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
+                    out.dynamic_features, out.state});
+    }
+    session->account(record);
+    session.reset();
+    record.evaluation = evaluate(record.truth, record.estimate);
+    record.peak_resident_bytes = peak_resident_bytes();
+
+    fmt::print("\n{}\n{}", folder, summary_text(record, ""));
+    fmt::print("processor     {:.2f} s inside the engine, {:.2f} ms per frame\n", engine_cpu_seconds,
+               1000 * engine_cpu_seconds / static_cast<double>(std::max<std::uint64_t>(record.frames_total, 1)));
+    fmt::print("heap calls    {} inside the engine after create\n", heap_calls);
+    fmt::print("{:<24} {:>10} {:>10} {:>10}\n", "stage", "median ms", "p99 ms", "max ms");
+    for (const StageRecord& stage : record.stages) {
+        fmt::print("{:<24} {:>10.3f} {:>10.3f} {:>10.3f}\n", stage.name, stage.ms.median(), stage.ms.p99(),
+                   stage.ms.max());
+    }
+    return heap_calls == 0 ? 0 : complain(folder + ": the engine called the heap.");
+}
+
+}  // namespace
+}  // namespace stillmesh
+
+int main(int argc, char** argv) {
+    if (argc < 2) {
+        std::fprintf(stderr, "usage: bench_sequence [--limits room|pocket] [--features native|opencv] DIR...\n");
+        return 2;
+    }
+    stillmesh::set_check_handler(stillmesh::print_failed_check);
+    int code = 0;
+    stillmesh::SessionOptions options;
+    try {
+        for (int i = 1; i < argc; ++i) {
+            const std::string argument = argv[i];
+            if (argument == "--limits" && i + 1 < argc) {
+                options.limits = argv[++i];
+            } else if (argument == "--features" && i + 1 < argc) {
+                options.features = argv[++i];
+            } else {
+                code |= stillmesh::measure(argument, options);
+            }
+        }
+    } catch (const std::exception& error) {
+        return stillmesh::complain(error.what());
+    }
+    return code;
+}

@@ -1,0 +1,79 @@
+// The program as a user meets it: its words and its exit codes.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <string>
+
+#include "tests/replay/recording_folder.hpp"
+
+namespace stillmesh {
+namespace {
+
+struct Answer {
+    int code = -1;
+    std::string text;  // standard output and error
+};
+
+[[nodiscard]] Answer stillmesh_says(const std::string& arguments) {
+    Answer answer;
+    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
+    if (pipe == nullptr) return answer;
+    char buffer[512];
+    while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) answer.text += buffer;
+    const int status = ::pclose(pipe);
+    if (WIFEXITED(status)) answer.code = WEXITSTATUS(status);
+    return answer;
+}
+
+// Promise: help is no error, and speaks of the exit codes.
+TEST(Program, Helps) {
+    const Answer answer = stillmesh_says("--help");
+    EXPECT_EQ(answer.code, 0);
+    EXPECT_NE(answer.text.find("Exit codes: 0 done"), std::string::npos) << answer.text;
+    EXPECT_EQ(stillmesh_says("run --help").code, 0);
+}
+
+// Promise: what comes with later issues is known and refused with a sentence and exit 2.
+TEST(Program, LaterPartsAreNotInThisBuild) {
+    for (const char* arguments : {"rerun file", "capture --camera auto --out x", "cameras", "check-camera",
+                                  "report a b", "vocabulary train", "run --camera auto", "run --map-in x --replay y",
+                                  "run --wait", "run --realtime --replay x", "run --view 8080"}) {
+        const Answer answer = stillmesh_says(arguments);
+        EXPECT_EQ(answer.code, 2) << arguments;
+        EXPECT_NE(answer.text.find("not in this build"), std::string::npos) << arguments << ": " << answer.text;
+    }
+}
+
+// Promise: bad usage and bad input end with 2 and one sentence on standard error, and touch no output.
+TEST(Program, BadUsageAndInput) {
+    test::TemporaryFolder folder;
+    const std::string kept = folder.path() + "/kept.txt";
+    test::write_text(kept, "poses of yesterday\n");
+    for (const std::string& arguments :
+         {std::string(), std::string("run"), std::string("walk"), std::string("run --bogus"),
+          std::string("run --limits huge --replay x"), "run --replay " + folder.path() + "/none --trajectory " + kept,
+          "run --replay " + folder.path() + " --trajectory " + kept,
+          std::string("eval --groundtruth /none --trajectory /none"),
+          "eval --groundtruth " + kept + " --trajectory " + kept}) {
+        const Answer answer = stillmesh_says(arguments);
+        EXPECT_EQ(answer.code, 2) << arguments << ": " << answer.text;
+        EXPECT_EQ(answer.text.find("stillmesh: "), 0U) << arguments << ": " << answer.text;
+    }
+    EXPECT_EQ(test::read_text(kept), "poses of yesterday\n");
+}
+
+// Promise: eval prints the numbers of the evaluation, for people and as JSON.
+TEST(Program, Evaluates) {
+    const std::string files = std::string("--groundtruth ") + STILLMESH_TEST_FILES + "/truth.txt --trajectory " +
+                              STILLMESH_TEST_FILES + "/estimate.txt";
+    const Answer text = stillmesh_says("eval " + files);
+    EXPECT_EQ(text.code, 0);
+    EXPECT_NE(text.text.find("ATE           0.0525 m RMSE"), std::string::npos) << text.text;
+    const Answer json = stillmesh_says("eval --json " + files);
+    EXPECT_EQ(json.code, 0);
+    EXPECT_NE(json.text.find("\"ate_rmse_m\": 0.05252695229"), std::string::npos) << json.text;
+}
+
+}  // namespace
+}  // namespace stillmesh
