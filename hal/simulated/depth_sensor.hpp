@@ -1,0 +1,35 @@
+// What a structured-light depth camera makes of the true depth: noise growing with z^2 and disparity in eighths of a
+// pixel (Khoshelham & Elberink 2012: sigma_z = 1.425e-3 z^2), part of the noise shared by neighbours, ragged borders,
+// the shadow of the projector beside near things, holes on dark, glossy and grazing surfaces, 0.5 to 4.5 m. Cost: about
+// 6 ms for 640x480.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "hal/simulated/renderer.hpp"
+
+namespace stillmesh::simulated {
+
+inline constexpr float kDepthMin = 0.5F;  // m
+inline constexpr float kDepthMax = 4.5F;
+
+// From the renderer's current picture to depth in units of 1 / units_per_m, 0 = nothing.
+void sense_depth(const Renderer& renderer, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth);
+
+// A quick hash of 32 bits: neighbours in, strangers out (lowbias32, Wellons 2018).
+[[nodiscard]] constexpr std::uint32_t scramble(std::uint32_t x) noexcept {
+    x ^= x >> 16U;
+    x *= 0x7feb352dU;
+    x ^= x >> 15U;
+    x *= 0x846ca68bU;
+    x ^= x >> 16U;
+    return x;
+}
+// Mean 0, variance 1, from the four bytes of a random word; ends at 3.4 sigma.
+[[nodiscard]] constexpr float bell(std::uint32_t word) noexcept {
+    const std::uint32_t sum = (word & 255U) + (word >> 8U & 255U) + (word >> 16U & 255U) + (word >> 24U);
+    return (static_cast<float>(sum) - 510.0F) * (1.0F / 147.8F);
+}
+
+}  // namespace stillmesh::simulated

@@ -1,0 +1,325 @@
+#include "hal/simulated/person.hpp"
+
+#include <algorithm>
+
+#include "engine/base/numbers.hpp"
+
+namespace stillmesh::simulated {
+namespace {
+
+constexpr double kStepsPerSecond = 60.0;
+constexpr double kPrerollS = 8.0;  // people are on their way before the first frame
+
+// Radii of a tube at `s` of its length.
+struct Ring {
+    double s, r1, r2;
+};
+
+// A closed tube from `from` to `to`; `e1` is where its first radius points (made perpendicular).
+void draw_tube(Renderer& renderer, const Vec3& from, const Vec3& to, const Vec3& e1_hint, const Ring* rings,
+               std::uint32_t ring_count, std::uint32_t segments, double texels_per_m, bool fits_texture,
+               const Material& material) {
+    constexpr std::uint32_t kSegmentsMax = 20;
+    const Vec3 axis = normalised(to - from);
+    const double tube_length = length(to - from);
+    const Vec3 e1 = normalised(e1_hint - axis * dot(axis, e1_hint));
+    const Vec3 e2 = cross(axis, e1);
+    double radius_max = 0;
+    for (std::uint32_t i = 0; i < ring_count; ++i) radius_max = std::max(radius_max, (rings[i].r1 + rings[i].r2) / 2);
+    const double around =
+        fits_texture ? static_cast<double>(material.texture->width) : 2 * kPi * radius_max * texels_per_m;
+    const double along = fits_texture ? static_cast<double>(material.texture->height) : tube_length * texels_per_m;
+    Vertex before[kSegmentsMax + 1];
+    Vertex now[kSegmentsMax + 1];
+    for (std::uint32_t i = 0; i < ring_count; ++i) {
+        const Ring& ring = rings[i];
+        const Vec3 centre = mix(from, to, ring.s);
+        for (std::uint32_t j = 0; j <= segments; ++j) {
+            const double share = static_cast<double>(j) / segments;
+            const double c = cosine(2 * kPi * share);
+            const double s = sine(2 * kPi * share);
+            const Vec3 normal = normalised(e1 * (c * ring.r2) + e2 * (s * ring.r1) + axis * ((ring.s - 0.5) * 0.05));
+            Vertex& vertex = now[j];
+            vertex.p = centre + e1 * (c * ring.r1) + e2 * (s * ring.r2);
+            vertex.u = static_cast<float>(share * around);
+            vertex.v = static_cast<float>((fits_texture ? 1 - ring.s : ring.s) * along);
+            // Lamps at the ceiling: from above and a little from the side.
+            vertex.light = static_cast<float>(0.78 + 0.22 * normal.z + 0.12 * normal.x - 0.06 * normal.y);
+        }
+        if (i > 0) {
+            for (std::uint32_t j = 0; j < segments; ++j) {
+                const Vertex upper[3] = {before[j + 1], before[j], now[j]};
+                const Vertex lower[3] = {before[j + 1], now[j], now[j + 1]};
+                renderer.draw(upper, 3, material);
+                renderer.draw(lower, 3, material);
+            }
+        }
+        std::copy(now, now + segments + 1, before);
+    }
+}
+
+void draw_limb(Renderer& renderer, const Vec3& from, const Vec3& to, const Vec3& side, double r_from, double r_to,
+               const Material& material) {
+    const double rounding = std::min(0.45, r_from / length(to - from));
+    const Ring rings[] = {{-rounding * 0.8, 0.0, 0.0},
+                          {-rounding * 0.5, r_from * 0.75, r_from * 0.75},
+                          {0.02, r_from, r_from},
+                          {0.55, r_from * 0.45 + r_to * 0.6, r_from * 0.45 + r_to * 0.6},
+                          {1.0, r_to, r_to},
+                          {1.0 + rounding * 0.4, r_to * 0.7, r_to * 0.7},
+                          {1.0 + rounding * 0.6, 0.0, 0.0}};
+    draw_tube(renderer, from, to, side, rings, 7, 10, 420, false, material);
+}
+
+// A leg: hip angle forwards, knee bent backwards.
+struct Leg {
+    double hip, knee;
+};
+
+[[nodiscard]] double wrap(double angle) noexcept {
+    while (angle > kPi) angle -= 2 * kPi;
+    while (angle < -kPi) angle += 2 * kPi;
+    return angle;
+}
+
+}  // namespace
+
+BodyState Person::at(double time_s) const noexcept {
+    const double step = (time_s - first_s) * kStepsPerSecond;
+    const auto i = static_cast<std::size_t>(floor_clamped(step, 0, static_cast<std::int32_t>(states.size()) - 2));
+    const double s = clamp01(step - static_cast<double>(i));
+    const BodyState& a = states[i];
+    const BodyState& b = states[i + 1];
+    return {mix(a.x, b.x, s),
+            mix(a.y, b.y, s),
+            mix(a.heading_rad, b.heading_rad, s),
+            mix(a.stride_phase, b.stride_phase, s),
+            mix(a.stride, b.stride, s),
+            mix(a.gesture_left, b.gesture_left, s),
+            mix(a.gesture_right, b.gesture_right, s),
+            mix(a.gesture_phase, b.gesture_phase, s)};
+}
+
+void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std::vector<Obstacle>& obstacles,
+                double duration_s, std::uint64_t seed) {
+    struct Walker {
+        Vec3 p, v, target;
+        double heading = 0, phase = 0, stride = 0, pace = 1, until = -1e9, stop_until = -1e9, gesture_phase = 0;
+        double gesture_left = 0, gesture_right = 0, enters_s = -1e9;
+        double near_m = 1, far_m = 2, side = 1;
+        bool gestures_left = false, gestures_right = false;
+        Random random{0};
+    };
+    constexpr double kKeepFromCamera = 0.95;
+    constexpr double kMarginM = 0.5;
+    std::vector<Walker> walkers(people.size());
+    const auto inside_room = [](Vec3 p) {
+        p.x = std::clamp(p.x, -kRoomHalfX + kMarginM, kRoomHalfX - kMarginM);
+        p.y = std::clamp(p.y, -kRoomHalfY + kMarginM, kRoomHalfY - kMarginM);
+        p.z = 0;
+        return p;
+    };
+    const auto out_of_obstacles = [&](Vec3 p) {
+        for (const Obstacle& o : obstacles) {
+            const double dx = p.x - o.x;
+            const double dy = p.y - o.y;
+            const double rx = o.half_x + 0.22 - (dx < 0 ? -dx : dx);
+            const double ry = o.half_y + 0.22 - (dy < 0 ? -dy : dy);
+            if (rx > 0 && ry > 0) {
+                if (rx < ry) {
+                    p.x += dx < 0 ? -rx : rx;
+                } else {
+                    p.y += dy < 0 ? -ry : ry;
+                }
+            }
+        }
+        return p;
+    };
+    const auto choose = [&](Walker& w, double t) {
+        const Rigid ahead = camera.base_at(t + 1.0);
+        const Vec3 forward = normalised({ahead.rotation.c.x, ahead.rotation.c.y, 0});
+        const Vec3 right{forward.y, -forward.x, 0};
+        const double distance = w.random.uniform(w.near_m, w.far_m);
+        const double lateral = w.random.uniform(0.08, 0.48);
+        w.side = -w.side;
+        const double reach = t < w.enters_s ? 1.5 * w.side : lateral * w.side;
+        if (t < w.enters_s) w.side = -w.side;  // stays on its side, out of sight
+        w.target = out_of_obstacles(inside_room(ahead.translation + forward * distance + right * (distance * reach)));
+        w.pace = w.random.uniform(0.55, 1.25);
+        w.until = t + w.random.uniform(1.6, 3.2);
+    };
+    for (std::size_t i = 0; i < people.size(); ++i) {
+        Walker& w = walkers[i];
+        w.random = Random(seed * 977 + i * 131 + 17);
+        w.near_m = i == 0 ? 1.1 : (i == 1 ? 1.3 : 1.8);
+        w.far_m = i == 0 ? 1.5 : (i == 1 ? 2.0 : 3.0);
+        w.side = i % 2 == 0 ? 1 : -1;
+        w.enters_s = w.random.uniform() < 0.5 ? -1e9 : w.random.uniform(-0.5, 0.8);
+        choose(w, -kPrerollS);
+        w.p = w.target;
+        people[i].first_s = -kPrerollS;
+        people[i].states.clear();
+    }
+    const double dt = 1.0 / kStepsPerSecond;
+    const auto steps = static_cast<std::int32_t>((duration_s + kPrerollS + 1.0) * kStepsPerSecond);
+    for (std::int32_t step = 0; step < steps; ++step) {
+        const double t = -kPrerollS + step * dt;
+        const Rigid eye = camera.at(t);
+        for (std::size_t i = 0; i < walkers.size(); ++i) {
+            Walker& w = walkers[i];
+            const Vec3 way = w.target - w.p;
+            const double left = length(way);
+            if (t >= w.stop_until && (left < 0.22 || t > w.until)) {
+                if (left < 0.5 && w.random.uniform() < 0.22) {
+                    w.stop_until = t + w.random.uniform(0.5, 1.3);
+                    w.gestures_left = w.random.uniform() < 0.5;
+                    w.gestures_right = w.random.uniform() < 0.6;
+                }
+                choose(w, t);
+            }
+            const bool is_standing = t < w.stop_until;
+            Vec3 wanted = is_standing ? Vec3{} : normalised(way) * w.pace;
+            for (std::size_t j = 0; j < walkers.size(); ++j) {  // nobody walks through anybody
+                if (j == i) continue;
+                const Vec3 apart = w.p - walkers[j].p;
+                const double gap = length(apart);
+                if (gap < 0.75) wanted = wanted + normalised(apart) * (2.5 * (0.75 - gap));
+            }
+            Vec3 from_eye = w.p - eye.translation;
+            from_eye.z = 0;
+            const double distance = length(from_eye);
+            if (distance < kKeepFromCamera + 0.15) {
+                wanted = wanted + normalised(from_eye) * (5 * (kKeepFromCamera + 0.15 - distance));
+            }
+            w.v = w.v + (wanted - w.v) * (4.5 * dt);
+            const double speed_wanted = length(w.v);
+            if (speed_wanted > 1.5) w.v = w.v * (1.5 / speed_wanted);
+            const Vec3 old = w.p;
+            w.p = out_of_obstacles(inside_room(w.p + w.v * dt));
+            w.v = (w.p - old) * kStepsPerSecond;
+            const double speed = length(w.v);
+            if (speed > 1.8) w.v = w.v * (1.8 / speed);
+            const double towards = speed > 0.15 ? arc_tangent2(w.v.y, w.v.x) : arc_tangent2(-from_eye.y, -from_eye.x);
+            const double turn = wrap(towards - w.heading);
+            w.heading += std::clamp(turn, -3.2 * dt, 3.2 * dt);
+            w.phase += speed * dt * (2 * kPi / 1.35);
+            w.stride += (std::min(1.0, speed / 1.0) - w.stride) * (5 * dt);
+            w.gesture_phase += dt * 5.5;
+            w.gesture_left += ((is_standing && w.gestures_left ? 1.0 : 0.0) - w.gesture_left) * (4 * dt);
+            w.gesture_right += ((is_standing && w.gestures_right ? 1.0 : 0.0) - w.gesture_right) * (4 * dt);
+            people[i].states.push_back(
+                {w.p.x, w.p.y, w.heading, w.phase, w.stride, w.gesture_left, w.gesture_right, w.gesture_phase});
+        }
+    }
+}
+
+void plan_sitting(Person& person, double x, double y, double heading_rad, double duration_s, std::uint64_t seed) {
+    Random random(seed);
+    person.is_sitting = true;
+    person.first_s = 0;
+    person.states.clear();
+    const auto steps = static_cast<std::int32_t>((duration_s + 1.0) * kStepsPerSecond);
+    double change_s = 0;
+    double left_wanted = 0;
+    double right_wanted = 0;
+    BodyState state{x, y, heading_rad, 0, 0, 0, 0, 0};
+    const double phase = random.uniform(0, 2 * kPi);
+    for (std::int32_t step = 0; step < steps; ++step) {
+        const double t = step / kStepsPerSecond;
+        if (t >= change_s) {
+            left_wanted = random.uniform() < 0.6 ? random.uniform(0.3, 1.0) : 0.0;
+            right_wanted = random.uniform() < 0.6 ? random.uniform(0.3, 1.0) : 0.0;
+            change_s = t + random.uniform(0.8, 2.5);
+        }
+        state.gesture_left += (left_wanted - state.gesture_left) * 0.06;
+        state.gesture_right += (right_wanted - state.gesture_right) * 0.06;
+        state.gesture_phase += 0.09;
+        state.heading_rad = heading_rad + radians(9) * sine(0.7 * t + phase);
+        person.states.push_back(state);
+    }
+}
+
+void draw_person(Renderer& renderer, const Person& person, double time_s) {
+    const BodyState b = person.at(time_s);
+    const double h = person.height_m / 1.75;
+    const double g = person.girth;
+    const Vec3 forward{cosine(b.heading_rad), sine(b.heading_rad), 0};
+    const Vec3 right{forward.y, -forward.x, 0};
+    const Vec3 up{0, 0, 1};
+    const double swing = sine(b.stride_phase);
+
+    // Legs first: the pelvis is as high as the lower foot allows.
+    constexpr double kThigh = 0.43;
+    constexpr double kShin = 0.43;
+    const auto leg_at = [&](double phase) {
+        const double s = sine(phase);
+        const double lift = std::max(0.0, cosine(phase));  // the leg that comes forward is bent
+        return Leg{b.stride * (0.48 * s + 0.12 * lift), 0.06 + b.stride * (0.15 + 0.75 * lift)};
+    };
+    Leg legs[2] = {leg_at(b.stride_phase), leg_at(b.stride_phase + kPi)};
+    if (person.is_sitting) legs[0] = legs[1] = {radians(84), radians(80)};
+    double pelvis_z = 0;
+    for (const Leg& leg : legs) {
+        pelvis_z = std::max(pelvis_z, h * (kThigh * cosine(leg.hip) + kShin * cosine(leg.hip - leg.knee) + 0.09));
+    }
+    if (person.is_sitting) pelvis_z = 0.53;
+    const double sway = person.is_sitting ? 0.02 * sine(b.gesture_phase * 0.31) : 0.022 * b.stride * swing;
+    const Vec3 pelvis = Vec3{b.x, b.y, pelvis_z} + right * sway;
+
+    for (int i = 0; i < 2; ++i) {
+        const double side = i == 0 ? 1.0 : -1.0;
+        const Leg& leg = legs[i];
+        const Vec3 hip = pelvis + right * (0.095 * side * h);
+        const Vec3 knee = hip + (forward * sine(leg.hip) - up * cosine(leg.hip)) * (kThigh * h);
+        const double shin_angle = leg.hip - leg.knee;
+        const Vec3 ankle = knee + (forward * sine(shin_angle) - up * cosine(shin_angle)) * (kShin * h);
+        draw_limb(renderer, hip, knee, right, 0.085 * g, 0.06 * g, person.trousers);
+        draw_limb(renderer, knee, ankle, right, 0.062 * g, 0.045 * g, person.trousers);
+        draw_limb(renderer, ankle - up * 0.045 - forward * 0.06, ankle - up * 0.045 + forward * 0.15, right, 0.045,
+                  0.04, person.shoes);
+    }
+
+    // Trunk: twists against the legs, leans a little into the walk.
+    const double twist = b.stride * 0.16 * swing;
+    const Vec3 twisted_right = normalised(right * cosine(twist) + forward * sine(twist));
+    const double lean = person.is_sitting ? 0.05 + 0.05 * sine(b.gesture_phase * 0.23) : 0.05 * b.stride;
+    const Vec3 spine = normalised(up + forward * lean);
+    const Vec3 neck = pelvis + spine * (0.55 * h);
+    const Ring trunk[] = {{-0.16, 0.04, 0.04},        {-0.12, 0.15 * g, 0.11 * g}, {0.0, 0.175 * g, 0.125 * g},
+                          {0.3, 0.16 * g, 0.115 * g}, {0.6, 0.19 * g, 0.13 * g},   {0.82, 0.205 * g, 0.125 * g},
+                          {0.93, 0.17 * g, 0.10 * g}, {1.0, 0.07, 0.07},           {1.1, 0.055, 0.055}};
+    draw_tube(renderer, pelvis, neck, twisted_right, trunk, 9, 18, 420, false, person.shirt);
+
+    const double look = 0.3 * sine(b.gesture_phase * 0.17);
+    const Vec3 face = normalised(forward * cosine(look) + right * sine(look));
+    const Vec3 chin = neck + spine * (0.045 * h);
+    const Vec3 crown = chin + normalised(spine + face * 0.03) * (0.235 * h);
+    // The texture's middle looks forward: the seam is at the back.
+    const Ring head[] = {{0.0, 0.03, 0.03},    {0.08, 0.062, 0.056}, {0.25, 0.086, 0.07}, {0.5, 0.1, 0.078},
+                         {0.72, 0.098, 0.076}, {0.9, 0.07, 0.055},   {1.0, 0.0, 0.0}};
+    draw_tube(renderer, chin, crown, -face, head, 7, 14, 0, true, person.face);
+
+    for (int i = 0; i < 2; ++i) {
+        const double side = i == 0 ? 1.0 : -1.0;
+        const double gesture = i == 0 ? b.gesture_right : b.gesture_left;
+        const double beat = sine(b.gesture_phase + (i == 0 ? 0.0 : 1.9));
+        const double other = sine(b.gesture_phase * 0.63 + (i == 0 ? 0.7 : 2.4));
+        const double rest = person.is_sitting ? 0.35 : -side * 0.5 * b.stride * swing;
+        const double shoulder_angle = mix(rest, 0.9 + 0.45 * other, gesture);
+        const double elbow = mix(person.is_sitting ? 1.0 : 0.25 + 0.25 * b.stride, 1.25 + 0.5 * beat, gesture);
+        const double spread = mix(0.12, 0.35 + 0.25 * beat, gesture);
+        const Vec3 shoulder = pelvis + spine * (0.475 * h) + twisted_right * (0.215 * side * g);
+        const Vec3 down = -spine;
+        const auto direction = [&](double angle) {
+            return normalised(forward * sine(angle) + down * cosine(angle) + twisted_right * (spread * side));
+        };
+        const Vec3 elbow_p = shoulder + direction(shoulder_angle) * (0.29 * h);
+        const Vec3 wrist = elbow_p + direction(shoulder_angle + elbow) * (0.25 * h);
+        const Vec3 finger = wrist + direction(shoulder_angle + elbow + 0.2 * beat * gesture) * (0.15 * h);
+        draw_limb(renderer, shoulder, elbow_p, forward, 0.056 * g, 0.045 * g, person.shirt);
+        draw_limb(renderer, elbow_p, wrist, forward, 0.045 * g, 0.036 * g, person.shirt);
+        draw_limb(renderer, wrist, finger, forward, 0.034, 0.03, person.skin);
+    }
+}
+
+}  // namespace stillmesh::simulated

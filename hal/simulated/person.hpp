@@ -1,0 +1,45 @@
+// People of elliptic tubes in patterned clothes, who walk with swinging limbs, stop, turn, sit and gesture.
+// Their way is worked out once, before the first frame, 60 steps a second; in between they are interpolated.
+#pragma once
+
+#include <vector>
+
+#include "engine/base/random.hpp"
+#include "hal/simulated/renderer.hpp"
+#include "hal/simulated/scene.hpp"
+
+namespace stillmesh::simulated {
+
+struct BodyState {
+    double x = 0, y = 0;                         // on the floor, m
+    double heading_rad = 0;                      // 0 looks along x
+    double stride_phase = 0;                     // rad, 2 pi for two steps
+    double stride = 0;                           // 0 stands, 1 walks briskly
+    double gesture_left = 0, gesture_right = 0;  // 0 arm swings, 1 arm is up
+    double gesture_phase = 0;
+};
+
+struct Person {
+    double height_m = 1.75;
+    double girth = 1.0;
+    bool is_sitting = false;
+    Material shirt, trousers, skin, face, shoes;
+    double first_s = 0;             // time of states[0]
+    std::vector<BodyState> states;  // 60 a second
+
+    [[nodiscard]] BodyState at(double time_s) const noexcept;
+};
+
+struct Obstacle {
+    double x = 0, y = 0, half_x = 0, half_y = 0;
+};
+
+// Ways of `count` people who keep crossing before the camera, `near_m` to `far_m` away, round the obstacles.
+void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std::vector<Obstacle>& obstacles,
+                double duration_s, std::uint64_t seed);
+// Someone on a chair, who talks with hands and body.
+void plan_sitting(Person& person, double x, double y, double heading_rad, double duration_s, std::uint64_t seed);
+
+void draw_person(Renderer& renderer, const Person& person, double time_s);
+
+}  // namespace stillmesh::simulated

@@ -1,0 +1,228 @@
+#include "hal/simulated/renderer.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "engine/base/numbers.hpp"
+
+namespace stillmesh::simulated {
+namespace {
+
+constexpr double kNear = 0.08;  // m; nearer is clipped
+constexpr std::uint32_t kCornersMax = 10;
+
+[[nodiscard]] float f32(double value) noexcept {
+    return static_cast<float>(value);
+}
+
+}  // namespace
+
+Renderer::Renderer(const Pinhole& camera) : camera_(camera) {
+    const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
+    inverse_depth_.resize(pixels);
+    face_ids_.resize(pixels);
+    faces_.reserve(8192);
+    span_low_.resize(camera.height);
+    span_high_.resize(camera.height);
+}
+
+void Renderer::begin(const Rigid& world_from_camera, double offset_x, double offset_y) {
+    world_from_camera_ = world_from_camera;
+    cx_ = camera_.cx - offset_x;
+    cy_ = camera_.cy - offset_y;
+    faces_.clear();
+    std::fill(inverse_depth_.begin(), inverse_depth_.end(), 0.0F);
+    std::fill(face_ids_.begin(), face_ids_.end(), kNoFace);
+}
+
+void Renderer::draw(const Vertex* vertices, std::uint32_t count, const Material& material) {
+    // Into the camera, and away with what lies behind it or beside the image.
+    Vec3 p[8];
+    const double slope_left = -(cx_ + 1) / camera_.fx;
+    const double slope_right = (camera_.width - cx_) / camera_.fx;
+    const double slope_top = -(cy_ + 1) / camera_.fy;
+    const double slope_bottom = (camera_.height - cy_) / camera_.fy;
+    std::uint32_t outside[5] = {};
+    for (std::uint32_t i = 0; i < count; ++i) {
+        p[i] = world_from_camera_.rotation.transposed_times(vertices[i].p - world_from_camera_.translation);
+        outside[0] += p[i].z < kNear;
+        outside[1] += p[i].x < slope_left * p[i].z;
+        outside[2] += p[i].x > slope_right * p[i].z;
+        outside[3] += p[i].y < slope_top * p[i].z;
+        outside[4] += p[i].y > slope_bottom * p[i].z;
+    }
+    for (const std::uint32_t n : outside) {
+        if (n == count) return;
+    }
+    // A pixel's ray d hits the face's plane at z d = b0 p0 + b1 p1 + b2 p2, so that b / z = M^-1 d: everything affine
+    // over the face is, divided by z, linear over the image. The determinant's sign is the side seen.
+    const Vec3 r0 = cross(p[1], p[2]);
+    const Vec3 r1 = cross(p[2], p[0]);
+    const Vec3 r2 = cross(p[0], p[1]);
+    const double det = dot(p[0], r0);
+    if (!(det > 1e-9)) return;
+    const double scale = 1.0 / det;
+    const auto linear = [&](double a0, double a1, double a2) { return (r0 * a0 + r1 * a1 + r2 * a2) * scale; };
+    const auto over_image = [&](const Vec3& n) {
+        const double a = n.x / camera_.fx;
+        const double b = n.y / camera_.fy;
+        return ImagePlane{f32(a), f32(b), f32(n.z - a * cx_ - b * cy_)};
+    };
+    const Vec3 n = linear(1, 1, 1);
+
+    // Clip at the near plane and project.
+    double px[kCornersMax];
+    double py[kCornersMax];
+    std::uint32_t corners = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const Vec3& a = p[i];
+        const Vec3& b = p[i + 1 == count ? 0 : i + 1];
+        const auto add = [&](const Vec3& q) {
+            px[corners] = camera_.fx * q.x / q.z + cx_;
+            py[corners] = camera_.fy * q.y / q.z + cy_;
+            ++corners;
+        };
+        if (a.z >= kNear) add(a);
+        if ((a.z >= kNear) != (b.z >= kNear)) {
+            // From the far end to the near one, whichever comes first: both faces at an edge cut it alike.
+            const Vec3& far_end = a.z >= kNear ? a : b;
+            const Vec3& near_end = a.z >= kNear ? b : a;
+            Vec3 q = mix(far_end, near_end, (far_end.z - kNear) / (far_end.z - near_end.z));
+            q.z = kNear;
+            add(q);
+        }
+    }
+    if (corners < 3) return;
+    double top = py[0];
+    double bottom = py[0];
+    for (std::uint32_t i = 1; i < corners; ++i) {
+        top = std::min(top, py[i]);
+        bottom = std::max(bottom, py[i]);
+    }
+    const auto height = static_cast<std::int32_t>(camera_.height);
+    const auto width = static_cast<std::int32_t>(camera_.width);
+    const std::int32_t y_begin = -floor_clamped(-top, -height, 0);   // ceil
+    const std::int32_t y_end = -floor_clamped(-bottom, -height, 0);  // first row below
+    if (y_begin >= y_end) return;
+
+    const auto id = static_cast<std::uint32_t>(faces_.size());
+    VisibleFace& face = faces_.emplace_back();
+    face.inverse_depth = over_image(n);
+    const Vec3 nu = linear(static_cast<double>(vertices[0].u), static_cast<double>(vertices[1].u),
+                           static_cast<double>(vertices[2].u));
+    const Vec3 nv = linear(static_cast<double>(vertices[0].v), static_cast<double>(vertices[1].v),
+                           static_cast<double>(vertices[2].v));
+    face.u = over_image(nu);
+    face.v = over_image(nv);
+    face.light = over_image(linear(static_cast<double>(vertices[0].light), static_cast<double>(vertices[1].light),
+                                   static_cast<double>(vertices[2].light)));
+    // d(u, v)/d(x, y) of u = U/W, v = V/W has the determinant |U V W| / W^3.
+    const double area = dot(nu, cross(nv, n)) / (camera_.fx * camera_.fy);
+    face.footprint = f32(area < 0 ? -area : area);
+    face.normal_length = f32(length(n));
+    face.material = material;
+
+    for (std::int32_t y = y_begin; y < y_end; ++y) {
+        span_low_[static_cast<std::size_t>(y)] = 1e30;
+        span_high_[static_cast<std::size_t>(y)] = -1e30;
+    }
+    for (std::uint32_t i = 0; i < corners; ++i) {
+        std::uint32_t lo = i;
+        std::uint32_t hi = i + 1 == corners ? 0 : i + 1;
+        if (py[hi] < py[lo]) std::swap(lo, hi);  // one direction for both faces at an edge: no gap, no overlap
+        const std::int32_t y0 = std::max(-floor_clamped(-py[lo], -height, 0), y_begin);
+        const std::int32_t y1 = std::min(-floor_clamped(-py[hi], -height, 0), y_end);
+        if (y0 >= y1) continue;
+        const double slope = (px[hi] - px[lo]) / (py[hi] - py[lo]);
+        for (std::int32_t y = y0; y < y1; ++y) {
+            const double x = px[lo] + (y - py[lo]) * slope;
+            const auto row = static_cast<std::size_t>(y);
+            span_low_[row] = std::min(span_low_[row], x);
+            span_high_[row] = std::max(span_high_[row], x);
+        }
+    }
+    for (std::int32_t y = y_begin; y < y_end; ++y) {
+        const auto row = static_cast<std::size_t>(y);
+        const std::int32_t x_begin = -floor_clamped(-span_low_[row], -width, 0);
+        const std::int32_t x_end = -floor_clamped(-span_high_[row], -width, 0);
+        if (x_begin < x_end) fill_row(static_cast<std::uint32_t>(y), x_begin, x_end, face.inverse_depth, id);
+    }
+}
+
+void Renderer::fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end, const ImagePlane& plane,
+                        std::uint32_t id) noexcept {
+    const std::size_t row = static_cast<std::size_t>(y) * camera_.width;
+    float* const depth = inverse_depth_.data() + row;
+    std::uint32_t* const ids = face_ids_.data() + row;
+    const float begin = plane.b * static_cast<float>(y) + plane.c;
+    const float step = plane.a;
+    for (std::int32_t x = x_begin; x < x_end; ++x) {
+        const float w = begin + step * static_cast<float>(x);
+        const float old = depth[x];
+        const std::uint32_t old_id = ids[x];
+        const bool is_nearer = w > old;
+        depth[x] = is_nearer ? w : old;
+        ids[x] = is_nearer ? id : old_id;
+    }
+}
+
+void Renderer::shade_into(std::vector<float>& sum, float level_offset) {
+    constexpr float kNothing = 20.0F;  // grey where no face is
+    // 4^offset by a parabola, exact at 0, 1/2 and 1.
+    const float level_factor = 1.0F + level_offset * (1.0F + 2.0F * level_offset);
+    for (std::uint32_t y = 0; y < camera_.height; ++y) {
+        const std::size_t row = static_cast<std::size_t>(y) * camera_.width;
+        const std::uint32_t* const ids = face_ids_.data() + row;
+        const float* const depth = inverse_depth_.data() + row;
+        float* const out = sum.data() + row;
+        const auto fy = static_cast<float>(y);
+        std::uint32_t x = 0;
+        while (x < camera_.width) {
+            const std::uint32_t id = ids[x];
+            std::uint32_t end = x + 1;
+            while (end < camera_.width && ids[end] == id) ++end;
+            if (id == kNoFace) {
+                for (; x < end; ++x) out[x] += kNothing;
+                continue;
+            }
+            const VisibleFace& face = faces_[id];
+            const Texture& texture = *face.material.texture;
+            const float footprint = face.footprint * level_factor;
+            const float u0 = face.u.b * fy + face.u.c;
+            const float v0 = face.v.b * fy + face.v.c;
+            const float l0 = face.light.b * fy + face.light.c;
+            const auto level_max = static_cast<std::int32_t>(texture.level_count) - 1;
+            for (; x < end; ++x) {
+                const auto fx = static_cast<float>(x);
+                const float z = 1.0F / depth[x];
+                const float area = footprint * (z * z * z);
+                // Half the exponent of the area is the whole part of the level.
+                const std::int32_t exponent =
+                    static_cast<std::int32_t>(std::bit_cast<std::uint32_t>(area) >> 23U) - 127;
+                const std::int32_t level = std::clamp(exponent >> 1, 0, level_max);
+                const MipLevel& mip = texture.levels[level];
+                const float scale = 256.0F * mip.scale;
+                // Rounding can push a face's last pixel beyond the face, never far: the clamp keeps the cast defined.
+                const float u = std::clamp((u0 + face.u.a * fx) * z * scale, -4.0e6F, 4.0e6F);
+                const float v = std::clamp((v0 + face.v.a * fx) * z * scale, -4.0e6F, 4.0e6F);
+                const std::int32_t iu = static_cast<std::int32_t>(u + 8388608.0F) - 8388608 - 128;
+                const std::int32_t iv = static_cast<std::int32_t>(v + 8388608.0F) - 8388608 - 128;
+                const std::int32_t x0 = (iu >> 8) & mip.width_mask;
+                const std::int32_t x1 = (x0 + 1) & mip.width_mask;
+                const std::int32_t y0 = ((iv >> 8) & mip.height_mask) * mip.width;
+                const std::int32_t y1 = (((iv >> 8) + 1) & mip.height_mask) * mip.width;
+                const std::int32_t wx = iu & 255;
+                const std::int32_t wy = iv & 255;
+                const std::uint8_t* const texels = mip.pixels;
+                const std::int32_t upper = texels[y0 + x0] * (256 - wx) + texels[y0 + x1] * wx;
+                const std::int32_t lower = texels[y1 + x0] * (256 - wx) + texels[y1 + x1] * wx;
+                const std::int32_t grey = upper * (256 - wy) + lower * wy;
+                const float light = (l0 + face.light.a * fx) * z;
+                out[x] += static_cast<float>(grey) * (1.0F / 65536.0F) * light;
+            }
+        }
+    }
+}
+
+}  // namespace stillmesh::simulated

@@ -1,0 +1,51 @@
+// What a scene's name and seed stand for: how the camera moves, who else does, where the furniture is.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "hal/simulated/vector3.hpp"
+
+namespace stillmesh::simulated {
+
+enum class CameraMotion : std::uint8_t { kStatic, kXyz, kRpy, kHalfsphere, kLoop };
+enum class Cast : std::uint8_t { kNobody, kSitting, kWalking, kTrolley, kTrolleyFirst };
+
+struct Scene {
+    const char* name;
+    CameraMotion motion;
+    Cast cast;
+    std::uint32_t frames;  // default length
+};
+
+[[nodiscard]] std::span<const Scene> scenes() noexcept;
+
+// Where the hand carries the camera: a smooth function of time, for any time.
+class CameraPath {
+public:
+    CameraPath(CameraMotion motion, double side, std::uint64_t seed);
+
+    // world_from_camera `time_s` after the start.
+    [[nodiscard]] Rigid at(double time_s) const noexcept;
+    // The same without the fast part: where the camera is on its way, looking level.
+    [[nodiscard]] Rigid base_at(double time_s) const noexcept;
+
+private:
+    [[nodiscard]] double wave(int i, double frequency_hz, double time_s) const noexcept;
+
+    CameraMotion motion_;
+    double side_;  // -1 mirrors the office
+    double phase_[16] = {};
+    double pace_[16] = {};  // factors on the frequencies
+};
+
+// The desk in the middle: what the camera looks at.
+struct DeskPlace {
+    double x = 0, y = 0, half_x = 0, half_y = 0;  // m
+};
+[[nodiscard]] DeskPlace desk_place(const Scene& scene, double side) noexcept;
+
+// The room: |x| <= 3, |y| <= 2.5, 0 <= z <= 2.6.
+inline constexpr double kRoomHalfX = 3.0, kRoomHalfY = 2.5, kRoomHeight = 2.6;
+
+}  // namespace stillmesh::simulated

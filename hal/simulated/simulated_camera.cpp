@@ -1,0 +1,226 @@
+#include "hal/simulated/simulated_camera.hpp"
+
+#include <cmath>
+
+#include "engine/base/numbers.hpp"
+#include "hal/simulated/depth_sensor.hpp"
+#include "hal/simulated/renderer.hpp"
+#include "hal/simulated/world.hpp"
+
+namespace stillmesh {
+namespace {
+
+using namespace simulated;
+
+constexpr std::int64_t kFirstFrameNs = 1'000'000'000;
+constexpr double kFramesPerSecond = 30.0;
+constexpr std::uint32_t kExposures = 4;  // pictures per frame
+// Where in a pixel each picture looks: a turned 2 x 2 grid. Together with the time, each quarter of the exposure once.
+constexpr double kOffsetX[kExposures] = {-0.125, 0.375, -0.375, 0.125};
+constexpr double kOffsetY[kExposures] = {-0.375, -0.125, 0.125, 0.375};
+constexpr double kInstant[kExposures] = {-0.375, 0.125, 0.375, -0.125};  // of the exposure
+// Four samples a pixel allow a somewhat finer mip level than one would.
+constexpr float kLevelOffset[kExposures] = {0.0F, 0.125F, 0.25F, 0.375F};
+
+[[nodiscard]] std::array<double, 4> quaternion(const Mat3& m) noexcept {
+    // The largest of the four first: no division by next to nothing.
+    const double trace = m.a.x + m.b.y + m.c.z;
+    double x = 0;
+    double y = 0;
+    double z = 0;
+    double w = 0;
+    if (trace > 0) {
+        w = 1 + trace;
+        x = m.b.z - m.c.y;
+        y = m.c.x - m.a.z;
+        z = m.a.y - m.b.x;
+    } else if (m.a.x > m.b.y && m.a.x > m.c.z) {
+        x = 1 + m.a.x - m.b.y - m.c.z;
+        y = m.a.y + m.b.x;
+        z = m.c.x + m.a.z;
+        w = m.b.z - m.c.y;
+    } else if (m.b.y > m.c.z) {
+        x = m.a.y + m.b.x;
+        y = 1 - m.a.x + m.b.y - m.c.z;
+        z = m.b.z + m.c.y;
+        w = m.c.x - m.a.z;
+    } else {
+        x = m.c.x + m.a.z;
+        y = m.b.z + m.c.y;
+        z = 1 - m.a.x - m.b.y + m.c.z;
+        w = m.a.y - m.b.x;
+    }
+    const double norm = std::sqrt(x * x + y * y + z * z + w * w);
+    const double s = (w < 0 ? -1.0 : 1.0) / norm;
+    return {x * s, y * s, z * s, w * s};
+}
+
+}  // namespace
+
+struct SimulatedCamera::State {
+    State(const Scene& scene, std::uint64_t seed, double duration_s, const Pinhole& pinhole)
+        : world(scene, seed, duration_s),
+          renderer(pinhole),
+          sum(static_cast<std::size_t>(pinhole.width) * pinhole.height),
+          grey(sum.size()),
+          mask(sum.size()),
+          depth(sum.size()) {
+        Random random(seed ^ 0x6578'706f'7375'7265ULL);
+        for (double& phase : exposure_phase) phase = random.uniform(0, 2 * kPi);
+    }
+
+    World world;
+    Renderer renderer;
+    std::vector<float> sum;
+    std::vector<std::uint8_t> grey;
+    std::vector<std::uint8_t> mask;
+    std::vector<std::uint16_t> depth;
+    double exposure_phase[3] = {};
+};
+
+std::span<const SimulatedScene> simulated_scenes() noexcept {
+    constexpr std::size_t kScenesMax = 32;
+    static std::array<SimulatedScene, kScenesMax> list;
+    std::size_t count = 0;
+    for (const Scene& scene : scenes()) list[count++] = {scene.name, scene.frames};
+    return {list.data(), count};
+}
+
+SimulatedCamera::SimulatedCamera(SimulationOptions options) : options_(std::move(options)) {}
+SimulatedCamera::~SimulatedCamera() = default;
+
+Status SimulatedCamera::open() noexcept {
+    close();
+    const Scene* found = nullptr;
+    for (const Scene& scene : scenes()) {
+        if (options_.scene == scene.name) found = &scene;
+    }
+    if (found == nullptr) {
+        message_ = "there is no scene '" + options_.scene + "'; there are:";
+        for (const Scene& scene : scenes()) message_ += std::string(" ") + scene.name;
+        return Status::kInvalid;
+    }
+    const auto is_within = [](std::uint32_t side) { return side >= 32 && side <= 2047; };
+    if (!is_within(options_.width) || !is_within(options_.height)) {
+        message_ = "the image must be 32 to 2047 pixels wide and high, not " + std::to_string(options_.width) + " x " +
+                   std::to_string(options_.height);
+        return Status::kInvalid;
+    }
+    if (options_.depth_lag_ns < -33'000'000 || options_.depth_lag_ns > 33'000'000) {
+        message_ = "the lag between colour and depth must be within +-33 ms";
+        return Status::kInvalid;
+    }
+    if (options_.exposure_ns < 0 || options_.exposure_ns > 33'000'000) {
+        message_ = "the exposure must be 0 to 33 ms";
+        return Status::kInvalid;
+    }
+    frame_count_ = options_.frames == 0 ? found->frames : options_.frames;
+    if (frame_count_ > 1'000'000) {
+        message_ = "at most 1000000 frames";
+        return Status::kInvalid;
+    }
+    Pinhole pinhole;
+    pinhole.width = options_.width;
+    pinhole.height = options_.height;
+    pinhole.fx = 528.0 * options_.width / 640.0;
+    pinhole.fy = pinhole.fx;
+    pinhole.cx = (options_.width - 1) / 2.0;
+    pinhole.cy = (options_.height - 1) / 2.0;
+    info_ = {};
+    info_.model.width = pinhole.width;
+    info_.model.height = pinhole.height;
+    info_.model.fx = pinhole.fx;
+    info_.model.fy = pinhole.fy;
+    info_.model.cx = pinhole.cx;
+    info_.model.cy = pinhole.cy;
+    info_.depth_units_per_m = 5000.0;
+    info_.frames_per_s = kFramesPerSecond;
+    state_ = std::make_unique<State>(*found, options_.seed, frame_count_ / kFramesPerSecond, pinhole);
+    next_ = 0;
+    message_.clear();
+    return Status::kOk;
+}
+
+const CameraInfo& SimulatedCamera::info() const noexcept {
+    STILLMESH_CHECK(state_ != nullptr);
+    return info_;
+}
+
+Status SimulatedCamera::poll(Frame& frame) noexcept {
+    if (state_ == nullptr) return Status::kUnavailable;
+    if (next_ >= frame_count_) return Status::kEnd;
+    State& s = *state_;
+    const std::int64_t since_start_ns = static_cast<std::int64_t>(next_) * 1'000'000'000 / 30;
+    const double t = static_cast<double>(since_start_ns) * 1e-9;
+    const double lag = static_cast<double>(options_.depth_lag_ns) * 1e-9;
+    const double exposure = static_cast<double>(options_.exposure_ns) * 1e-9;
+    const CameraPath& path = s.world.camera();
+
+    // Colour: the mean of pictures spread over the exposure.
+    for (float& value : s.sum) value = 0;
+    for (std::uint32_t i = 0; i < kExposures; ++i) {
+        const double instant = t + exposure * kInstant[i];
+        s.renderer.begin(path.at(instant), kOffsetX[i], kOffsetY[i]);
+        s.world.draw(s.renderer, instant);
+        s.renderer.shade_into(s.sum, kLevelOffset[i]);
+    }
+    // Automatic exposure, hunting slowly, and noise of the sensor: more of it where there is more light.
+    const double gain = 1.0 + 0.10 * sine(0.43 * t + s.exposure_phase[0]) +
+                        0.06 * sine(1.31 * t + s.exposure_phase[1]) + 0.02 * sine(4.1 * t + s.exposure_phase[2]);
+    const auto factor = static_cast<float>(gain / kExposures);
+    const std::uint32_t key = scramble(static_cast<std::uint32_t>(options_.seed) * 7919U + next_);
+    for (std::size_t i = 0; i < s.sum.size(); ++i) {
+        const float value = s.sum[i] * factor;
+        const float noise = (1.3F + 0.008F * value) * bell(scramble(static_cast<std::uint32_t>(i) * 2891336453U + key));
+        float out = value + noise + 0.5F;
+        out = out < 0.0F ? 0.0F : (out > 255.0F ? 255.0F : out);
+        s.grey[i] = static_cast<std::uint8_t>(out);
+    }
+
+    // The truth at the middle of the exposure, and depth at its own time.
+    const Rigid pose = path.at(t);
+    s.renderer.begin(pose, 0, 0);
+    s.world.draw(s.renderer, t);
+    std::size_t dynamic_count = 0;
+    const std::vector<std::uint32_t>& ids = s.renderer.face_ids();
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+        const bool is_dynamic = ids[i] != kNoFace && s.renderer.face(ids[i]).material.is_dynamic;
+        s.mask[i] = is_dynamic ? 255 : 0;
+        dynamic_count += is_dynamic;
+    }
+    dynamic_share_ = static_cast<double>(dynamic_count) / static_cast<double>(ids.size());
+    if (options_.depth_lag_ns != 0) {
+        s.renderer.begin(path.at(t + lag), 0, 0);
+        s.world.draw(s.renderer, t + lag);
+    }
+    sense_depth(s.renderer, scramble(key), static_cast<float>(info_.depth_units_per_m), s.depth);
+
+    pose_.time_ns = kFirstFrameNs + since_start_ns;
+    pose_.t = {pose.translation.x, pose.translation.y, pose.translation.z};
+    pose_.q = quaternion(pose.rotation);
+    frame.time_ns = pose_.time_ns;
+    frame.depth_time_ns = pose_.time_ns + options_.depth_lag_ns;
+    frame.format = PixelFormat::kGrey8;
+    frame.colour = {s.grey.data(), options_.width, options_.height, options_.width};
+    frame.depth = {s.depth.data(), options_.width, options_.height, options_.width};
+    frame.depth_units_per_m = info_.depth_units_per_m;
+    ++next_;
+    return Status::kOk;
+}
+
+Status SimulatedCamera::wait(std::uint32_t timeout_ms) noexcept {
+    static_cast<void>(timeout_ms);
+    if (state_ == nullptr) return Status::kUnavailable;
+    return next_ < frame_count_ ? Status::kOk : Status::kEnd;
+}
+
+void SimulatedCamera::close() noexcept {
+    state_.reset();
+}
+
+ImageView<std::uint8_t> SimulatedCamera::dynamic_mask() const noexcept {
+    STILLMESH_CHECK(state_ != nullptr);
+    return {state_->mask.data(), options_.width, options_.height, options_.width};
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,346 @@
+#include "hal/simulated/world.hpp"
+
+#include <algorithm>
+
+namespace stillmesh::simulated {
+
+World::World(const Scene& scene, std::uint64_t seed, double duration_s)
+    : scene_(scene),
+      seed_(seed),
+      random_(seed * 0x9e37'79b9ULL + 0x5ce'e0ffULL),
+      side_(random_.uniform() < 0.5 ? -1.0 : 1.0),
+      duration_s_(duration_s),
+      camera_(scene.motion, side_, seed) {
+    const Coat plain = coat(Pattern::kPlainWall, 200);
+    const Coat carpet = coat(Pattern::kCarpet, 300);
+    const Coat ceiling = coat(Pattern::kCeiling, 420);
+    const double x = kRoomHalfX;
+    const double y = kRoomHalfY;
+    const double z = kRoomHeight;
+    add_quad(quads_, {-x, y, 0}, {2 * x, 0, 0}, {0, -2 * y, 0}, carpet);
+    add_quad(quads_, {-x, -y, z}, {2 * x, 0, 0}, {0, 2 * y, 0}, ceiling);
+    const Wall walls[4] = {{{-x, y, 0}, {1, 0, 0}, {0, -1, 0}, 2 * x},  // before the camera
+                           {{x, y, 0}, {0, -1, 0}, {-1, 0, 0}, 2 * y},
+                           {{x, -y, 0}, {-1, 0, 0}, {0, 1, 0}, 2 * x},
+                           {{-x, -y, 0}, {0, 1, 0}, {1, 0, 0}, 2 * y}};
+    for (int i = 0; i < 4; ++i) {
+        add_on_wall(walls[i], 0, 0, walls[i].width, z, 0, plain);
+        furnish(walls[i], i == 0);
+    }
+    add_desk(desk_place(scene_, side_));
+    if (scene.cast == Cast::kWalking) add_people(2 + random_.below(2));
+    if (scene.cast == Cast::kSitting) add_people(2);
+    if (scene.cast == Cast::kTrolley || scene.cast == Cast::kTrolleyFirst) add_trolley();
+}
+
+float World::light_at(const Vec3& p, const Vec3& normal) noexcept {
+    double sum = 0.5;
+    for (const double lx : {-1.5, 1.5}) {
+        for (const double ly : {-1.2, 1.2}) {
+            const Vec3 way = Vec3{lx, ly, kRoomHeight - 0.05} - p;
+            const double distance2 = dot(way, way) + 0.3;
+            const double slant = dot(way, normal) / std::sqrt(distance2);
+            sum += 0.9 * std::max(0.0, slant) / (distance2 + 1.5);
+        }
+    }
+    return static_cast<float>(std::min(sum, 1.25));
+}
+
+World::Coat World::coat(Pattern pattern, double texels_per_m, Infrared infrared) {
+    textures_.push_back(paint(pattern, random_.next()));
+    return {&textures_.back(), texels_per_m, infrared};
+}
+
+void World::add_quad(std::vector<Quad>& to, const Vec3& top_left, const Vec3& right, const Vec3& down, const Coat& coat,
+                     bool is_dynamic) {
+    Quad quad;
+    const Vec3 normal = normalised(cross(down, right));
+    const double u =
+        coat.texels_per_m > 0 ? length(right) * coat.texels_per_m : static_cast<double>(coat.texture->width);
+    const double v =
+        coat.texels_per_m > 0 ? length(down) * coat.texels_per_m : static_cast<double>(coat.texture->height);
+    const Vec3 corners[4] = {top_left, top_left + right, top_left + right + down, top_left + down};
+    for (int i = 0; i < 4; ++i) {
+        quad.corners[i].p = corners[i];
+        quad.corners[i].u = i == 1 || i == 2 ? static_cast<float>(u) : 0.0F;
+        quad.corners[i].v = i >= 2 ? static_cast<float>(v) : 0.0F;
+        quad.corners[i].light = light_at(corners[i], normal);
+    }
+    // Light is affine over a face: three corners decide.
+    quad.material = {coat.texture, coat.infrared, is_dynamic};
+    to.push_back(quad);
+}
+
+void World::add_box(std::vector<Quad>& to, const Vec3& centre, const Vec3& half, double yaw_rad, const Coat& front,
+                    const Coat& rest, bool is_dynamic) {
+    const Mat3 turn = rotation_z(yaw_rad);
+    const Vec3 x = turn.a * half.x;
+    const Vec3 y = turn.b * half.y;
+    const Vec3 z{0, 0, half.z};
+    add_quad(to, centre - x - y + z, x * 2, z * -2, front, is_dynamic);  // front: -y
+    add_quad(to, centre + x + y + z, x * -2, z * -2, rest, is_dynamic);  // back
+    add_quad(to, centre + x - y + z, y * 2, z * -2, rest, is_dynamic);   // right: +x
+    add_quad(to, centre - x + y + z, y * -2, z * -2, rest, is_dynamic);  // left
+    add_quad(to, centre - x + y + z, x * 2, y * -2, rest, is_dynamic);   // top
+    add_quad(to, centre - x - y - z, x * 2, y * 2, rest, is_dynamic);    // bottom
+}
+
+void World::add_on_wall(const Wall& wall, double left, double bottom, double width, double height, double out,
+                        const Coat& coat) {
+    add_quad(quads_, wall.corner + wall.right * left + Vec3{0, 0, bottom + height} + wall.inward * out,
+             wall.right * width, {0, 0, -height}, coat);
+}
+
+void World::add_box_at_wall(const Wall& wall, double left, double bottom, double width, double height, double depth,
+                            const Coat& front, const Coat& rest) {
+    const Vec3 centre = wall.corner + wall.right * (left + width / 2) + wall.inward * (depth / 2 + 0.005) +
+                        Vec3{0, 0, bottom + height / 2};
+    // The box's front is -y of its own: turn that inwards.
+    const double yaw = arc_tangent2(wall.right.y, wall.right.x);
+    add_box(quads_, centre, {width / 2, depth / 2, height / 2}, yaw, front, rest);
+}
+
+void World::add_shelf(const Wall& wall, double left, double width) {
+    constexpr double kDepth = 0.30;
+    const Coat board = coat(Pattern::kWood, 350);
+    const double height = random_.uniform(1.7, 2.1);
+    add_box_at_wall(wall, left, 0, 0.03, height, kDepth, board, board);
+    add_box_at_wall(wall, left + width - 0.03, 0, 0.03, height, kDepth, board, board);
+    constexpr int kRows = 5;
+    const double pitch = (height - 0.06) / kRows;
+    for (int i = 0; i <= kRows; ++i)
+        add_box_at_wall(wall, left + 0.03, 0.02 + i * pitch, width - 0.06, 0.03, kDepth, board, board);
+    for (int i = 0; i < kRows; ++i) {
+        const double bottom = 0.05 + i * pitch;
+        if (random_.uniform() < 0.2) {  // boxes instead of books
+            const Coat box = coat(Pattern::kParcel, 0);
+            add_box_at_wall(wall, left + 0.08, bottom, width * 0.35, pitch * 0.75, 0.24, box, box);
+            const Coat other = coat(Pattern::kParcel, 0);
+            add_box_at_wall(wall, left + width * 0.52, bottom, width * 0.35, pitch * 0.6, 0.2, other, other);
+            add_on_wall(wall, left + 0.03, bottom, width - 0.06, pitch, 0.01, coat(Pattern::kDark, 100));
+        } else {
+            const double out = random_.uniform(0.2, 0.27);
+            add_on_wall(wall, left + 0.03, bottom, width - 0.06, pitch - 0.03, out, coat(Pattern::kBooks, 0));
+        }
+    }
+}
+
+void World::furnish(const Wall& wall, bool is_seen_first) {
+    // Slots of a bit over a metre, each with something of its own; one of them stays bare.
+    const auto slots = static_cast<std::uint32_t>(wall.width / 1.2);
+    const double pitch = wall.width / slots;
+    const std::uint32_t bare = is_seen_first ? (random_.uniform() < 0.5 ? 0 : slots - 1) : random_.below(slots);
+    std::uint32_t last = 99;
+    for (std::uint32_t i = 0; i < slots; ++i) {
+        const double left = i * pitch + 0.06;
+        const double width = pitch - 0.12;
+        if (i == bare) continue;
+        std::uint32_t kind = random_.below(is_seen_first ? 4 : 6);
+        if (kind == last) kind = (kind + 1) % 4;
+        last = kind;
+        switch (kind) {
+            case 0: add_shelf(wall, left, std::min(width, 1.1)); break;
+            case 1: {  // a cabinet with a poster above
+                const Coat front = coat(Pattern::kMetal, 0);
+                const double height = random_.uniform(0.9, 1.15);
+                add_box_at_wall(wall, left, 0, width * 0.85, height, 0.42, front, coat(Pattern::kWood, 300));
+                const double up = height + random_.uniform(0.12, 0.25);
+                add_on_wall(wall, left + 0.1, up, 0.75, 0.75, 0.006, coat(Pattern::kPoster, 0));
+                const Coat box = coat(Pattern::kParcel, 0);
+                add_box_at_wall(wall, left + 0.05, height, 0.3, 0.22, 0.3, box, box);
+                break;
+            }
+            case 2: {  // pinboard over a side desk
+                add_on_wall(wall, left, 1.05, width, 0.95, 0.008, coat(Pattern::kPinboard, 0));
+                const Coat wood = coat(Pattern::kWood, 350);
+                add_box_at_wall(wall, left, 0.70, width, 0.04, 0.5, wood, wood);
+                add_box_at_wall(wall, left, 0, 0.05, 0.70, 0.5, wood, wood);
+                add_box_at_wall(wall, left + width - 0.05, 0, 0.05, 0.70, 0.5, wood, wood);
+                const Coat box = coat(Pattern::kParcel, 0);
+                add_box_at_wall(wall, left + 0.2, 0.74, 0.32, 0.2, 0.3, box, box);
+                const Coat bin = coat(Pattern::kParcel, 0);
+                add_box_at_wall(wall, left + 0.25, 0, 0.4, 0.4, 0.35, bin, bin);
+                break;
+            }
+            case 3: {  // two or three posters
+                const double first = random_.uniform(0.95, 1.25);
+                add_on_wall(wall, left, first, 0.8, 0.9, 0.006, coat(Pattern::kPoster, 0));
+                const double second = random_.uniform(0.3, 0.6);
+                add_on_wall(wall, left + 0.25, first - 0.05 - second, second * 1.2, second, 0.006,
+                            coat(Pattern::kPoster, 0));
+                const Coat box = coat(Pattern::kParcel, 0);
+                add_box_at_wall(wall, left + 0.1, 0, 0.35, 0.3, 0.3, box, box);
+                break;
+            }
+            case 4: add_on_wall(wall, left, 0, 0.9, 2.05, 0.01, coat(Pattern::kDoor, 0)); break;
+            default: {
+                add_on_wall(wall, left, 0.9, width, 0.9, 0.006, coat(Pattern::kPoster, 0));
+                break;
+            }
+        }
+    }
+}
+
+void World::add_monitor(double x, double y, double z, double yaw_rad) {
+    const Coat dark = coat(Pattern::kDark, 200, Infrared::kPoor);
+    const Coat screen = coat(Pattern::kScreen, 0, Infrared::kBad);
+    add_box(quads_, {x, y, z + 0.27}, {0.26, 0.025, 0.17}, yaw_rad, dark, dark);
+    const Mat3 turn = rotation_z(yaw_rad);
+    add_quad(quads_, Vec3{x, y, z + 0.425} - turn.a * 0.24 - turn.b * 0.028, turn.a * 0.48, {0, 0, -0.3}, screen);
+    add_box(quads_, {x, y, z + 0.05}, {0.03, 0.02, 0.05}, yaw_rad, dark, dark);
+    add_box(quads_, {x, y, z + 0.01}, {0.12, 0.09, 0.01}, yaw_rad, dark, dark);
+}
+
+void World::add_chair(double x, double y, double yaw_rad) {
+    const Coat cloth = coat(Pattern::kTrousers, 300);
+    const Coat dark = coat(Pattern::kDark, 200, Infrared::kPoor);
+    const Mat3 turn = rotation_z(yaw_rad);
+    const Vec3 at{x, y, 0};
+    add_box(quads_, at + Vec3{0, 0, 0.44}, {0.22, 0.22, 0.03}, yaw_rad, cloth, cloth);
+    add_box(quads_, at + turn.b * 0.22 + Vec3{0, 0, 0.75}, {0.2, 0.025, 0.2}, yaw_rad, cloth, cloth);
+    add_box(quads_, at + Vec3{0, 0, 0.22}, {0.03, 0.03, 0.2}, yaw_rad, dark, dark);
+    add_box(quads_, at + Vec3{0, 0, 0.04}, {0.22, 0.22, 0.02}, yaw_rad, dark, dark);
+}
+
+void World::add_desk(const DeskPlace& place) {
+    constexpr double kTop = 0.73;
+    const Coat wood = coat(Pattern::kWood, 450);
+    const Coat side = coat(Pattern::kMetal, 300);
+    const double hx = place.half_x;
+    const double hy = place.half_y;
+    const Vec3 centre{place.x, place.y, 0};
+    add_box(quads_, centre + Vec3{0, 0, kTop - 0.02}, {hx, hy, 0.02}, 0, wood, wood);
+    for (const double sx : {-1.0, 1.0}) {
+        add_box(quads_, centre + Vec3{sx * (hx - 0.22), 0, (kTop - 0.04) / 2}, {0.2, hy - 0.05, (kTop - 0.04) / 2}, 0,
+                side, side);
+    }
+    // On the desk: screens at the back, keyboards before them, paper, books and parcels where there is room.
+    for (const double sx : {-0.5, 0.5}) {
+        const double x = place.x + sx * hx * 1.05;
+        const double yaw = -sx * random_.uniform(0.1, 0.4);
+        add_monitor(x, place.y + hy * 0.45, kTop, yaw);
+        const double keyboard_yaw = random_.uniform(-0.15, 0.15);
+        const Coat dark = coat(Pattern::kDark, 200);
+        const Coat keys = coat(Pattern::kKeyboard, 0);
+        add_box(quads_, {x, place.y - hy * 0.35, kTop + 0.012}, {0.21, 0.075, 0.012}, keyboard_yaw, dark, keys);
+    }
+    for (int i = 0; i < 7; ++i) {
+        const double x = place.x + random_.uniform(-0.85, 0.85) * hx;
+        const double y = place.y + random_.uniform(-0.85, 0.3) * hy;
+        const Mat3 turn = rotation_z(random_.uniform(-0.6, 0.6));
+        add_quad(quads_, Vec3{x, y, kTop + 0.003 + 0.001 * i} - turn.a * 0.1 + turn.b * 0.14, turn.a * 0.2,
+                 turn.b * -0.28, coat(Pattern::kPaper, 0));
+    }
+    for (int i = 0; i < 6; ++i) {
+        const double x = place.x + random_.uniform(-0.9, 0.9) * hx;
+        const double y =
+            place.y + (random_.uniform() < 0.6 ? random_.uniform(0.55, 0.85) : random_.uniform(-0.9, -0.6)) * hy;
+        const double yaw = random_.uniform(-0.7, 0.7);
+        const double half_x = random_.uniform(0.06, 0.13);
+        const double half_y = random_.uniform(0.05, 0.1);
+        const double half_z = random_.uniform(0.02, 0.09);
+        const Coat cover = coat(random_.uniform() < 0.5 ? Pattern::kPoster : Pattern::kParcel, 0);
+        add_box(quads_, {x, y, kTop + half_z}, {half_x, half_y, half_z}, yaw, cover, cover);
+    }
+}
+
+void World::add_people(std::uint32_t count) {
+    const DeskPlace desk = desk_place(scene_, side_);
+    people_.resize(count);
+    for (Person& person : people_) {
+        person.height_m = random_.uniform(1.62, 1.9);
+        person.girth = random_.uniform(0.95, 1.15);
+        const auto wear = [&](Pattern pattern) { return Material{coat(pattern, 0).texture, Infrared::kGood, true}; };
+        person.shirt = wear(Pattern::kCloth);
+        person.trousers = wear(Pattern::kTrousers);
+        person.skin = wear(Pattern::kSkin);
+        person.face = wear(Pattern::kFace);
+        person.shoes = wear(Pattern::kDark);
+    }
+    const std::uint64_t seed = random_.next();
+    if (scene_.cast == Cast::kWalking) {
+        plan_walks(people_, camera_, {{desk.x, desk.y, desk.half_x, desk.half_y}}, duration_s_, seed);
+        return;
+    }
+    // At the desk's far side and at its end, turned to each other and to the camera.
+    const double near_side = scene_.motion == CameraMotion::kHalfsphere ? 1.0 : -1.0;
+    const Vec3 seats[2] = {{desk.x - 0.35 * side_, desk.y + desk.half_y + 0.35, radians(-90)},
+                           {desk.x - side_ * (desk.half_x + 0.4), desk.y + 0.35 * near_side + 0.3,
+                            side_ > 0 ? radians(-30) : radians(210)}};
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const double heading = seats[i].z + random_.uniform(-0.4, 0.4);
+        // The chair's back is +y of its own; the person looks along -y of the chair.
+        add_chair(seats[i].x, seats[i].y, heading + kPi / 2);
+        plan_sitting(people_[i], seats[i].x, seats[i].y, heading, duration_s_, seed + i);
+    }
+}
+
+void World::add_trolley() {
+    trolley_direction_ = random_.uniform() < 0.5 ? -1 : 1;
+    trolley_pace_ = random_.uniform(0.9, 1.15);
+    const Coat dark = coat(Pattern::kDark, 200);
+    const Coat frame = coat(Pattern::kMetal, 300);
+    add_box(trolley_, {0, 0, 0.14}, {0.45, 0.3, 0.025}, 0, frame, frame, true);
+    for (const double x : {-0.38, 0.38}) {
+        for (const double y : {-0.24, 0.24}) add_box(trolley_, {x, y, 0.06}, {0.05, 0.02, 0.06}, 0, dark, dark, true);
+    }
+    // Parcels and pictures in three layers, none quite in line with the others.
+    double bottom = 0.165;
+    for (int layer = 0; layer < 3; ++layer) {
+        const double height = random_.uniform(0.38, 0.44);
+        const double split = random_.uniform(-0.12, 0.12);
+        for (const double s : {-1.0, 1.0}) {
+            const double x0 = s < 0 ? -0.45 : split + 0.005;
+            const double x1 = s < 0 ? split - 0.005 : 0.45;
+            const double h = height - random_.uniform(0.0, 0.04);
+            const double y = random_.uniform(-0.03, 0.03);
+            const Coat cover = coat(random_.uniform() < 0.4 ? Pattern::kPoster : Pattern::kParcel, 0);
+            add_box(trolley_, {(x0 + x1) / 2, y, bottom + h / 2}, {(x1 - x0) / 2, 0.27, h / 2}, 0, cover, cover, true);
+        }
+        bottom += height;
+    }
+}
+
+Rigid World::trolley_at(double time_s) const noexcept {
+    // Across the view, one metre before the camera, slower in the middle; back again after a rest.
+    const Rigid eye = camera_.base_at(0);
+    const Vec3 forward = normalised({eye.rotation.c.x, eye.rotation.c.y, 0});
+    const Vec3 right{forward.y, -forward.x, 0};
+    constexpr double kOutside = 1.75;  // m to the side: out of view
+    double t = time_s;
+    double s = 0;
+    if (scene_.cast == Cast::kTrolleyFirst) {
+        s = 0.35 * sine(0.55 * trolley_pace_ * t);
+    } else {
+        constexpr double kPassS = 7.5;
+        constexpr double kRestS = 2.0;
+        t = std::max(0.0, t - 3.0) * trolley_pace_;
+        double direction = -1;
+        while (t > kPassS + kRestS) {
+            t -= kPassS + kRestS;
+            direction = -direction;
+        }
+        const double p = clamp01(t / kPassS) * 2 - 1;  // -1..1
+        s = -direction * kOutside * (0.55 * p + 0.45 * p * p * p);
+    }
+    const Vec3 at = eye.translation + forward * 1.12 + right * (s * trolley_direction_);
+    return {rotation_z(arc_tangent2(right.y, right.x) + 0.12 * s), {at.x, at.y, 0}};
+}
+
+void World::draw(Renderer& renderer, double time_s) const {
+    for (const Person& person : people_) draw_person(renderer, person, time_s);
+    if (!trolley_.empty()) {
+        const Rigid pose = trolley_at(time_s);
+        for (const Quad& quad : trolley_) {
+            Vertex corners[4];
+            for (int i = 0; i < 4; ++i) {
+                corners[i] = quad.corners[i];
+                corners[i].p = pose * quad.corners[i].p;
+            }
+            renderer.draw(corners, 4, quad.material);
+        }
+    }
+    for (const Quad& quad : quads_) renderer.draw(quad.corners, 4, quad.material);
+}
+
+}  // namespace stillmesh::simulated

@@ -1,0 +1,74 @@
+// The simulated office and who is in it: everything that follows from a scene and a seed. Built once; drawn at any
+// time.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "hal/simulated/person.hpp"
+#include "hal/simulated/renderer.hpp"
+#include "hal/simulated/scene.hpp"
+
+namespace stillmesh::simulated {
+
+class World {
+public:
+    World(const Scene& scene, std::uint64_t seed, double duration_s);
+
+    void draw(Renderer& renderer, double time_s) const;
+    [[nodiscard]] const CameraPath& camera() const noexcept { return camera_; }
+
+private:
+    struct Quad {
+        Vertex corners[4];
+        Material material;
+    };
+    // A texture and how it lies: once over the face, or so many texels a metre.
+    struct Coat {
+        const Texture* texture = nullptr;
+        double texels_per_m = 0;  // 0: once over the face
+        Infrared infrared = Infrared::kGood;
+    };
+    struct Wall {
+        Vec3 corner;  // at the floor, to the left as one looks at the wall
+        Vec3 right;   // along the wall
+        Vec3 inward;  // into the room
+        double width = 0;
+    };
+
+    [[nodiscard]] Coat coat(Pattern pattern, double texels_per_m, Infrared infrared = Infrared::kGood);
+    // `top_left` as seen from the front; `right` and `down` are its edges.
+    void add_quad(std::vector<Quad>& to, const Vec3& top_left, const Vec3& right, const Vec3& down, const Coat& coat,
+                  bool is_dynamic = false);
+    // Turned about z; `front` faces -y of the box, `rest` the others.
+    void add_box(std::vector<Quad>& to, const Vec3& centre, const Vec3& half, double yaw_rad, const Coat& front,
+                 const Coat& rest, bool is_dynamic = false);
+    void add_on_wall(const Wall& wall, double left, double bottom, double width, double height, double out,
+                     const Coat& coat);
+    void add_box_at_wall(const Wall& wall, double left, double bottom, double width, double height, double depth,
+                         const Coat& front, const Coat& rest);
+    void furnish(const Wall& wall, bool is_seen_first);
+    void add_shelf(const Wall& wall, double left, double width);
+    void add_monitor(double x, double y, double z, double yaw_rad);
+    void add_desk(const DeskPlace& place);
+    void add_chair(double x, double y, double yaw_rad);
+    void add_people(std::uint32_t count);
+    void add_trolley();
+    [[nodiscard]] static float light_at(const Vec3& p, const Vec3& normal) noexcept;
+    [[nodiscard]] Rigid trolley_at(double time_s) const noexcept;
+
+    Scene scene_;
+    std::uint64_t seed_;
+    Random random_;
+    double side_;  // -1: mirrored
+    double duration_s_;
+    CameraPath camera_;
+    std::deque<Texture> textures_;  // addresses stay
+    std::vector<Quad> quads_;
+    std::vector<Quad> trolley_;  // in its own frame
+    std::vector<Person> people_;
+    double trolley_direction_ = 1;
+    double trolley_pace_ = 1;
+};
+
+}  // namespace stillmesh::simulated
