@@ -27,6 +27,9 @@ if(STILLMESH_SANITIZE)
         -fno-omit-frame-pointer)
     target_link_options(stillmesh_contract INTERFACE -fsanitize=address,undefined)
 endif()
+if(STILLMESH_BUILD_FUZZERS)  # every line tells libFuzzer that it was reached
+    target_compile_options(stillmesh_contract INTERFACE -fsanitize=fuzzer-no-link)
+endif()
 
 # The engine's own rules on top: no exceptions, no RTTI, no thread-safe statics, Eigen without heap, streams or SIMD.
 add_library(stillmesh_engine_contract INTERFACE)

@@ -32,7 +32,7 @@ enum class CalibrationFormat { kToml, kYaml };
 [[nodiscard]] std::optional<CameraInfo> built_in_calibration(std::string_view name);
 [[nodiscard]] std::span<const std::string_view> calibration_names();
 
-// The text of a camera.toml that load_calibration reads back to the same bits.
+// The text of a camera.toml that load_calibration reads back to the same bits. The size must be known by then.
 [[nodiscard]] std::string calibration_toml(const CameraInfo& info);
 
 // The name a user probably meant, or an empty view: at most a third of the letters may differ.

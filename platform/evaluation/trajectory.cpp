@@ -55,7 +55,7 @@ Status parse_trajectory(std::string_view text, const std::string& file, Trajecto
         if (!is_finite) continue;  // as the TUM tools do: a pose of NaNs is no pose
         const double length =
             std::sqrt(pose.q[0] * pose.q[0] + pose.q[1] * pose.q[1] + pose.q[2] * pose.q[2] + pose.q[3] * pose.q[3]);
-        if (!(length > 1e-6)) return fail("the quaternion is zero");
+        if (!(length > 1e-6 && length < 1e6)) return fail("the quaternion is zero or far too long");
         for (double& value : pose.q) value /= length;
         trajectory.push_back(pose);
     }
@@ -86,7 +86,8 @@ std::string time_text(std::int64_t time_ns) {
 }
 
 std::string pose_line(const TrajectoryPose& pose) {
-    std::array<char, 320> buffer{};
+    // The largest double has 309 digits before its point; a trajectory read from a file may hold it.
+    std::array<char, 3 * 320 + 4 * 16 + 32> buffer{};
     std::snprintf(buffer.data(), buffer.size(), "%s %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
                   time_text(pose.time_ns).c_str(), pose.t[0], pose.t[1], pose.t[2], pose.q[0], pose.q[1], pose.q[2],
                   pose.q[3]);
