@@ -2,11 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <cstdlib>
 
 #include "hal/replay/replay_camera.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/summary.hpp"
+#include "platform/linux/process.hpp"
 #include "platform/report/report.hpp"
 #include "tests/platform/story_session.hpp"
 #include "tests/replay/recording_folder.hpp"
@@ -168,6 +170,32 @@ TEST(RunLoop, OutputsThatCannotBeWritten) {
     EXPECT_EQ(run_loop(
                   camera, [] { return std::string(); }, session, options, full),
               2);
+}
+
+// Promise: a signal ends the run after the frame at hand, with 128 + its number and every pose written. In a process of
+// its own: what a signal leaves behind is no business of other tests.
+TEST(RunLoopDeathTest, SignalsFinishTheFrame) {
+    for (const int signal : {SIGINT, SIGTERM}) {
+        test::TemporaryFolder folder;
+        RunLoopOptions options;
+        options.trajectory = folder.path() + "/t.txt";
+        options.show_progress = false;
+        EXPECT_EXIT(
+            {
+                catch_stop_signals();
+                StoryCamera camera;
+                StorySession session;
+                session.status_of = [signal](std::uint64_t i) {
+                    if (i == 30) static_cast<void>(std::raise(signal));
+                    return Status::kOk;
+                };
+                RunRecord record;
+                std::exit(run_loop(
+                    camera, [] { return std::string(); }, session, options, record));
+            },
+            testing::ExitedWithCode(128 + signal), "");
+        EXPECT_EQ(poses_in(test::read_text(options.trajectory)), 31U);
+    }
 }
 
 // Promise: black, saturated, empty, covered and plain pictures are told apart.
