@@ -1,4 +1,4 @@
-// Guibas & Stolfi's divide and conquer, bottom-up. The points are cut into about sqrt(n) / 4 vertical strips and each
+// Guibas & Stolfi's divide and conquer, bottom-up. The points are cut into about sqrt(n) / 2 vertical strips and each
 // strip is triangulated by merging upwards, then the strips are merged sideways (Dwyer 1987): pieces stay compact, so a
 // merge touches few edges, and for evenly spread points the merges cost O(n) together; never more than O(n log n).
 //
@@ -21,7 +21,7 @@ constexpr std::uint32_t kXBits = 14;
 constexpr std::uint32_t kXMask = (1U << kXBits) - 1;
 static_assert(kMeshCoordinateMax == static_cast<std::int32_t>(kXMask));
 constexpr std::uint32_t kColumnShift = 5;  // 16384 / 512 columns
-constexpr std::uint32_t kStripFactor = 2;  // points in a strip, in square roots of all: measured, bench/mesh
+constexpr std::uint32_t kStripFactor = 2;  // points in a strip, in square roots of all: measured, docs/decisions.md
 
 // A piece of the triangulation, by its hull: what a merge needs to know of it.
 struct Piece {
