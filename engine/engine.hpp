@@ -1,0 +1,151 @@
+// The front door of the engine: one block of memory in, frames in, poses out. No call here allocates, throws, waits or
+// reads a clock. One engine is used by one thread.
+//
+//   std::span<std::byte> block = ...;                        // bytes_needed(limits), aligned to kArenaAlignment
+//   auto engine = Engine::create(block, limits, configuration, camera, kernels);
+//   engine.value()->submit(frame);                           // tracks the frame
+//   const PoseEstimate& pose = engine.value()->pose();
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "engine/base/api.hpp"
+#include "engine/base/status.hpp"
+#include "engine/configuration.hpp"
+#include "engine/features/features.hpp"
+#include "engine/frame/frame.hpp"
+#include "engine/frame/kernels.hpp"
+#include "engine/geometry/camera_model.hpp"
+#include "engine/limits.hpp"
+
+namespace stillmesh {
+
+// How far a pose can be trusted.
+enum class PoseState : std::uint8_t {
+    kNone = 0,       // no pose: the transform is the last one known
+    kPredicted = 1,  // no measurement in this frame: carried on from the motion before
+    kUnsure = 2,     // measured, but another explanation of the frame is nearly as good
+    kTracked = 3,
+};
+
+struct RigidTransform {
+    double rotation_xyzw[4] = {0, 0, 0, 1};  // unit quaternion
+    double translation_m[3] = {0, 0, 0};
+};
+
+struct PoseEstimate {
+    std::int64_t time_ns = 0;
+    PoseState state = PoseState::kNone;
+    RigidTransform odom_from_camera;  // continuous
+    RigidTransform map_from_odom;     // changed by loop closing and relocalisation alone
+    // Of xi in odom_from_camera * exp(xi), xi = [translation m, rotation rad] in the camera frame; row by row.
+    double covariance[36] = {};
+};
+
+// The steps of a frame, for whoever wants to time them.
+enum class Stage : std::uint8_t { kPrepare, kFeatures, kMatching, kMesh, kRegion, kPose, kLocalMap, kMapUpdate };
+inline constexpr std::uint32_t kStages = 8;
+[[nodiscard]] constexpr const char* stage_name(Stage stage) noexcept {
+    constexpr const char* kNames[kStages] = {"prepare", "features", "matching",  "mesh",
+                                             "region",  "pose",     "local map", "map update"};
+    return kNames[static_cast<std::uint32_t>(stage)];
+}
+// Called at the begin and the end of every stage; the engine itself reads no clock.
+struct StageObserver {
+    void (*on_stage)(void* user, Stage stage, bool is_begin) noexcept = nullptr;
+    void* user = nullptr;
+};
+
+struct FrameStatistics {
+    std::uint64_t frame = 0;  // 0 for the first
+    std::uint32_t features = 0;
+    std::uint32_t features_with_depth = 0;
+    std::uint32_t matches = 0;
+    std::uint32_t static_matches = 0;   // accepted as static under the pose given out
+    std::uint32_t dynamic_matches = 0;  // matched, and moving against it
+    std::uint32_t mesh_edges = 0;
+    std::uint32_t mesh_edges_kept = 0;
+    std::uint32_t groups = 0;
+    double region_score = 0;   // Eq. 1 of the chosen group
+    double region_margin = 0;  // how much better the choice explains the past than the next one, [0, 1]
+    bool is_keyframe = false;
+    std::uint32_t pose_iterations = 0;
+};
+
+struct PoolStatistics {
+    std::uint32_t size = 0, high_water = 0, capacity = 0;
+};
+struct EngineStatistics {
+    std::uint64_t frames = 0;
+    std::uint64_t frames_refused = 0;
+    std::uint64_t keyframes_made = 0;
+    std::uint64_t keyframes_forgotten = 0;
+    std::uint64_t points_forgotten = 0;
+    std::uint64_t frames_lost = 0;     // state none after the first pose
+    std::uint64_t recoveries = 0;      // back from lost against a keyframe
+    PoolStatistics keyframes, map_points;
+    std::size_t arena_used_bytes = 0;
+};
+
+// What tracking saw in the last frame, for drawing and for measuring. Borrowed until the next submit.
+struct TrackedFeature {
+    float x = 0, y = 0;       // px
+    std::int32_t group = -1;  // of the mesh; -1: in none
+    bool is_matched = false;
+    bool is_static = false;   // voted for the pose given out
+    bool is_dynamic = false;  // matched, and judged to move
+};
+struct TrackedEdge {
+    float x0 = 0, y0 = 0, x1 = 0, y1 = 0;  // px
+    bool is_kept = false;
+};
+struct TrackingView {
+    std::span<const TrackedFeature> features;
+    std::span<const TrackedEdge> edges;
+};
+
+// Block size for these limits, bytes; exactly what the engine uses. Valid for limits that validate() accepts.
+[[nodiscard]] STILLMESH_API std::size_t bytes_needed(const Limits& limits) noexcept;
+
+// What is wrong with a configuration: the key's name and why; key == nullptr: nothing.
+struct ConfigurationProblem {
+    const char* key = nullptr;
+    const char* sentence = nullptr;
+};
+[[nodiscard]] STILLMESH_API ConfigurationProblem validate(const Configuration& configuration,
+                                                          const Limits& limits) noexcept;
+
+class STILLMESH_API Engine {
+public:
+    // The engine lies inside `block` (at least bytes_needed(limits), aligned to kArenaAlignment), which must outlive it;
+    // so must `kernels` and `extractor` (nullptr: the engine's own).
+    //   kInvalid  camera larger than the limits or not usable, or a configuration that validate() refuses
+    //   kFull     block too small
+    [[nodiscard]] static Result<Engine*> create(std::span<std::byte> block, const Limits& limits,
+                                                const Configuration& configuration, const CameraModel& camera,
+                                                const Kernels& kernels, FeatureExtractor* extractor = nullptr) noexcept;
+
+    // Tracks one frame to completion; its pixels are borrowed until the call returns.
+    //   kOk       pose() is for this frame, whatever its state
+    //   kInvalid  size, stride or format other than the camera's, time not after the last frame's, or a depth factor
+    //             that is not positive: the frame is refused and counted, nothing else changed
+    [[nodiscard]] Status submit(const Frame& frame) noexcept;
+
+    [[nodiscard]] const PoseEstimate& pose() const noexcept;
+    [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept;
+    [[nodiscard]] EngineStatistics statistics() const noexcept;
+    [[nodiscard]] TrackingView tracking_view() noexcept;
+    // Over everything that has been decided so far: equal on every build, frame by frame.
+    [[nodiscard]] std::uint64_t state_hash() const noexcept;
+    void set_stage_observer(StageObserver observer) noexcept;
+    // Forgets the map and starts anew with the next frame.
+    void reset() noexcept;
+
+private:
+    friend struct EngineAccess;
+    Engine() noexcept = default;
+};
+
+}  // namespace stillmesh
