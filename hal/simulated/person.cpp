@@ -100,17 +100,19 @@ BodyState Person::at(double time_s) const noexcept {
             mix(a.gesture_phase, b.gesture_phase, s)};
 }
 
-void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std::vector<Obstacle>& obstacles,
-                double duration_s, std::uint64_t seed) {
+void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const CameraPath& camera,
+                const std::vector<Obstacle>& obstacles, double duration_s, std::uint64_t seed) {
+    STILLMESH_CHECK(lanes.size() >= people.size());
     struct Walker {
         Vec3 p, v, target;
         double heading = 0, phase = 0, stride = 0, pace = 1, until = -1e9, stop_until = -1e9, gesture_phase = 0;
         double gesture_left = 0, gesture_right = 0, enters_s = -1e9;
-        double near_m = 1, far_m = 2, side = 1;
+        double side = 1, enters_side = 1;
+        Lane lane;
         bool gestures_left = false, gestures_right = false;
         Random random{0};
     };
-    constexpr double kKeepFromCamera = 0.95;
+    constexpr double kKeepFromCamera = 0.7;
     constexpr double kMarginM = 0.5;
     std::vector<Walker> walkers(people.size());
     const auto inside_room = [](Vec3 p) {
@@ -123,8 +125,8 @@ void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std
         for (const Obstacle& o : obstacles) {
             const double dx = p.x - o.x;
             const double dy = p.y - o.y;
-            const double rx = o.half_x + 0.22 - (dx < 0 ? -dx : dx);
-            const double ry = o.half_y + 0.22 - (dy < 0 ? -dy : dy);
+            const double rx = o.half_x + 0.18 - (dx < 0 ? -dx : dx);
+            const double ry = o.half_y + 0.18 - (dy < 0 ? -dy : dy);
             if (rx > 0 && ry > 0) {
                 if (rx < ry) {
                     p.x += dx < 0 ? -rx : rx;
@@ -135,28 +137,32 @@ void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std
         }
         return p;
     };
-    const auto choose = [&](Walker& w, double t) {
-        const Rigid ahead = camera.base_at(t + 1.0);
-        const Vec3 forward = normalised({ahead.rotation.c.x, ahead.rotation.c.y, 0});
+    // Targets are kept in the camera's view, as (to the right, ahead) in metres, and move with it.
+    const auto in_world = [&](const Walker& w, double t) {
+        const Rigid eye = camera.base_at(t + 0.35);
+        const Vec3 forward = normalised({eye.rotation.c.x, eye.rotation.c.y, 0});
         const Vec3 right{forward.y, -forward.x, 0};
-        const double distance = w.random.uniform(w.near_m, w.far_m);
-        const double lateral = w.random.uniform(0.08, 0.48);
+        return out_of_obstacles(inside_room(eye.translation + right * w.target.x + forward * w.target.y));
+    };
+    const auto choose = [&](Walker& w, double t) {
+        const double ahead = w.random.uniform(w.lane.near_m, w.lane.far_m);
+        const double share = w.random.uniform(0.0, 0.35);  // from the end of the lane that comes next
         w.side = -w.side;
-        const double reach = t < w.enters_s ? 1.5 * w.side : lateral * w.side;
-        if (t < w.enters_s) w.side = -w.side;  // stays on its side, out of sight
-        w.target = out_of_obstacles(inside_room(ahead.translation + forward * distance + right * (distance * reach)));
-        w.pace = w.random.uniform(0.55, 1.25);
-        w.until = t + w.random.uniform(1.6, 3.2);
+        double slope = w.side < 0 ? mix(w.lane.left, w.lane.right, share) : mix(w.lane.right, w.lane.left, share);
+        if (t < w.enters_s) slope = w.enters_side * 1.5;  // out of sight
+        w.target = {slope * ahead, ahead, 0};
+        w.pace = w.random.uniform(0.55, 1.2);
+        w.until = t + w.random.uniform(2.0, 3.5);
     };
     for (std::size_t i = 0; i < people.size(); ++i) {
         Walker& w = walkers[i];
         w.random = Random(seed * 977 + i * 131 + 17);
-        w.near_m = i == 0 ? 1.1 : (i == 1 ? 1.3 : 1.8);
-        w.far_m = i == 0 ? 1.5 : (i == 1 ? 2.0 : 3.0);
+        w.lane = lanes[i];
         w.side = i % 2 == 0 ? 1 : -1;
-        w.enters_s = w.random.uniform() < 0.5 ? -1e9 : w.random.uniform(-0.5, 0.8);
+        w.enters_side = w.random.uniform() < 0.5 ? -1 : 1;
+        w.enters_s = i == 0 || w.random.uniform() < 0.6 ? -1e9 : w.random.uniform(-0.6, 0.6);
         choose(w, -kPrerollS);
-        w.p = w.target;
+        w.p = in_world(w, -kPrerollS);
         people[i].first_s = -kPrerollS;
         people[i].states.clear();
     }
@@ -167,10 +173,13 @@ void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std
         const Rigid eye = camera.at(t);
         for (std::size_t i = 0; i < walkers.size(); ++i) {
             Walker& w = walkers[i];
-            const Vec3 way = w.target - w.p;
+            if (t >= w.enters_s && t < w.enters_s + dt) choose(w, t);
+            const Vec3 goal = in_world(w, t);
+            const Vec3 carried = (in_world(w, t + dt) - goal) * kStepsPerSecond;  // how the view itself moves on
+            const Vec3 way = goal - w.p;
             const double left = length(way);
             if (t >= w.stop_until && (left < 0.22 || t > w.until)) {
-                if (left < 0.5 && w.random.uniform() < 0.22) {
+                if (left < 0.5 && length(carried) < 0.3 && w.random.uniform() < 0.22) {
                     w.stop_until = t + w.random.uniform(0.5, 1.3);
                     w.gestures_left = w.random.uniform() < 0.5;
                     w.gestures_right = w.random.uniform() < 0.6;
@@ -178,7 +187,7 @@ void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std
                 choose(w, t);
             }
             const bool is_standing = t < w.stop_until;
-            Vec3 wanted = is_standing ? Vec3{} : normalised(way) * w.pace;
+            Vec3 wanted = is_standing ? Vec3{} : carried + normalised(way) * w.pace;
             for (std::size_t j = 0; j < walkers.size(); ++j) {  // nobody walks through anybody
                 if (j == i) continue;
                 const Vec3 apart = w.p - walkers[j].p;

@@ -2,6 +2,7 @@
 // Their way is worked out once, before the first frame, 60 steps a second; in between they are interpolated.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "engine/base/random.hpp"
@@ -34,9 +35,15 @@ struct Obstacle {
     double x = 0, y = 0, half_x = 0, half_y = 0;
 };
 
-// Ways of `count` people who keep crossing before the camera, `near_m` to `far_m` away, round the obstacles.
-void plan_walks(std::vector<Person>& people, const CameraPath& camera, const std::vector<Obstacle>& obstacles,
-                double duration_s, std::uint64_t seed);
+// Where somebody walks to and fro, as the camera sees it: so far ahead, between two slopes (sideways over ahead).
+struct Lane {
+    double near_m = 1, far_m = 2;
+    double left = -0.45, right = 0.45;
+};
+
+// Ways of people who keep crossing before the camera, each in a lane of their own, round the obstacles.
+void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const CameraPath& camera,
+                const std::vector<Obstacle>& obstacles, double duration_s, std::uint64_t seed);
 // Someone on a chair, who talks with hands and body.
 void plan_sitting(Person& person, double x, double y, double heading_rad, double duration_s, std::uint64_t seed);
 

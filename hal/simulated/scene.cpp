@@ -23,8 +23,11 @@ constexpr Scene kScenes[] = {
     {"trolley_first", CameraMotion::kXyz, Cast::kTrolleyFirst, 300},
 };
 
+constexpr double kRpyYaw = radians(25);
+constexpr double kRpyYawHz = 0.17;
+
 // Halfway round the desk: the point the camera turns about.
-constexpr Vec3 kHalfsphereCentre{0.35, 0.05, 0.85};
+constexpr Vec3 kHalfsphereCentre{0.35, -0.1, 0.85};
 
 }  // namespace
 
@@ -35,8 +38,9 @@ std::span<const Scene> scenes() noexcept {
 DeskPlace desk_place(const Scene& scene, double side) noexcept {
     if (scene.motion == CameraMotion::kLoop) return {0, 0, 0.6, 0.35};
     if (scene.cast == Cast::kTrolley || scene.cast == Cast::kTrolleyFirst) return {0.5 * side, 0.75, 0.75, 0.4};
-    if (scene.motion == CameraMotion::kHalfsphere) return {kHalfsphereCentre.x * side, 0.05, 0.7, 0.35};
-    return {0.75 * side, -0.05, 0.75, 0.4};
+    if (scene.motion == CameraMotion::kHalfsphere)
+        return {kHalfsphereCentre.x * side, kHalfsphereCentre.y + 0.35, 0.55, 0.3};
+    return {0.75 * side, 0.2, 0.75, 0.4};
 }
 
 CameraPath::CameraPath(CameraMotion motion, double side, std::uint64_t seed) : motion_(motion), side_(side) {
@@ -56,18 +60,22 @@ Rigid CameraPath::base_at(double time_s) const noexcept {
         const Vec3 eye{1.75 * cosine(angle), 1.3 * sine(angle), 1.4};
         const Vec3 ahead = normalised(Vec3{-1.75 * sine(angle), 1.3 * cosine(angle), 0} * side_);
         const Vec3 outward{ahead.y * side_, -ahead.x * side_, 0};
-        return look_along(eye, ahead + outward * 0.35);
+        return look_along(eye, ahead + outward * 0.1);
     }
     if (motion_ == CameraMotion::kHalfsphere) {
         const double azimuth = radians(62) * wave(0, 1.0 / 15, time_s);
-        const double elevation = radians(33) + radians(11) * wave(1, 1.0 / 7, time_s);
-        const double reach = 1.15 * cosine(elevation);
+        const double elevation = radians(25) + radians(10) * wave(1, 1.0 / 7, time_s);
+        const double reach = 1.35 * cosine(elevation);
         const Vec3 centre{kHalfsphereCentre.x * side_, kHalfsphereCentre.y, kHalfsphereCentre.z};
-        const Vec3 from{reach * sine(azimuth), -reach * cosine(azimuth), 1.0 * sine(elevation)};
+        const Vec3 from{reach * sine(azimuth), -reach * cosine(azimuth), 1.15 * sine(elevation)};
         return look_along(centre + from, -from + Vec3{0, 0, 0.22});
     }
     const Vec3 eye{-0.05 * side_, -1.45, 1.32};
-    return look_along(eye, Vec3{0.1 * side_, 1.0, -0.2});
+    Rigid pose = look_along(eye, Vec3{0.1 * side_, 1.0, -0.2});
+    // Half of the large turns: whoever walks before the camera sees where it looks.
+    if (motion_ == CameraMotion::kRpy)
+        pose.rotation = rotation_z(-0.6 * kRpyYaw * wave(5, kRpyYawHz, time_s)) * pose.rotation;
+    return pose;
 }
 
 Rigid CameraPath::at(double time_s) const noexcept {
@@ -91,7 +99,7 @@ Rigid CameraPath::at(double time_s) const noexcept {
             break;
         case CameraMotion::kRpy:
             shift = {0.04 * wave(2, 0.21, t), 0.03 * wave(3, 0.27, t), 0.03 * wave(4, 0.16, t)};
-            yaw = radians(25) * wave(5, 0.17, t);
+            yaw = 0.4 * kRpyYaw * wave(5, kRpyYawHz, t);  // the rest is in base_at
             pitch = radians(14) * wave(6, 0.23, t);
             roll = radians(20) * wave(7, 0.15, t);
             break;

@@ -116,6 +116,11 @@ public:
         }
     }
 
+    // Print fades: all greys move towards 128, to `percent` of their distance.
+    void fade(std::int32_t percent) {
+        for (std::uint8_t& grey : pixels_) grey = clamp_grey(128 + (grey - 128) * percent / 100);
+    }
+
     [[nodiscard]] Texture finish() {
         Texture texture;
         std::size_t total = 0;
@@ -226,6 +231,7 @@ Texture poster(std::uint64_t seed) {
     c.print(30, top, 450, 50, 6, text);
     c.print(30, top + 52, 450, 500 - top - 60, 3, text);
     c.frame(0, 0, 512, 512, 10, c.chance(0.5) ? 30 : 235);
+    c.fade(c.in(55, 85));
     return c.finish();
 }
 
@@ -248,6 +254,7 @@ Texture pinboard(std::uint64_t seed) {
         }
         c.disc(x + w / 2, y + 5, 4, 20);
     }
+    c.fade(75);
     return c.finish();
 }
 
@@ -278,6 +285,7 @@ Texture books(std::uint64_t seed) {
         x += w;
     }
     c.noise(2, 2, 5);
+    c.fade(70);
     return c.finish();
 }
 
@@ -403,6 +411,18 @@ Texture cloth(std::uint64_t seed) {
             c.print(8, 150, 240, 60, 5, bright);
             break;
     }
+    // A fine pattern over the coarse one, as prints and weaves have.
+    const std::int32_t figures = c.in(70, 130);
+    for (std::int32_t i = 0; i < figures; ++i) {
+        const std::int32_t x = c.in(0, 250);
+        const std::int32_t y = c.in(0, 250);
+        const std::int32_t dot = c.in(2, 4);
+        const std::int32_t grey = c.chance(0.5) ? bright : dark;
+        const std::uint64_t figure = c.random.next();
+        for (std::int32_t k = 0; k < 9; ++k) {
+            if ((figure >> k & 1) != 0) c.rectangle(x + k % 3 * dot, y + k / 3 * dot, dot, dot, grey);
+        }
+    }
     c.noise(2, 2, 8);
     c.noise(64, 64, 10);
     return c.finish();
@@ -414,7 +434,8 @@ Texture trousers(std::uint64_t seed) {
     c.fill(ground);
     c.noise(64, 64, 14);
     c.noise(2, 8, 16);
-    for (std::int32_t i = 0; i < 60; ++i) {
+    const std::int32_t patches = c.in(70, 160);
+    for (std::int32_t i = 0; i < patches; ++i) {
         const std::int32_t x = c.in(0, 255);
         const std::int32_t y = c.in(0, 255);
         const std::int32_t w = c.in(3, 12);

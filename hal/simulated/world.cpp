@@ -28,22 +28,22 @@ World::World(const Scene& scene, std::uint64_t seed, double duration_s)
         furnish(walls[i], i == 0);
     }
     add_desk(desk_place(scene_, side_));
-    if (scene.cast == Cast::kWalking) add_people(2 + random_.below(2));
+    if (scene.cast == Cast::kWalking) add_people(3);
     if (scene.cast == Cast::kSitting) add_people(2);
     if (scene.cast == Cast::kTrolley || scene.cast == Cast::kTrolleyFirst) add_trolley();
 }
 
 float World::light_at(const Vec3& p, const Vec3& normal) noexcept {
-    double sum = 0.5;
+    double sum = 0.58;
     for (const double lx : {-1.5, 1.5}) {
         for (const double ly : {-1.2, 1.2}) {
             const Vec3 way = Vec3{lx, ly, kRoomHeight - 0.05} - p;
             const double distance2 = dot(way, way) + 0.3;
             const double slant = dot(way, normal) / std::sqrt(distance2);
-            sum += 0.9 * std::max(0.0, slant) / (distance2 + 1.5);
+            sum += 1.1 * std::max(0.0, slant) / (distance2 + 1.5);
         }
     }
-    return static_cast<float>(std::min(sum, 1.25));
+    return static_cast<float>(std::min(sum, 1.3));
 }
 
 World::Coat World::coat(Pattern pattern, double texels_per_m, Infrared infrared) {
@@ -259,7 +259,16 @@ void World::add_people(std::uint32_t count) {
     }
     const std::uint64_t seed = random_.next();
     if (scene_.cast == Cast::kWalking) {
-        plan_walks(people_, camera_, {{desk.x, desk.y, desk.half_x, desk.half_y}}, duration_s_, seed);
+        // The first close enough to hide much of the room, the others where the desk leaves room.
+        const double a = side_ > 0 ? -0.5 : -0.05;  // the side without the desk
+        const double b = side_ > 0 ? 0.05 : 0.5;
+        const Lane room[] = {{0.98, 1.12, -0.45, 0.45}, {1.5, 1.85, a, b}, {2.6, 2.9, -0.5, 0.5}};
+        const Lane round_desk[] = {{0.92, 1.05, -0.45, 0.45}, {2.2, 2.4, -0.5, 0.1}, {2.4, 2.7, -0.1, 0.5}};
+        const Lane on_the_way[] = {{1.0, 1.15, -0.42, 0.42}, {1.6, 1.85, -0.45, 0.45}, {2.2, 2.7, -0.5, 0.5}};
+        const std::span<const Lane> lanes = scene_.motion == CameraMotion::kHalfsphere ? round_desk
+                                            : scene_.motion == CameraMotion::kLoop     ? on_the_way
+                                                                                       : room;
+        plan_walks(people_, lanes, camera_, {{desk.x, desk.y, desk.half_x, desk.half_y}}, duration_s_, seed);
         return;
     }
     // At the desk's far side and at its end, turned to each other and to the camera.
