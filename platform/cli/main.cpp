@@ -15,6 +15,7 @@
 #include "platform/cli/engine_session.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/run_loop.hpp"
+#include "platform/cli/simulate_command.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/report/report.hpp"
@@ -202,16 +203,14 @@ int program(int argc, char** argv) {
     eval_command->add_option("--trajectory", trajectory_file, "TUM format")->required()->type_name("FILE");
     eval_command->add_flag("--json", is_eval_json, "as JSON");
 
-    std::string scene;
-    std::string out;
-    std::uint64_t seed = 1;
-    std::uint64_t frames = 0;
+    SimulateOptions simulation;
     CLI::App* const simulate_command =
         app.add_subcommand("simulate", "write a simulated recording with ground truth and dynamic masks");
-    simulate_command->add_option("scene", scene, "such as walking_xyz")->required();
-    simulate_command->add_option("--seed", seed, "another world");
-    simulate_command->add_option("--frames", frames, "how many");
-    simulate_command->add_option("--out", out, "folder to write")->required()->type_name("DIR");
+    simulate_command->add_option("scene", simulation.scene, "such as walking_xyz")->required();
+    simulate_command->add_option("--seed", simulation.seed, "another world");
+    simulate_command->add_option("--frames", simulation.frames, "how many; the scene's own length if not given");
+    simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");
+    simulate_command->add_flag("--json", simulation.is_json, "summary as JSON");
 
     std::vector<CLI::App*> later_commands;
     for (const auto& [name, sentence] : kLaterCommands) {
@@ -231,7 +230,7 @@ int program(int argc, char** argv) {
     }
     if (!arguments.later.empty()) return refuse(arguments.later.front().first + " is not in this build.");
     if (eval_command->parsed()) return eval(truth_file, trajectory_file, is_eval_json);
-    if (simulate_command->parsed()) return refuse("the command 'simulate' is not in this build.");
+    if (simulate_command->parsed()) return stillmesh::simulate_command(simulation);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];
     return run(arguments, command, begin_ns);

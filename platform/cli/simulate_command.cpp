@@ -1,0 +1,190 @@
+#include "platform/cli/simulate_command.hpp"
+
+#include <spng.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "hal/simulated/simulated_camera.hpp"
+#include "platform/cli/exit_code.hpp"
+#include "platform/evaluation/trajectory.hpp"
+#include "platform/linux/process.hpp"
+
+namespace stillmesh {
+namespace {
+
+struct FileCloser {
+    void operator()(std::FILE* file) const { static_cast<void>(std::fclose(file)); }
+};
+using File = std::unique_ptr<std::FILE, FileCloser>;
+
+int complain(int code, const std::string& sentence) {
+    std::fprintf(stderr, "stillmesh: %s\n", sentence.c_str());
+    return code;
+}
+
+// Empty, or why it failed.
+[[nodiscard]] std::string write_png(const std::string& path, const void* pixels, std::size_t size_bytes,
+                                    std::uint32_t width, std::uint32_t height, std::uint8_t bits) {
+    const std::unique_ptr<spng_ctx, void (*)(spng_ctx*)> context(spng_ctx_new(SPNG_CTX_ENCODER), spng_ctx_free);
+    if (context == nullptr) return path + ": out of memory.";
+    static_cast<void>(spng_set_option(context.get(), SPNG_ENCODE_TO_BUFFER, 1));
+    static_cast<void>(spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 1));
+    static_cast<void>(spng_set_option(context.get(), SPNG_FILTER_CHOICE, SPNG_FILTER_CHOICE_SUB));
+    spng_ihdr header{};
+    header.width = width;
+    header.height = height;
+    header.bit_depth = bits;
+    header.color_type = SPNG_COLOR_TYPE_GRAYSCALE;
+    int error = spng_set_ihdr(context.get(), &header);
+    if (error == 0) error = spng_encode_image(context.get(), pixels, size_bytes, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE);
+    std::size_t png_size = 0;
+    const std::unique_ptr<void, void (*)(void*)> png(
+        error == 0 ? spng_get_png_buffer(context.get(), &png_size, &error) : nullptr, std::free);
+    if (png == nullptr) return path + ": " + spng_strerror(error) + ".";
+    File file(std::fopen(path.c_str(), "wb"));
+    if (file == nullptr) return path + ": " + std::strerror(errno) + ".";
+    if (std::fwrite(png.get(), 1, png_size, file.get()) != png_size || std::fflush(file.get()) != 0) {
+        return path + ": " + std::strerror(errno) + ".";
+    }
+    return {};
+}
+
+// One of the text files, each line flushed as it is complete.
+class List {
+public:
+    [[nodiscard]] bool open(const std::string& path, const std::string& head) {
+        path_ = path;
+        // "x": whoever comes second into the same folder fails here.
+        file_.reset(std::fopen(path.c_str(), "wx"));
+        return file_ != nullptr && add(head);
+    }
+    [[nodiscard]] bool add(const std::string& text) {
+        return std::fwrite(text.data(), 1, text.size(), file_.get()) == text.size() && std::fflush(file_.get()) == 0;
+    }
+    [[nodiscard]] const std::string& path() const { return path_; }
+
+private:
+    std::string path_;
+    File file_;
+};
+
+[[nodiscard]] std::string camera_yaml(const CameraInfo& info) {
+    char text[512];
+    std::snprintf(text, sizeof(text),
+                  "Camera.fx: %.6f\nCamera.fy: %.6f\nCamera.cx: %.6f\nCamera.cy: %.6f\n"
+                  "Camera.k1: 0.0\nCamera.k2: 0.0\nCamera.p1: 0.0\nCamera.p2: 0.0\nCamera.k3: 0.0\n"
+                  "Camera.width: %u\nCamera.height: %u\nCamera.fps: %.1f\nDepthMapFactor: %.0f\n",
+                  info.model.fx, info.model.fy, info.model.cx, info.model.cy, info.model.width, info.model.height,
+                  info.frames_per_s, info.depth_units_per_m);
+    return text;
+}
+
+}  // namespace
+
+int simulate_command(const SimulateOptions& options) {
+    SimulatedCamera camera({.scene = options.scene, .seed = options.seed, .frames = options.frames});
+    if (camera.open() != Status::kOk) return complain(kExitUsage, camera.message() + ".");
+
+    std::error_code error;
+    const std::filesystem::path out(options.out);
+    std::filesystem::create_directories(out, error);
+    if (error) return complain(kExitUsage, options.out + ": cannot be made: " + error.message() + ".");
+    const bool is_empty = std::filesystem::is_empty(out, error);
+    if (error) return complain(kExitUsage, options.out + ": " + error.message() + ".");
+    if (!is_empty) return complain(kExitUsage, options.out + ": is not empty; give a new folder, nothing was changed.");
+    for (const char* name : {"rgb", "depth", "masks"}) {
+        if (!std::filesystem::create_directory(out / name, error)) {
+            return complain(kExitUsage, (out / name).string() + ": cannot be made, or somebody else is writing here.");
+        }
+    }
+    const std::string what = "# simulated: " + options.scene + ", seed " + std::to_string(options.seed) + "\n";
+    List rgb_list;
+    List depth_list;
+    List mask_list;
+    List truth_list;
+    List calibration;
+    const auto path_of = [&](const char* name) { return (out / name).string(); };
+    if (!rgb_list.open(path_of("rgb.txt"), what + "# timestamp filename\n") ||
+        !depth_list.open(path_of("depth.txt"), what + "# timestamp filename\n") ||
+        !mask_list.open(path_of("masks.txt"), what + "# timestamp filename; 255: a moving body\n") ||
+        !truth_list.open(path_of("groundtruth.txt"), what + "# timestamp tx ty tz qx qy qz qw (camera to world)\n") ||
+        !calibration.open(path_of("camera.yaml"), camera_yaml(camera.info()))) {
+        return complain(kExitUsage, options.out + ": cannot be written: " + std::strerror(errno) + ".");
+    }
+
+    catch_stop_signals();
+    const bool is_terminal = ::isatty(STDERR_FILENO) == 1;
+    const std::int64_t begin_ns = monotonic_ns();
+    std::int64_t shown_ns = begin_ns;
+    std::uint32_t count = 0;
+    std::uint32_t above = 0;
+    double share_sum = 0;
+    std::string problem;
+    Frame frame;
+    while (stop_signal() == 0 && camera.poll(frame) == Status::kOk) {
+        const std::string colour_time = time_text(frame.time_ns);
+        const std::string depth_time = time_text(frame.depth_time_ns);
+        const std::string rgb = "rgb/" + colour_time + ".png";
+        const std::string depth = "depth/" + depth_time + ".png";
+        const std::string mask = "masks/" + colour_time + ".png";
+        const std::uint32_t width = frame.colour.width;
+        const std::uint32_t height = frame.colour.height;
+        const std::size_t pixels = static_cast<std::size_t>(width) * height;
+        problem = write_png(path_of(rgb.c_str()), frame.colour.data, pixels, width, height, 8);
+        if (problem.empty())
+            problem = write_png(path_of(depth.c_str()), frame.depth.data, 2 * pixels, width, height, 16);
+        if (problem.empty()) {
+            problem = write_png(path_of(mask.c_str()), camera.dynamic_mask().data, pixels, width, height, 8);
+        }
+        if (!problem.empty()) break;
+        const SimulatedPose& pose = camera.true_pose();
+        if (!truth_list.add(pose_line({pose.time_ns, pose.t, pose.q})) ||
+            !mask_list.add(colour_time + " " + mask + "\n") || !depth_list.add(depth_time + " " + depth + "\n") ||
+            !rgb_list.add(colour_time + " " + rgb + "\n")) {
+            problem = options.out + ": " + std::strerror(errno) + ".";
+            break;
+        }
+        ++count;
+        share_sum += camera.dynamic_share();
+        above += camera.dynamic_share() > 0.3;
+        const std::int64_t now_ns = monotonic_ns();
+        if (!options.is_json && now_ns - shown_ns > (is_terminal ? 200'000'000 : 10'000'000'000)) {
+            const double left_s =
+                static_cast<double>(now_ns - begin_ns) * 1e-9 / count * (camera.frame_count() - count);
+            std::fprintf(stderr, "%s%s: frame %u of %u, %.0f s left%s", is_terminal ? "\r\033[K" : "",
+                         options.scene.c_str(), count, camera.frame_count(), left_s, is_terminal ? "" : "\n");
+            shown_ns = now_ns;
+        }
+    }
+    if (is_terminal && shown_ns != begin_ns) std::fprintf(stderr, "\r\033[K");
+    const double mean = count > 0 ? share_sum / count : 0.0;
+    const double above_share = count > 0 ? static_cast<double>(above) / count : 0.0;
+    if (options.is_json) {
+        const nlohmann::ordered_json summary = {{"scene", options.scene},     {"seed", options.seed},
+                                                {"folder", options.out},      {"frames", count},
+                                                {"dynamic_share_mean", mean}, {"frames_above_30_percent", above_share}};
+        std::printf("%s\n", summary.dump(2).c_str());
+    } else {
+        std::printf(
+            "%s, seed %llu: %u frames in %s; moving pixels %.1f %% in the mean, above 30 %% in %.0f %% of the frames\n",
+            options.scene.c_str(), static_cast<unsigned long long>(options.seed), count, options.out.c_str(),
+            100 * mean, 100 * above_share);
+    }
+    if (!problem.empty()) {
+        return complain(kExitFailed, problem + " The " + std::to_string(count) + " frames before are complete.");
+    }
+    if (stop_signal() != 0) {
+        return complain(128 + stop_signal(), "stopped; the " + std::to_string(count) + " frames written are complete.");
+    }
+    return kExitDone;
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,24 @@
+// `stillmesh simulate`: a simulated scene as a recording in TUM layout, with ground truth and masks of moving bodies.
+// The lists name only what has been written whole: whenever it stops (Ctrl-C, full disk), the folder is a valid,
+// shorter recording. Some 45 ms a frame.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace stillmesh {
+
+struct SimulateOptions {
+    std::string scene;  // such as walking_xyz
+    std::string out;    // folder to make; must not be there, or be empty
+    std::uint64_t seed = 1;
+    std::uint32_t frames = 0;  // 0: the scene's own length
+    bool is_json = false;      // summary as JSON, no progress
+};
+
+// Writes rgb/, depth/, masks/, rgb.txt, depth.txt, masks.txt, groundtruth.txt and camera.yaml, and prints the share of
+// moving pixels. Stops at stop_signal(). Returns the program's exit code: 0; 1 could not write; 2 unknown scene, or a
+// folder that cannot be used; 128 + signal.
+[[nodiscard]] int simulate_command(const SimulateOptions& options);
+
+}  // namespace stillmesh
