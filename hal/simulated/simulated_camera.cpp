@@ -165,7 +165,7 @@ Status SimulatedCamera::poll(Frame& frame) noexcept {
         s.renderer.shade_into(s.sum, kLevelOffset[i]);
     }
     // Automatic exposure, hunting slowly, and noise of the sensor: more of it where there is more light.
-    const double gain = 1.0 + 0.10 * sine(0.43 * t + s.exposure_phase[0]) +
+    const double gain = 1.2 + 0.10 * sine(0.43 * t + s.exposure_phase[0]) +
                         0.06 * sine(1.31 * t + s.exposure_phase[1]) + 0.02 * sine(4.1 * t + s.exposure_phase[2]);
     const auto factor = static_cast<float>(gain / kExposures);
     const std::uint32_t key = scramble(static_cast<std::uint32_t>(options_.seed) * 7919U + next_);

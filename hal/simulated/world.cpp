@@ -134,7 +134,7 @@ void World::furnish(const Wall& wall, bool is_seen_first) {
     for (std::uint32_t i = 0; i < slots; ++i) {
         const double left = i * pitch + 0.06;
         const double width = pitch - 0.12;
-        if (i == bare) continue;
+        if (i == bare && (scene_.motion != CameraMotion::kLoop || is_seen_first)) continue;
         std::uint32_t kind = random_.below(is_seen_first ? 4 : 6);
         if (kind == last) kind = (kind + 1) % 4;
         last = kind;
@@ -172,7 +172,12 @@ void World::furnish(const Wall& wall, bool is_seen_first) {
                 add_box_at_wall(wall, left + 0.1, 0, 0.35, 0.3, 0.3, box, box);
                 break;
             }
-            case 4: add_on_wall(wall, left, 0, 0.9, 2.05, 0.01, coat(Pattern::kDoor, 0)); break;
+            case 4: {
+                const double notice = random_.uniform(1.05, 1.3);
+                add_on_wall(wall, left, 0, 0.9, 2.05, 0.01, coat(Pattern::kDoor, 0));
+                add_on_wall(wall, left + 0.16, notice, 0.45, 0.5, 0.015, coat(Pattern::kPoster, 0));
+                break;
+            }
             default: {
                 add_on_wall(wall, left, 0.9, width, 0.9, 0.006, coat(Pattern::kPoster, 0));
                 break;
@@ -272,10 +277,13 @@ void World::add_people(std::uint32_t count) {
         return;
     }
     // At the desk's far side and at its end, turned to each other and to the camera.
-    const double near_side = scene_.motion == CameraMotion::kHalfsphere ? 1.0 : -1.0;
-    const Vec3 seats[2] = {{desk.x - 0.35 * side_, desk.y + desk.half_y + 0.35, radians(-90)},
-                           {desk.x - side_ * (desk.half_x + 0.4), desk.y + 0.35 * near_side + 0.3,
-                            side_ > 0 ? radians(-30) : radians(210)}};
+    // x, y and where they look.
+    const bool is_round = scene_.motion == CameraMotion::kHalfsphere;
+    const double beside = desk.x - side_ * (desk.half_x + (is_round ? 0.25 : 0.4));
+    const Vec3 seats[2] = {
+        {is_round ? desk.x + side_ * (desk.half_x + 0.2) : desk.x - 0.35 * side_, desk.y + desk.half_y + 0.35,
+         radians(-90)},
+        {beside, is_round ? desk.y + desk.half_y + 0.2 : desk.y - 0.05, side_ > 0 ? radians(-30) : radians(210)}};
     for (std::uint32_t i = 0; i < count; ++i) {
         const double heading = seats[i].z + random_.uniform(-0.4, 0.4);
         // The chair's back is +y of its own; the person looks along -y of the chair.
