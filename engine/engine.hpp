@@ -143,9 +143,9 @@ public:
     // Forgets the map and starts anew with the next frame.
     void reset() noexcept;
 
-private:
-    friend struct EngineAccess;
-    Engine() noexcept = default;
+protected:
+    Engine() noexcept = default;  // what it holds lies behind it in the block (engine.cpp)
+    ~Engine() = default;
 };
 
 }  // namespace stillmesh

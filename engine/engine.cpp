@@ -1,0 +1,138 @@
+#include "engine/engine.hpp"
+
+#include <new>
+
+#include "engine/base/arena.hpp"
+#include "engine/geometry/camera.hpp"
+#include "engine/tasks/tracking.hpp"
+
+namespace stillmesh {
+namespace {
+
+// What lies behind an Engine.
+struct EngineState final : Engine {
+    Limits limits;
+    CameraModel camera;
+    Tracking tracking;
+    std::uint64_t frames_refused = 0;
+    std::size_t arena_used_bytes = 0;
+    std::int64_t last_time_ns = 0;
+    bool has_time = false;
+};
+
+constexpr std::size_t planned_bytes(const Limits& limits) noexcept {
+    ArenaPlan plan;
+    plan.array<EngineState>(1);
+    Tracking::plan(plan, limits);
+    return plan.used_bytes();
+}
+// The promises of the presets.
+static_assert(planned_bytes(Limits::room()) <= std::size_t{48} << 20U);
+static_assert(planned_bytes(Limits::pocket()) <= std::size_t{8} << 20U);
+static_assert(planned_bytes(Limits::tiny()) <= std::size_t{512} << 10U);
+
+EngineState& state_of(Engine* engine) noexcept { return *static_cast<EngineState*>(engine); }
+const EngineState& state_of(const Engine* engine) noexcept { return *static_cast<const EngineState*>(engine); }
+
+bool is_usable(const Limits& limits) noexcept {
+    return limits.image_width_max >= 64 && limits.image_width_max <= 2047 && limits.image_height_max >= 64 &&
+           limits.image_height_max <= 2047 && limits.pyramid_levels_max >= 1 && limits.pyramid_levels_max <= 12 &&
+           limits.features_max >= 50 && limits.features_max <= 16000 && limits.keyframes_max >= 2 &&
+           limits.keyframes_max <= 65535 && limits.map_points_max >= limits.features_max &&
+           limits.map_points_max < (1U << 24U) && limits.groups_max >= 1 && limits.groups_max <= 65534;
+}
+
+}  // namespace
+
+std::size_t bytes_needed(const Limits& limits) noexcept { return planned_bytes(limits); }
+
+ConfigurationProblem validate(const Configuration& configuration, const Limits& limits) noexcept {
+    ConfigurationProblem problem;
+    Configuration copy = configuration;
+    visit_parameters(copy, [&](const char* name, const auto& value, double min, double max, const char*, const char*) {
+        const auto number = static_cast<double>(value);
+        if (problem.key == nullptr && !(number >= min && number <= max)) {
+            problem = {name, "is out of its range"};
+        }
+    });
+    if (problem.key != nullptr) return problem;
+    if (configuration.features.count > limits.features_max) {
+        return {"features.count", "is more than the limits allow"};
+    }
+    if (configuration.features.levels > limits.pyramid_levels_max) {
+        return {"features.levels", "is more than the limits allow"};
+    }
+    if (configuration.features.fast_threshold_low > configuration.features.fast_threshold) {
+        return {"features.fast_threshold_low", "is above features.fast_threshold"};
+    }
+    if (configuration.depth.z_min_m >= configuration.depth.z_max_m) {
+        return {"depth.z_min_m", "is not below depth.z_max_m"};
+    }
+    if (configuration.weights.start > configuration.weights.max) {
+        return {"weights.start", "is above weights.max"};
+    }
+    if (configuration.weights.eligible > configuration.weights.max) {
+        return {"weights.eligible", "is above weights.max"};
+    }
+    return problem;
+}
+
+Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits, const Configuration& configuration,
+                               const CameraModel& camera, const Kernels& kernels,
+                               FeatureExtractor* extractor) noexcept {
+    if (!is_usable(limits) || stillmesh::validate(configuration, limits).key != nullptr) return Status::kInvalid;
+    if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
+    if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
+    if (block.size() < planned_bytes(limits)) return Status::kFull;
+    Arena arena(block);
+    EngineState& state = arena.array<EngineState>(1)[0];
+    state.limits = limits;
+    state.camera = camera;
+    state.tracking.create(arena, limits, configuration, camera, kernels, extractor);
+    arena.seal();
+    state.arena_used_bytes = arena.used_bytes();
+    STILLMESH_CHECK(state.arena_used_bytes == planned_bytes(limits));
+    return static_cast<Engine*>(&state);
+}
+
+Status Engine::submit(const Frame& frame) noexcept {
+    EngineState& state = state_of(this);
+    const std::uint32_t channels = channels_of(frame.format);
+    const bool is_valid = frame.colour.data != nullptr && frame.depth.data != nullptr &&
+                          frame.colour.width == state.camera.width && frame.colour.height == state.camera.height &&
+                          frame.depth.width == state.camera.width && frame.depth.height == state.camera.height &&
+                          frame.colour.stride >= static_cast<std::size_t>(frame.colour.width) * channels &&
+                          frame.depth.stride >= frame.depth.width && frame.depth_units_per_m > 0.0 &&
+                          frame.depth_units_per_m < 1e9 && (!state.has_time || frame.time_ns > state.last_time_ns);
+    if (!is_valid) {
+        ++state.frames_refused;
+        return Status::kInvalid;
+    }
+    state.has_time = true;
+    state.last_time_ns = frame.time_ns;
+    state.tracking.track(frame);
+    return Status::kOk;
+}
+
+const PoseEstimate& Engine::pose() const noexcept { return state_of(this).tracking.pose(); }
+const FrameStatistics& Engine::frame_statistics() const noexcept {
+    return state_of(this).tracking.frame_statistics();
+}
+EngineStatistics Engine::statistics() const noexcept {
+    EngineStatistics out;
+    const EngineState& state = state_of(this);
+    state.tracking.fill(out);
+    out.frames_refused = state.frames_refused;
+    out.arena_used_bytes = state.arena_used_bytes;
+    return out;
+}
+TrackingView Engine::tracking_view() noexcept { return state_of(this).tracking.view(); }
+std::uint64_t Engine::state_hash() const noexcept { return state_of(this).tracking.state_hash(); }
+void Engine::set_stage_observer(StageObserver observer) noexcept { state_of(this).tracking.set_observer(observer); }
+void Engine::reset() noexcept {
+    EngineState& state = state_of(this);
+    state.has_time = false;
+    state.tracking.reset();
+}
+
+}  // namespace stillmesh

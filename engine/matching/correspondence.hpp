@@ -1,0 +1,32 @@
+// A feature of the current frame together with the map point it was matched to: all that mesh, region and pose need,
+// copied into one place so that they never touch the map. A measured point's covariance is kept in the two numbers it
+// is made of (method.md 1): var_z along the ray r = (x/z, y/z, 1), and the pixel noise across it:
+// Sigma = var_z r r^T + var_pixel z^2 diag(1, 1, 0).
+#pragma once
+
+#include <cstdint>
+
+#include "engine/geometry/se3.hpp"
+
+namespace stillmesh {
+
+struct Correspondence {
+    std::uint32_t feature = 0;     // index in the frame's features
+    std::uint32_t point_slot = 0;  // in the map's pool
+    Vector2 normalised = Vector2::Zero();  // undistorted (x/z, y/z)
+    Vector3 p_camera = Vector3::Zero();    // measured, m; valid iff has_depth
+    Vector3 p_world = Vector3::Zero();     // the map's estimate, m
+    Vector3 p_anchor = Vector3::Zero();    // where the point was first seen, m
+    double var_z = 0;                      // of the measured depth, m^2
+    double var_pixel = 0;                  // of each normalised coordinate
+    double map_var_z = 0;                  // of p_world along the ray, m^2
+    double map_var_lateral = 0;            // of p_world across it, m^2
+    double anchor_var_z = 0;               // of p_anchor, m^2
+    double anchor_var_lateral = 0;
+    double vote = 1;                       // what the past says: 0 moves, 1 is known to stand still
+    std::uint32_t distance_bits = 0;       // Hamming
+    bool has_depth = false;
+    bool is_dynamic = false;               // lost its vote in earlier frames
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,64 @@
+// Features of a frame sorted into square cells, to find those near a projected point. Limit: features_max features,
+// images up to the limits. Cost: two passes over the features.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/arena.hpp"
+#include "engine/base/numbers.hpp"
+#include "engine/features/features.hpp"
+#include "engine/limits.hpp"
+
+namespace stillmesh {
+
+class FeatureGrid {
+public:
+    static constexpr std::uint32_t kCellSide_px = 16;
+
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        arena.array<std::uint16_t>(cells(limits.image_width_max) * cells(limits.image_height_max) + 1);
+        arena.array<std::uint16_t>(limits.features_max);
+    }
+    void create(Arena& arena, const Limits& limits) noexcept {
+        begin_ = arena.array<std::uint16_t>(cells(limits.image_width_max) * cells(limits.image_height_max) + 1);
+        order_ = arena.array<std::uint16_t>(limits.features_max);
+    }
+
+    void build(std::uint32_t width, std::uint32_t height, std::span<const Keypoint> keypoints) noexcept;
+
+    // Calls visit(feature index) for every feature in a cell that the square of side 2 radius around (x, y) touches,
+    // row by row: a superset of those within the radius.
+    template <typename Visit>
+    void visit_near(double x, double y, double radius_px, Visit&& visit) const noexcept {
+        const auto last_column = static_cast<std::int32_t>(columns_) - 1;
+        const auto last_row = static_cast<std::int32_t>(rows_) - 1;
+        const std::int32_t x0 = floor_clamped((x - radius_px) / kCellSide_px, 0, last_column);
+        const std::int32_t x1 = floor_clamped((x + radius_px) / kCellSide_px, 0, last_column);
+        const std::int32_t y0 = floor_clamped((y - radius_px) / kCellSide_px, 0, last_row);
+        const std::int32_t y1 = floor_clamped((y + radius_px) / kCellSide_px, 0, last_row);
+        for (std::int32_t row = y0; row <= y1; ++row) {
+            const std::size_t cell = static_cast<std::size_t>(row) * columns_;
+            const std::uint32_t end = begin_[cell + static_cast<std::size_t>(x1) + 1];
+            for (std::uint32_t i = begin_[cell + static_cast<std::size_t>(x0)]; i < end; ++i) visit(order_[i]);
+        }
+    }
+
+private:
+    [[nodiscard]] static constexpr std::uint32_t cells(std::uint32_t pixels) noexcept {
+        return (pixels + kCellSide_px - 1) / kCellSide_px;
+    }
+    [[nodiscard]] std::uint32_t cell_of(const Keypoint& keypoint) const noexcept {
+        const auto x = static_cast<std::uint32_t>(
+            floor_clamped(static_cast<double>(keypoint.x) / kCellSide_px, 0, static_cast<std::int32_t>(columns_) - 1));
+        const auto y = static_cast<std::uint32_t>(
+            floor_clamped(static_cast<double>(keypoint.y) / kCellSide_px, 0, static_cast<std::int32_t>(rows_) - 1));
+        return y * columns_ + x;
+    }
+
+    std::span<std::uint16_t> begin_;  // of each cell in order_, and one past the last
+    std::span<std::uint16_t> order_;  // features, cell by cell, ascending within a cell
+    std::uint32_t columns_ = 0, rows_ = 0;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,152 @@
+#include "engine/pose/pose_optimiser.hpp"
+
+#include <cmath>
+
+#include "engine/pose/residual.hpp"
+
+namespace stillmesh {
+namespace {
+
+// Lower triangle L with L L^T = a; false when a pivot is not positive.
+bool cholesky(const Matrix6& a, Matrix6& l) noexcept {
+    l.setZero();
+    for (int i = 0; i < 6; ++i) {
+        for (int j = 0; j <= i; ++j) {
+            double sum = a(i, j);
+            for (int k = 0; k < j; ++k) sum -= l(i, k) * l(j, k);
+            if (i == j) {
+                if (!(sum > 1e-12)) return false;
+                l(i, i) = std::sqrt(sum);
+            } else {
+                l(i, j) = sum / l(j, j);
+            }
+        }
+    }
+    return true;
+}
+
+Vector6 solve(const Matrix6& l, const Vector6& b) noexcept {
+    Vector6 y = b;
+    for (int i = 0; i < 6; ++i) {
+        for (int k = 0; k < i; ++k) y(i) -= l(i, k) * y(k);
+        y(i) /= l(i, i);
+    }
+    for (int i = 5; i >= 0; --i) {
+        for (int k = i + 1; k < 6; ++k) y(i) -= l(k, i) * y(k);
+        y(i) /= l(i, i);
+    }
+    return y;
+}
+
+// One scalar residual r with its row of the Jacobian and weight.
+void accumulate(const double row[6], double r, double weight, Matrix6& h, Vector6& g) noexcept {
+    for (int i = 0; i < 6; ++i) {
+        const double wi = weight * row[i];
+        g(i) += wi * r;
+        for (int j = 0; j <= i; ++j) h(i, j) += wi * row[j];
+    }
+}
+
+struct System {
+    Matrix6 h = Matrix6::Zero();
+    Vector6 g = Vector6::Zero();
+    double cost = 0;
+    std::uint32_t inliers = 0;
+    double inlier_chi2 = 0;
+};
+
+System linearise(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                 const SE3& world_from_camera, double chi2_max) noexcept {
+    System s;
+    const SE3 camera_from_world = world_from_camera.inverse();
+    for (const std::uint16_t index : chosen) {
+        const Correspondence& c = correspondences[index];
+        const Vector3 q = camera_from_world * c.p_world;
+        const double vote = c.vote < 0.1 ? 0.1 : c.vote;
+        if (q.z() < kDepthMin_m) {
+            s.cost += vote * chi2_max;
+            continue;
+        }
+        const Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
+        const double chi2 = r.chi2();
+        // Huber, then nothing at all far beyond the threshold: a gross outlier has no say.
+        double robust = 1.0;
+        if (chi2 <= chi2_max) {
+            s.cost += vote * chi2;
+            ++s.inliers;
+            s.inlier_chi2 += chi2;
+        } else {
+            const double ratio = std::sqrt(chi2_max / chi2);
+            s.cost += vote * (2.0 * chi2_max / ratio - chi2_max);
+            robust = ratio;
+            if (chi2 > 16.0 * chi2_max) robust *= 16.0 * chi2_max / chi2;
+        }
+        // d q / d xi for T * exp(xi): q' = exp(-xi) q, so dq = -v + [q]x w.
+        const double iz = 1.0 / q.z();
+        const double x = q.x() * iz;
+        const double y = q.y() * iz;
+        const double row_x[6] = {-iz, 0, x * iz, -(-x * y), -(1.0 + x * x), y};
+        const double row_y[6] = {0, -iz, y * iz, 1.0 + y * y, -(x * y), -x};
+        const double w = vote * robust;
+        accumulate(row_x, r.x, w * r.info_x, s.h, s.g);
+        accumulate(row_y, r.y, w * r.info_y, s.h, s.g);
+        if (r.info_z > 0) {
+            const double row_z[6] = {0, 0, -1.0, -q.y(), q.x(), 0};
+            accumulate(row_z, r.z, w * r.info_z, s.h, s.g);
+        }
+    }
+    for (int i = 0; i < 6; ++i) {
+        for (int j = i + 1; j < 6; ++j) s.h(i, j) = s.h(j, i);
+    }
+    return s;
+}
+
+}  // namespace
+
+bool invert_spd(const Matrix6& matrix, Matrix6& inverse) noexcept {
+    Matrix6 l;
+    if (!cholesky(matrix, l)) return false;
+    for (int i = 0; i < 6; ++i) {
+        Vector6 unit = Vector6::Zero();
+        unit(i) = 1.0;
+        inverse.col(i) = solve(l, unit);
+    }
+    return true;
+}
+
+PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                      const SE3& world_from_camera_guess, double chi2_max, std::uint32_t iterations_max) noexcept {
+    PoseFit fit;
+    fit.world_from_camera = world_from_camera_guess;
+    if (chosen.size() < 3) return fit;
+    double lambda = 1e-4;
+    System system = linearise(correspondences, chosen, fit.world_from_camera, chi2_max);
+    for (std::uint32_t i = 0; i < iterations_max; ++i) {
+        Matrix6 damped = system.h;
+        for (int k = 0; k < 6; ++k) damped(k, k) += lambda * system.h(k, k) + 1e-9;
+        Matrix6 l;
+        if (!cholesky(damped, l)) return fit;
+        const Vector6 step = solve(l, Vector6(-system.g));
+        SE3 candidate = fit.world_from_camera * se3_exp(step);
+        renormalise(candidate.rotation);
+        const System next = linearise(correspondences, chosen, candidate, chi2_max);
+        if (next.cost <= system.cost) {
+            const double gain = system.cost - next.cost;
+            const double before = system.cost;
+            fit.world_from_camera = candidate;
+            system = next;
+            lambda *= 0.1;
+            if (gain <= 1e-4 * before) break;
+        } else {
+            lambda *= 10.0;
+            if (lambda > 1e3) break;
+        }
+    }
+    fit.information = system.h;
+    fit.inliers = system.inliers;
+    fit.mean_chi2 = system.inliers > 0 ? system.inlier_chi2 / system.inliers : 0.0;
+    fit.is_valid = system.inliers >= 3;
+    return fit;
+}
+
+}  // namespace stillmesh

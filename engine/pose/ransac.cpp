@@ -1,0 +1,141 @@
+#include "engine/pose/ransac.hpp"
+
+#include <cmath>
+
+#include "engine/pose/residual.hpp"
+
+namespace stillmesh {
+
+std::uint32_t ransac_iterations(double confidence, double inlier_ratio, std::uint32_t cap) noexcept {
+    const double miss = 1.0 - inlier_ratio * inlier_ratio * inlier_ratio;  // a sample with an outlier in it
+    if (!(miss > 0.0)) return 1;
+    double left = miss;
+    std::uint32_t k = 1;
+    while (left > 1.0 - confidence && k < cap) {
+        left *= miss;
+        ++k;
+    }
+    return k;
+}
+
+bool pose_from_three(const Correspondence& a, const Correspondence& b, const Correspondence& c,
+                     SE3& world_from_camera) noexcept {
+    const Vector3 camera_u = b.p_camera - a.p_camera;
+    const Vector3 camera_v = c.p_camera - a.p_camera;
+    const Vector3 world_u = b.p_world - a.p_world;
+    const Vector3 world_v = c.p_world - a.p_world;
+    // A rigid motion keeps lengths: most wrong samples end here.
+    const auto keeps_length = [](const Vector3& p, const Vector3& q, double var) {
+        const double lp = std::sqrt(p.squaredNorm());
+        const double lq = std::sqrt(q.squaredNorm());
+        return (lp - lq) * (lp - lq) <= 16.0 * var;
+    };
+    const double var_a = a.var_z + a.map_var_z;
+    const double var_b = b.var_z + b.map_var_z;
+    const double var_c = c.var_z + c.map_var_z;
+    if (!keeps_length(camera_u, world_u, var_a + var_b) || !keeps_length(camera_v, world_v, var_a + var_c) ||
+        !keeps_length(c.p_camera - b.p_camera, c.p_world - b.p_world, var_b + var_c)) {
+        return false;
+    }
+    const auto frame_of = [](const Vector3& u, const Vector3& v, Matrix3& frame) {
+        const Vector3 normal = u.cross(v);
+        const double area = std::sqrt(normal.squaredNorm());
+        const double length = std::sqrt(u.squaredNorm());
+        if (!(area > 2e-3) || !(length > 2e-2)) return false;  // m^2, m: too small to fix a rotation
+        // The axis through the middle of both sides spreads the error of the points evenly.
+        const Vector3 middle = u / length + v / std::sqrt(v.squaredNorm());
+        const double middle_length = std::sqrt(middle.squaredNorm());
+        if (!(middle_length > 1e-3)) return false;
+        const Vector3 x = middle / middle_length;
+        const Vector3 z = normal / area;
+        frame.col(0) = x;
+        frame.col(1) = z.cross(x);
+        frame.col(2) = z;
+        return true;
+    };
+    Matrix3 camera_frame, world_frame;
+    if (!frame_of(camera_u, camera_v, camera_frame) || !frame_of(world_u, world_v, world_frame)) return false;
+    world_from_camera.rotation.noalias() = world_frame * camera_frame.transpose();
+    const Vector3 camera_mean = (a.p_camera + b.p_camera + c.p_camera) / 3.0;
+    const Vector3 world_mean = (a.p_world + b.p_world + c.p_world) / 3.0;
+    Vector3 turned;
+    turned.noalias() = world_from_camera.rotation * camera_mean;
+    world_from_camera.translation = world_mean - turned;
+    return true;
+}
+
+namespace {
+
+struct Support {
+    double votes = 0;
+    std::uint32_t inliers = 0;
+};
+
+Support support_of(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                   const SE3& world_from_camera, double chi2_max) noexcept {
+    Support support;
+    const SE3 camera_from_world = world_from_camera.inverse();
+    for (const std::uint16_t index : chosen) {
+        const Correspondence& c = correspondences[index];
+        if (chi2_of(c, camera_from_world) <= chi2_max) {
+            support.votes += c.vote;
+            ++support.inliers;
+        }
+    }
+    return support;
+}
+
+}  // namespace
+
+RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                         const SE3* first, const RansacOptions& options, Random& random) noexcept {
+    RansacResult best;
+    double votes_all = 0;
+    std::uint32_t with_depth = 0;
+    for (const std::uint16_t index : chosen) {
+        votes_all += correspondences[index].vote;
+        with_depth += correspondences[index].has_depth ? 1U : 0U;
+    }
+    double best_votes = -1;
+    const auto consider = [&](const SE3& hypothesis) {
+        const Support support = support_of(correspondences, chosen, hypothesis, options.chi2_max);
+        if (support.votes > best_votes) {
+            best_votes = support.votes;
+            best.world_from_camera = hypothesis;
+            best.inliers = support.inliers;
+            best.is_valid = true;
+        }
+    };
+    if (first != nullptr) consider(*first);
+    const auto count = static_cast<std::uint32_t>(chosen.size());
+    if (with_depth >= 3) {
+        const auto wanted = [&] {
+            double ratio = options.inlier_ratio_start;
+            if (best_votes >= 0 && votes_all > 0 && best_votes / votes_all > ratio) ratio = best_votes / votes_all;
+            if (ratio < 0.3) ratio = 0.3;
+            const std::uint32_t k =
+                options.factor * ransac_iterations(options.confidence, ratio, options.iterations_max);
+            return k < options.iterations_max ? k : options.iterations_max;
+        };
+        std::uint32_t limit = wanted();
+        for (; best.iterations < limit; ++best.iterations) {
+            const std::uint32_t i = random.below(count);
+            const std::uint32_t j = random.below(count);
+            const std::uint32_t k = random.below(count);
+            if (i == j || j == k || i == k) continue;
+            const Correspondence& a = correspondences[chosen[i]];
+            const Correspondence& b = correspondences[chosen[j]];
+            const Correspondence& c = correspondences[chosen[k]];
+            if (!a.has_depth || !b.has_depth || !c.has_depth) continue;
+            SE3 hypothesis;
+            if (!pose_from_three(a, b, c, hypothesis)) continue;
+            const double before = best_votes;
+            consider(hypothesis);
+            if (best_votes > before) limit = wanted();
+        }
+    }
+    best.inlier_share = votes_all > 0 && best_votes > 0 ? best_votes / votes_all : 0.0;
+    return best;
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,43 @@
+// Pose of a set of correspondences with outliers (paper 3.1, method.md 6): minimal samples of three points in 3D, the
+// paper's iteration rule with a hard cap.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/random.hpp"
+#include "engine/matching/correspondence.hpp"
+
+namespace stillmesh {
+
+struct RansacOptions {
+    double confidence = 0.99;           // p
+    std::uint32_t factor = 3;           // 3k in the coarse stage, 10k in the final one
+    std::uint32_t iterations_max = 507;
+    double inlier_ratio_start = 0.5;    // r: the last frame's
+    double chi2_max = 11.34;
+};
+
+struct RansacResult {
+    SE3 world_from_camera;
+    double inlier_share = 0;       // of the votes
+    std::uint32_t inliers = 0;
+    std::uint32_t iterations = 0;
+    bool is_valid = false;
+};
+
+// k = ceil(log(1 - p) / log(1 - r^3)), by repeated multiplication; at least 1, at most `cap`.
+[[nodiscard]] std::uint32_t ransac_iterations(double confidence, double inlier_ratio, std::uint32_t cap) noexcept;
+
+// The motion that takes three measured points to their places in the world: each triangle spans a frame. False when
+// they are nearly on one line or their shapes differ by more than their noise allows.
+[[nodiscard]] bool pose_from_three(const Correspondence& a, const Correspondence& b, const Correspondence& c,
+                                   SE3& world_from_camera) noexcept;
+
+// Only correspondences with depth are sampled; all named ones are counted. `first`: a hypothesis to start from, or
+// nullptr.
+[[nodiscard]] RansacResult ransac_pose(std::span<const Correspondence> correspondences,
+                                       std::span<const std::uint16_t> chosen, const SE3* first,
+                                       const RansacOptions& options, Random& random) noexcept;
+
+}  // namespace stillmesh

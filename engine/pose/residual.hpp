@@ -1,0 +1,48 @@
+// How badly a pose explains a correspondence: reprojection and depth residuals, each divided by its deviation (method.md
+// 1 and 6). The map point's own uncertainty counts as seen from the camera.
+#pragma once
+
+#include "engine/matching/correspondence.hpp"
+
+namespace stillmesh {
+
+inline constexpr double kDepthMin_m = 0.05;
+inline constexpr double kChi2Behind = 1e12;  // of a point behind the camera
+
+struct Residual {
+    double x = 0, y = 0, z = 0;                 // normalised coordinates (2) and depth, m
+    double info_x = 0, info_y = 0, info_z = 0;  // inverse variances; info_z = 0 without depth
+    [[nodiscard]] double chi2() const noexcept { return x * x * info_x + y * y * info_y + z * z * info_z; }
+};
+
+// `q` is the point in the camera frame (q.z > kDepthMin_m).
+[[nodiscard]] inline Residual residual_of(const Correspondence& c, const Vector3& q, double map_var_lateral,
+                                          double map_var_z) noexcept {
+    Residual r;
+    const double inverse_z = 1.0 / q.z();
+    r.x = q.x() * inverse_z - c.normalised.x();
+    r.y = q.y() * inverse_z - c.normalised.y();
+    r.info_x = 1.0 / (c.var_pixel + map_var_lateral * inverse_z * inverse_z);
+    r.info_y = r.info_x;
+    if (c.has_depth) {
+        r.z = q.z() - c.p_camera.z();
+        r.info_z = 1.0 / (c.var_z + map_var_z);
+    }
+    return r;
+}
+
+// Squared Mahalanobis residual against the map's estimate of the point.
+[[nodiscard]] inline double chi2_of(const Correspondence& c, const SE3& camera_from_world) noexcept {
+    const Vector3 q = camera_from_world * c.p_world;
+    if (q.z() < kDepthMin_m) return kChi2Behind;
+    return residual_of(c, q, c.map_var_lateral, c.map_var_z).chi2();
+}
+
+// The same against where the point was first seen: the long time base (method.md 11.2).
+[[nodiscard]] inline double chi2_of_anchor(const Correspondence& c, const SE3& camera_from_world) noexcept {
+    const Vector3 q = camera_from_world * c.p_anchor;
+    if (q.z() < kDepthMin_m) return kChi2Behind;
+    return residual_of(c, q, c.anchor_var_lateral, c.anchor_var_z).chi2();
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,298 @@
+#include "engine/static_region/static_region.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/base/numbers.hpp"
+#include "engine/pose/pose_optimiser.hpp"
+#include "engine/pose/ransac.hpp"
+#include "engine/pose/residual.hpp"
+#include "engine/static_region/distance_consistency.hpp"
+
+namespace stillmesh {
+namespace {
+
+// Twice the area of a triangle, in squared mesh units.
+double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
+    const PixelPoint a = mesh.vertices[triangle.vertex[0]];
+    const PixelPoint b = mesh.vertices[triangle.vertex[1]];
+    const PixelPoint c = mesh.vertices[triangle.vertex[2]];
+    const std::int64_t cross = static_cast<std::int64_t>(b.x - a.x) * (c.y - a.y) -
+                               static_cast<std::int64_t>(b.y - a.y) * (c.x - a.x);
+    return static_cast<double>(cross < 0 ? -cross : cross);
+}
+constexpr double kArea_px2 = 0.5 / (kMeshUnitsPerPixel * kMeshUnitsPerPixel);
+
+}  // namespace
+
+void StaticRegion::create(Arena& arena, const Limits& limits) noexcept {
+    const std::uint32_t n = limits.features_max;
+    delaunay_.create(arena, n);
+    pixels_.create(arena, n);
+    correspondence_of_pixel_.create(arena, n);
+    members_.create(arena, n);
+    chosen_.create(arena, n);
+    all_.create(arena, n);
+    inliers_.create(arena, n);
+    first_of_vertex_ = arena.array<std::uint16_t>(n);
+    parent_ = arena.array<std::uint16_t>(n);
+    group_of_correspondence_ = arena.array<std::uint16_t>(n);
+    edge_kept_ = arena.array<std::uint8_t>(mesh_edges_max(n));
+    is_inlier_ = arena.array<std::uint8_t>(n);
+    groups_ = arena.array<Group>(limits.groups_max);
+}
+
+void StaticRegion::build(std::span<const Correspondence> correspondences, std::span<const Keypoint> keypoints,
+                         const RegionParameters& parameters, const RegionContext& context) noexcept {
+    pixels_.clear();
+    correspondence_of_pixel_.clear();
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        group_of_correspondence_[i] = kNoGroup;
+        if (!correspondences[i].has_depth) continue;
+        const Keypoint& keypoint = keypoints[correspondences[i].feature];
+        const PixelPoint pixel{
+            round_clamped(static_cast<double>(keypoint.x) * kMeshUnitsPerPixel, 0, kMeshCoordinateMax),
+            round_clamped(static_cast<double>(keypoint.y) * kMeshUnitsPerPixel, 0, kMeshCoordinateMax)};
+        STILLMESH_CHECK(pixels_.push(pixel));
+        STILLMESH_CHECK(correspondence_of_pixel_.push(static_cast<std::uint16_t>(i)));
+    }
+    const Status status = delaunay_.triangulate(pixels_.span());
+    STILLMESH_CHECK(status == Status::kOk || status == Status::kDegenerate);
+    const Mesh& mesh = delaunay_.mesh();
+    for (std::size_t i = mesh.vertex_of_point.size(); i > 0; --i) {
+        first_of_vertex_[mesh.vertex_of_point[i - 1]] = correspondence_of_pixel_[i - 1];
+    }
+    cut_edges(correspondences, parameters, context);
+    group_vertices(parameters);
+}
+
+void StaticRegion::cut_edges(std::span<const Correspondence> correspondences, const RegionParameters& parameters,
+                             const RegionContext& context) noexcept {
+    EdgeTest test;
+    test.change_max_m = parameters.edge_change_max_m;
+    test.chi2_max = parameters.edge_chi2_max;
+    test.floor_m = parameters.edge_sigma_floor_m;
+    test.lag_angle_rad = context.rotation_speed_rad_s * parameters.colour_depth_lag_s;
+    test.camera_from_world_rotation = context.world_from_camera_predicted.rotation.transpose();
+    const Mesh& mesh = delaunay_.mesh();
+    kept_count_ = 0;
+    for (std::size_t i = 0; i < mesh.edges.size(); ++i) {
+        const Correspondence& a = correspondences[first_of_vertex_[mesh.edges[i].a]];
+        const Correspondence& b = correspondences[first_of_vertex_[mesh.edges[i].b]];
+        edge_kept_[i] = keeps_distance(a, b, test) ? 1 : 0;
+        kept_count_ += edge_kept_[i];
+    }
+}
+
+std::uint16_t StaticRegion::root_of(std::uint16_t vertex) noexcept {
+    while (parent_[vertex] != vertex) {
+        parent_[vertex] = parent_[parent_[vertex]];
+        vertex = parent_[vertex];
+    }
+    return vertex;
+}
+
+void StaticRegion::group_vertices(const RegionParameters& parameters) noexcept {
+    const Mesh& mesh = delaunay_.mesh();
+    const std::size_t vertices = mesh.vertices.size();
+    for (std::size_t i = 0; i < vertices; ++i) parent_[i] = static_cast<std::uint16_t>(i);
+    // One lucky edge must not join two bodies: only whole triangles connect (method.md 5).
+    const auto is_whole = [&](const MeshTriangle& t) {
+        return edge_kept_[t.edge[0]] != 0 && edge_kept_[t.edge[1]] != 0 && edge_kept_[t.edge[2]] != 0;
+    };
+    area_all_px2_ = 0;
+    for (const MeshTriangle& triangle : mesh.triangles) {
+        area_all_px2_ += twice_area(mesh, triangle) * kArea_px2;
+        if (!is_whole(triangle)) continue;
+        std::uint16_t root = root_of(static_cast<std::uint16_t>(triangle.vertex[0]));
+        for (int k = 1; k < 3; ++k) {
+            const std::uint16_t other = root_of(static_cast<std::uint16_t>(triangle.vertex[k]));
+            if (other == root) continue;
+            parent_[std::max(root, other)] = std::min(root, other);
+            root = std::min(root, other);
+        }
+    }
+    // Members per root; `members_` serves as counters here, then as the number of each root's group.
+    members_.set_size(vertices);
+    for (std::size_t i = 0; i < vertices; ++i) members_[i] = 0;
+    for (const std::uint32_t vertex : mesh.vertex_of_point) ++members_[root_of(static_cast<std::uint16_t>(vertex))];
+    groups_count_ = 0;
+    inliers_.clear();  // roots of the groups, largest first, ties by the lower root
+    for (std::size_t i = 0; i < vertices; ++i) {
+        if (parent_[i] == i && members_[i] >= 2) STILLMESH_CHECK(inliers_.push(static_cast<std::uint16_t>(i)));
+    }
+    std::sort(inliers_.begin(), inliers_.end(), [&](std::uint16_t a, std::uint16_t b) {
+        return members_[a] != members_[b] ? members_[a] > members_[b] : a < b;
+    });
+    groups_count_ = static_cast<std::uint32_t>(std::min(inliers_.size(), groups_.size()));
+    for (std::uint32_t g = 0; g < groups_count_; ++g) {
+        groups_[g] = Group{};
+        groups_[g].points = members_[inliers_[g]];
+    }
+    for (std::size_t i = 0; i < vertices; ++i) members_[i] = kNoGroup;
+    for (std::uint32_t g = 0; g < groups_count_; ++g) members_[inliers_[g]] = static_cast<std::uint16_t>(g);
+    for (std::size_t i = 0; i < mesh.vertex_of_point.size(); ++i) {
+        const std::uint16_t root = root_of(static_cast<std::uint16_t>(mesh.vertex_of_point[i]));
+        group_of_correspondence_[correspondence_of_pixel_[i]] = members_[root];
+    }
+    for (const MeshTriangle& triangle : mesh.triangles) {
+        if (!is_whole(triangle)) continue;
+        const std::uint16_t g = members_[root_of(static_cast<std::uint16_t>(triangle.vertex[0]))];
+        if (g != kNoGroup) groups_[g].area_px2 += twice_area(mesh, triangle) * kArea_px2;
+    }
+    const auto points_all = static_cast<double>(mesh.vertex_of_point.size());
+    for (std::uint32_t g = 0; g < groups_count_; ++g) {  // Eq. 1
+        groups_[g].score = parameters.score_points * groups_[g].points / points_all;
+        if (area_all_px2_ > 0) groups_[g].score += parameters.score_area * groups_[g].area_px2 / area_all_px2_;
+    }
+}
+
+StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> correspondences,
+                                               const SE3& world_from_camera, const Configuration& parameters,
+                                               const RegionContext& context) noexcept {
+    Support support;
+    const SE3 camera_from_world = world_from_camera.inverse();
+    const double chi2_max = parameters.region.point_chi2_max;
+    double votes = 0;
+    double votes_all = 0;
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        const Correspondence& c = correspondences[i];
+        votes_all += c.vote;
+        const bool is_inlier =
+            chi2_of(c, camera_from_world) <= chi2_max && chi2_of_anchor(c, camera_from_world) <= 2.0 * chi2_max;
+        is_inlier_[i] = is_inlier ? 1 : 0;
+        if (is_inlier) {
+            votes += c.vote;
+            ++support.inliers;
+        }
+    }
+    // Eq. 1 with votes: a point counts by what the past knows of it, a triangle when all of it agrees.
+    const Mesh& mesh = delaunay_.mesh();
+    double area = 0;
+    double area_all = 0;
+    for (const MeshTriangle& triangle : mesh.triangles) {
+        const std::uint16_t a = first_of_vertex_[triangle.vertex[0]];
+        const std::uint16_t b = first_of_vertex_[triangle.vertex[1]];
+        const std::uint16_t c = first_of_vertex_[triangle.vertex[2]];
+        const double vote = (correspondences[a].vote + correspondences[b].vote + correspondences[c].vote) / 3.0;
+        const double weighted = vote * twice_area(mesh, triangle);
+        area_all += weighted;
+        if (is_inlier_[a] != 0 && is_inlier_[b] != 0 && is_inlier_[c] != 0) area += weighted;
+    }
+    const RegionParameters& region = parameters.region;
+    double weight_sum = region.score_points;
+    double score = votes_all > 0 ? region.score_points * votes / votes_all : 0.0;
+    if (area_all > 0) {
+        score += region.score_area * area / area_all;
+        weight_sum += region.score_area;
+    }
+    if (context.has_prediction) {
+        const SE3 off = context.world_from_camera_predicted.inverse() * world_from_camera;
+        const double angle = rotation_angle(off.rotation) / context.prediction_sigma_rad;
+        const double d2 = off.translation.squaredNorm() /
+                              (context.prediction_sigma_m * context.prediction_sigma_m) + angle * angle;
+        constexpr double kPriorWeight = 0.25;
+        score += kPriorWeight / (1.0 + d2 / 9.0);
+        weight_sum += kPriorWeight;
+    }
+    support.score = weight_sum > 0 ? score / weight_sum : 0.0;
+    return support;
+}
+
+void StaticRegion::gather_inliers(std::span<const Correspondence> correspondences, const SE3& world_from_camera,
+                                  double chi2_max, FixedVector<std::uint16_t>& out) const noexcept {
+    out.clear();
+    const SE3 camera_from_world = world_from_camera.inverse();
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        const Correspondence& c = correspondences[i];
+        if (!(c.vote > 0)) continue;
+        if (chi2_of(c, camera_from_world) <= chi2_max && chi2_of_anchor(c, camera_from_world) <= 2.0 * chi2_max) {
+            STILLMESH_CHECK(out.push(static_cast<std::uint16_t>(i)));
+        }
+    }
+}
+
+RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondences, const Configuration& parameters,
+                                  const RegionContext& context, Random& random) noexcept {
+    struct Hypothesis {
+        SE3 pose;
+        double score = 0;
+        std::uint32_t inliers = 0;
+    };
+    constexpr std::size_t kHypothesesMax = 14;
+    InlineVector<Hypothesis, kHypothesesMax> hypotheses;
+    RegionChoice choice;
+    chosen_.clear();
+    all_.clear();
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        if (correspondences[i].vote > 0) STILLMESH_CHECK(all_.push(static_cast<std::uint16_t>(i)));
+    }
+    const double chi2_max = parameters.region.point_chi2_max;
+    const auto propose = [&](const SE3& pose) {
+        // Refined on what agrees with it, so that hypotheses are compared at their best.
+        gather_inliers(correspondences, pose, 4.0 * chi2_max, inliers_);
+        const PoseFit fit = optimise_pose(correspondences, inliers_.span(), pose, chi2_max, 4);
+        Hypothesis h;
+        h.pose = fit.is_valid ? fit.world_from_camera : pose;
+        const Support support = support_of(correspondences, h.pose, parameters, context);
+        h.score = support.score;
+        h.inliers = support.inliers;
+        static_cast<void>(hypotheses.push(h));
+    };
+    RansacOptions options;
+    options.confidence = parameters.pose.confidence;
+    options.factor = 3;
+    options.iterations_max = parameters.pose.coarse_iterations_max;
+    options.inlier_ratio_start = context.inlier_ratio;
+    options.chi2_max = chi2_max;
+
+    if (context.has_prediction) {
+        const PoseFit fit =
+            optimise_pose(correspondences, all_.span(), context.world_from_camera_predicted, chi2_max, 6);
+        propose(fit.is_valid ? fit.world_from_camera : context.world_from_camera_predicted);
+    }
+    const RansacResult over_all = ransac_pose(correspondences, all_.span(), nullptr, options, random);
+    choice.iterations += over_all.iterations;
+    if (over_all.is_valid) propose(over_all.world_from_camera);
+    if (parameters.region.is_enabled) {
+        for (std::uint32_t g = 0; g < groups_count_; ++g) {
+            if (groups_[g].points < parameters.region.group_points_min) break;
+            if (hypotheses.size() == kHypothesesMax || choice.iterations >= parameters.pose.coarse_total_max) break;
+            members_.clear();
+            for (const std::uint16_t i : all_) {
+                if (group_of_correspondence_[i] == g) STILLMESH_CHECK(members_.push(i));
+            }
+            if (members_.size() < parameters.region.group_points_min) continue;
+            options.iterations_max = std::min(parameters.pose.coarse_iterations_max,
+                                              parameters.pose.coarse_total_max - choice.iterations);
+            options.inlier_ratio_start = 0.7;  // of a rigid group
+            const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
+            choice.iterations += result.iterations;
+            // A proposal that explains nearly all of the group already stands: the absolute cross-test (method.md 5).
+            if (!result.is_valid) continue;
+            propose(result.world_from_camera);
+        }
+    }
+    if (hypotheses.size() == 0) return choice;
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < hypotheses.size(); ++i) {
+        if (hypotheses[i].score > hypotheses[best].score) best = i;
+    }
+    double rival = 0;
+    for (std::size_t i = 0; i < hypotheses.size(); ++i) {
+        const SE3 off = hypotheses[best].pose.inverse() * hypotheses[i].pose;
+        constexpr double kSameMotion_m = 0.03;
+        constexpr double kSameMotion_rad = 0.03;
+        const bool is_same = off.translation.squaredNorm() < kSameMotion_m * kSameMotion_m &&
+                             rotation_angle(off.rotation) < kSameMotion_rad;
+        if (!is_same) rival = std::max(rival, hypotheses[i].score);
+    }
+    choice.world_from_camera = hypotheses[best].pose;
+    choice.score = hypotheses[best].score;
+    choice.margin = choice.score > 0 ? (choice.score - rival) / choice.score : 0.0;
+    gather_inliers(correspondences, choice.world_from_camera, chi2_max, chosen_);
+    choice.is_valid = chosen_.size() >= 3;
+    return choice;
+}
+
+}  // namespace stillmesh

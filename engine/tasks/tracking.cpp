@@ -1,0 +1,646 @@
+#include "engine/tasks/tracking.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/base/numbers.hpp"
+#include "engine/matching/hamming.hpp"
+#include "engine/pose/pose_optimiser.hpp"
+#include "engine/pose/ransac.hpp"
+#include "engine/pose/residual.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr double kSecond_ns = 1e9;
+
+Vector3 vector_of(const double (&p)[3]) noexcept { return {p[0], p[1], p[2]}; }
+void store(const Vector3& v, double (&p)[3]) noexcept {
+    p[0] = v.x();
+    p[1] = v.y();
+    p[2] = v.z();
+}
+double seconds(std::int64_t from_ns, std::int64_t to_ns) noexcept {
+    return static_cast<double>(to_ns - from_ns) / kSecond_ns;
+}
+
+// How long a point must have stood still to be fully believed, and how old the anchor of a moving one may get.
+constexpr double kProven_s = 0.7;
+constexpr double kAnchorAge_s = 1.0;
+
+RigidTransform transform_of(const SE3& pose) noexcept {
+    RigidTransform out;
+    const Vector4 q = quaternion_from_rotation(pose.rotation);
+    for (int i = 0; i < 4; ++i) out.rotation_xyzw[i] = q(i);
+    for (int i = 0; i < 3; ++i) out.translation_m[i] = pose.translation(i);
+    return out;
+}
+
+}  // namespace
+
+void Tracking::create(Arena& arena, const Limits& limits, const Configuration& configuration,
+                      const CameraModel& camera, const Kernels& kernels, FeatureExtractor* extractor) noexcept {
+    configuration_ = configuration;
+    camera_ = camera;
+    kernels_ = &kernels;
+    OrbOptions options;
+    options.features_max = configuration.features.count;
+    options.levels = configuration.features.levels;
+    options.scale_factor = configuration.features.scale_factor;
+    options.fast_threshold = static_cast<std::uint8_t>(configuration.features.fast_threshold);
+    options.fast_threshold_low = static_cast<std::uint8_t>(configuration.features.fast_threshold_low);
+    options.even_permille = configuration.features.even_permille;
+    orb_.create(arena, limits, options, kernels);
+    extractor_ = extractor != nullptr ? extractor : &orb_;
+    features_.create(arena, limits.features_max);
+    grid_.create(arena, limits);
+    region_.create(arena, limits);
+    map_.create(arena, limits);
+    grey_ = arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
+    measured_.create(arena, limits.features_max);
+    correspondences_.create(arena, limits.features_max);
+    claims_ = arena.array<Claim>(limits.features_max);
+    chosen_.create(arena, limits.features_max);
+    view_features_.create(arena, limits.features_max);
+    view_edges_.create(arena, mesh_edges_max(limits.features_max));
+    noise_.sigma_z_per_m2 = configuration.depth.sigma_z_per_m2;
+    noise_.sigma_pixel = configuration.depth.sigma_pixel;
+    noise_.z_min_m = configuration.depth.z_min_m;
+    noise_.z_max_m = configuration.depth.z_max_m;
+    noise_.sigma_max_m = configuration.depth.sigma_max_m;
+    double scale = 1.0;
+    for (double& s : scale_) {
+        s = scale;
+        scale *= configuration.features.scale_factor;
+    }
+    random_ = Random(configuration.seed);
+}
+
+void Tracking::reset() noexcept {
+    map_.reset();
+    has_map_ = false;
+    has_velocity_ = false;
+    lost_frames_ = 0;
+    inlier_ratio_ = 0.5;
+    pose_ = PoseEstimate{};
+    world_from_camera_ = SE3{};
+    correspondences_.clear();
+}
+
+GreyView Tracking::grey_of(const Frame& frame) noexcept {
+    const ImageView<std::uint8_t>& colour = frame.colour;
+    if (frame.format == PixelFormat::kGrey8) return colour;
+    const auto convert = frame.format == PixelFormat::kRgb8 ? kernels_->grey_from_rgb : kernels_->grey_from_bgr;
+    for (std::uint32_t y = 0; y < colour.height; ++y) {
+        convert(colour.row(y), colour.width, grey_.data() + static_cast<std::size_t>(y) * colour.width);
+    }
+    return {grey_.data(), colour.width, colour.height, colour.width};
+}
+
+void Tracking::measure(const Frame& frame) noexcept {
+    measured_.set_size(features_.size());
+    const double metres_per_unit = 1.0 / frame.depth_units_per_m;
+    const double var_base = noise_.sigma_pixel * noise_.sigma_pixel / (camera_.fx * camera_.fy);
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        const Keypoint& keypoint = features_.keypoints[i];
+        MeasuredFeature& m = measured_[i];
+        const auto x = static_cast<double>(keypoint.x);
+        const auto y = static_cast<double>(keypoint.y);
+        m.normalised = undistort_to_normalised(camera_, {x, y});
+        const DepthSample sample = sample_depth(frame.depth, metres_per_unit, round_clamped(x), round_clamped(y), noise_);
+        m.z_m = sample.mean_m;
+        m.var_z = sample.variance_m2;
+        const double scale = scale_[keypoint.level];
+        m.var_pixel = var_base * scale * scale;
+        frame_statistics_.features_with_depth += sample.is_valid() ? 1 : 0;
+    }
+}
+
+// Constant velocity in the camera frame.
+void Tracking::predict(std::int64_t time_ns) noexcept {
+    predicted_ = world_from_camera_;
+    context_ = RegionContext{};
+    const double dt = seconds(last_time_ns_, time_ns);
+    if (has_velocity_) {
+        const double before = seconds(previous_time_ns_, last_time_ns_);
+        Vector6 xi = se3_log(world_from_camera_previous_.inverse() * world_from_camera_);
+        const double speed = std::sqrt(Vector3(xi.tail<3>()).squaredNorm()) / before;
+        context_.rotation_speed_rad_s = std::min(speed, 4.0);
+        const double factor = std::min(dt / before, 3.0);
+        xi *= factor;
+        predicted_ = world_from_camera_ * se3_exp(xi);
+    }
+    // Hands and wheels accelerate by about 5 m/s^2 and 20 rad/s^2; half of that over dt^2, and a floor.
+    context_.prediction_sigma_m = 0.01 + 0.3 * dt;
+    context_.prediction_sigma_rad = 0.01 + 0.6 * dt;
+    context_.world_from_camera_predicted = predicted_;
+    context_.has_prediction = true;
+    context_.inlier_ratio = inlier_ratio_;
+}
+
+void Tracking::match_by_projection(const SE3& world_from_camera, double radius_px, bool is_more) noexcept {
+    if (!is_more) {
+        for (std::size_t i = 0; i < features_.size(); ++i) claims_[i] = Claim{};
+    }
+    const SE3 camera_from_world = world_from_camera.inverse();
+    const double width = camera_.width;
+    const double height = camera_.height;
+    const double margin_x = 0.6 * width / camera_.fx + 0.2;  // quick reject before distortion is computed
+    const double margin_y = 0.6 * height / camera_.fy + 0.2;
+    const auto levels = static_cast<std::int32_t>(configuration_.features.levels);
+    Pool<MapPoint>& points = map_.points();
+    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+        if (!points.is_taken(slot)) continue;
+        MapPoint& point = points.at(slot);
+        if (is_more && point.last_seen_frame == frame_) continue;
+        const Vector3 q = camera_from_world * vector_of(point.world);
+        if (q.z() < 0.1) continue;
+        const Vector2 n(q.x() / q.z(), q.y() / q.z());
+        if (n.x() > margin_x || n.x() < -margin_x || n.y() > margin_y || n.y() < -margin_y) continue;
+        const Vector2 pixel = distort_to_pixel(camera_, n);
+        if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < width && pixel.y() < height)) continue;
+        // A point twice as far is seen on the level whose scale is half: which level to expect.
+        const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_[point.level];
+        std::int32_t level = 0;
+        while (level + 1 < levels && scale_[level] * 1.095 < ratio) ++level;
+        const double radius = radius_px * scale_[level];
+        std::uint32_t best = configuration_.matching.hamming_max + 1;
+        std::uint32_t second = 257;
+        std::uint32_t best_feature = 0;
+        std::int32_t best_level = 0;
+        std::int32_t second_level = -1;
+        grid_.visit_near(pixel.x(), pixel.y(), radius, [&](std::uint32_t i) {
+            const Keypoint& keypoint = features_.keypoints[i];
+            const std::int32_t off = static_cast<std::int32_t>(keypoint.level) - level;
+            if (off < -1 || off > 1) return;
+            const double dx = static_cast<double>(keypoint.x) - pixel.x();
+            const double dy = static_cast<double>(keypoint.y) - pixel.y();
+            if (dx * dx + dy * dy > radius * radius) return;
+            if (is_more && claims_[i].point_slot_plus_one != 0) return;
+            const std::uint32_t distance = hamming_distance(features_.descriptors[i], point.descriptor);
+            if (distance < best) {
+                second = best;
+                second_level = best_level;
+                best = distance;
+                best_feature = i;
+                best_level = keypoint.level;
+            } else if (distance < second) {
+                second = distance;
+                second_level = keypoint.level;
+            }
+        });
+        if (best > configuration_.matching.hamming_max) continue;
+        // Neighbours on other levels are often the same corner; only rivals on the same level count.
+        if (second_level == best_level && second <= 256 &&
+            static_cast<double>(best) > configuration_.matching.ratio_max * static_cast<double>(second)) {
+            continue;
+        }
+        Claim& claim = claims_[best_feature];
+        if (claim.point_slot_plus_one == 0 || best < claim.distance_bits) claim = {slot + 1, best};
+    }
+}
+
+void Tracking::match_by_descriptor(Handle<Keyframe> keyframe) noexcept {
+    for (std::size_t i = 0; i < features_.size(); ++i) claims_[i] = Claim{};
+    for (const Observation& observation : map_.observations(keyframe)) {
+        const MapPoint* const point = map_.points().find(observation.point);
+        if (point == nullptr) continue;
+        std::uint32_t best = configuration_.matching.hamming_wide_max + 1;
+        std::uint32_t second = 257;
+        std::uint32_t best_feature = 0;
+        for (std::size_t i = 0; i < features_.size(); ++i) {
+            const std::uint32_t distance = hamming_distance(features_.descriptors[i], point->descriptor);
+            if (distance < best) {
+                second = best;
+                best = distance;
+                best_feature = static_cast<std::uint32_t>(i);
+            } else if (distance < second) {
+                second = distance;
+            }
+        }
+        if (best > configuration_.matching.hamming_wide_max) continue;
+        if (static_cast<double>(best) > configuration_.matching.ratio_max * static_cast<double>(second)) continue;
+        Claim& claim = claims_[best_feature];
+        if (claim.point_slot_plus_one == 0 || best < claim.distance_bits) {
+            claim = {observation.point.slot() + 1, best};
+        }
+    }
+}
+
+void Tracking::gather_correspondences() noexcept {
+    correspondences_.clear();
+    const bool is_plain = !configuration_.region.is_enabled;
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        if (claims_[i].point_slot_plus_one == 0) continue;
+        MapPoint& point = map_.points().at(claims_[i].point_slot_plus_one - 1);
+        const MeasuredFeature& m = measured_[i];
+        Correspondence c;
+        c.feature = static_cast<std::uint32_t>(i);
+        c.point_slot = claims_[i].point_slot_plus_one - 1;
+        c.normalised = m.normalised;
+        c.has_depth = m.var_z >= 0;
+        if (c.has_depth) {
+            c.p_camera = back_project(m.normalised, m.z_m);
+            const double slip = context_.rotation_speed_rad_s * configuration_.region.colour_depth_lag_s * 0.2 * m.z_m;
+            c.var_z = m.var_z + slip * slip;
+        }
+        c.var_pixel = m.var_pixel;
+        c.p_world = vector_of(point.world);
+        c.p_anchor = vector_of(point.anchor);
+        c.map_var_z = point.var_z;
+        c.map_var_lateral = point.var_lateral;
+        c.anchor_var_z = point.anchor_var_z;
+        c.anchor_var_lateral = point.anchor_var_lateral;
+        c.distance_bits = claims_[i].distance_bits;
+        c.is_dynamic = !is_plain && point.weight_tenths < configuration_.weights.eligible;
+        if (is_plain) {
+            c.vote = 1.0;
+            c.p_anchor = c.p_world;
+            c.anchor_var_z = c.map_var_z;
+            c.anchor_var_lateral = c.map_var_lateral;
+        } else if (c.is_dynamic) {
+            c.vote = 0.0;
+        } else {
+            const double age = std::min(seconds(point.created_ns, time_ns_) / kProven_s, 1.0);
+            const double weight = static_cast<double>(point.weight_tenths) / static_cast<double>(configuration_.weights.max);
+            c.vote = (0.2 + 0.8 * age) * weight;
+        }
+        STILLMESH_CHECK(correspondences_.push(c));
+    }
+}
+
+void Tracking::track(const Frame& frame) noexcept {
+    frame_statistics_ = FrameStatistics{};
+    frame_statistics_.frame = frame_;
+    time_ns_ = frame.time_ns;
+    correspondences_.clear();
+    chosen_.clear();
+    static_count_ = 0;
+
+    observe(Stage::kPrepare, true);
+    const GreyView grey = grey_of(frame);
+    observe(Stage::kPrepare, false);
+
+    observe(Stage::kFeatures, true);
+    const Status found = extractor_->extract(grey, features_);
+    STILLMESH_CHECK(found == Status::kOk);
+    frame_statistics_.features = static_cast<std::uint32_t>(features_.size());
+    measure(frame);
+    grid_.build(camera_.width, camera_.height, features_.keypoints.span());
+    observe(Stage::kFeatures, false);
+
+    if (!has_map_) {
+        start_map();
+    } else {
+        predict(frame.time_ns);
+        bool is_found = false;
+        if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate();
+        if (!is_found && lost_frames_ > 0) is_found = recover();
+        if (!is_found) {
+            ++lost_frames_;
+            region_.build({}, features_.keypoints.span(), configuration_.region, context_);
+            correspondences_.clear();
+            const bool is_predicted = lost_frames_ <= configuration_.pose.lost_frames_max;
+            if (!is_predicted) ++statistics_.frames_lost;
+            world_from_camera_previous_ = world_from_camera_;
+            if (is_predicted) world_from_camera_ = predicted_;
+            give_out(is_predicted ? PoseState::kPredicted : PoseState::kNone, Matrix6::Zero(), 0);
+        }
+    }
+    previous_time_ns_ = last_time_ns_;
+    last_time_ns_ = frame.time_ns;
+    hash_.add(static_cast<std::uint64_t>(frame.time_ns));
+    for (int i = 0; i < 3; ++i) hash_.add(world_from_camera_.translation(i));
+    for (int i = 0; i < 9; ++i) hash_.add(world_from_camera_.rotation(i / 3, i % 3));
+    hash_.add(static_cast<std::uint32_t>(pose_.state));
+    hash_.add(static_cast<std::uint32_t>(correspondences_.size()));
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+        const Correspondence& c = correspondences_[i];
+        hash_.add(static_cast<std::uint64_t>(c.feature) << 32U | c.point_slot);
+        hash_.add(static_cast<std::uint64_t>(c.distance_bits) << 32U |
+                  static_cast<std::uint64_t>(map_.points().is_taken(c.point_slot)
+                                                 ? map_.points().at(c.point_slot).weight_tenths
+                                                 : 0U));
+    }
+    hash_.add(frame_statistics_.mesh_edges_kept);
+    hash_.add(static_cast<std::uint32_t>(map_.points().size()));
+    ++frame_;
+}
+
+void Tracking::start_map() noexcept {
+    std::uint32_t usable = 0;
+    for (const MeasuredFeature& m : measured_) usable += m.var_z >= 0 ? 1 : 0;
+    region_.build({}, features_.keypoints.span(), configuration_.region, context_);
+    if (usable < 2 * configuration_.pose.inliers_min) {  // nothing to start from: say so, try the next frame
+        give_out(PoseState::kNone, Matrix6::Zero(), 0);
+        return;
+    }
+    world_from_camera_ = SE3{};
+    world_from_camera_previous_ = SE3{};
+    has_map_ = true;
+    has_velocity_ = false;
+    lost_frames_ = 0;
+    for (std::size_t i = 0; i < features_.size(); ++i) claims_[i] = Claim{};
+    make_keyframe();
+    keyframe_tracked_ = usable;
+    give_out(PoseState::kTracked, Matrix6::Identity() * 1e10, 1.0);
+}
+
+bool Tracking::estimate() noexcept {
+    observe(Stage::kMatching, true);
+    match_by_projection(predicted_, configuration_.matching.radius_px, false);
+    gather_correspondences();
+    if (correspondences_.size() < configuration_.matching.matches_min) {
+        match_by_projection(predicted_, configuration_.matching.radius_wide_px, false);
+        gather_correspondences();
+        context_.prediction_sigma_m *= 3.0;
+        context_.prediction_sigma_rad *= 3.0;
+    }
+    observe(Stage::kMatching, false);
+    observe(Stage::kMesh, true);
+    region_.build(correspondences_.span(), features_.keypoints.span(), configuration_.region, context_);
+    observe(Stage::kMesh, false);
+    observe(Stage::kRegion, true);
+    const RegionChoice choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
+    observe(Stage::kRegion, false);
+    frame_statistics_.mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
+    frame_statistics_.mesh_edges_kept = region_.kept_count();
+    frame_statistics_.groups = region_.groups_count();
+    frame_statistics_.region_score = choice.score;
+    frame_statistics_.region_margin = choice.margin;
+    frame_statistics_.pose_iterations = choice.iterations;
+    if (!choice.is_valid || region_.chosen().size() < configuration_.pose.inliers_min) return false;
+
+    observe(Stage::kPose, true);
+    const double chi2_max = configuration_.region.point_chi2_max;
+    RansacOptions options;
+    options.confidence = configuration_.pose.confidence;
+    options.factor = 10;
+    options.iterations_max = configuration_.pose.final_iterations_max;
+    options.inlier_ratio_start = inlier_ratio_;
+    options.chi2_max = chi2_max;
+    const RansacResult final =
+        ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
+    frame_statistics_.pose_iterations += final.iterations;
+    PoseFit fit =
+        optimise_pose(correspondences_.span(), region_.chosen(), final.world_from_camera, chi2_max, 10);
+    observe(Stage::kPose, false);
+    if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
+
+    // More of the map, where this pose says that it is.
+    observe(Stage::kLocalMap, true);
+    for (const Correspondence& c : correspondences_) map_.points().at(c.point_slot).last_seen_frame = frame_;
+    match_by_projection(fit.world_from_camera, 0.5 * configuration_.matching.radius_px, true);
+    gather_correspondences();
+    chosen_.clear();
+    const SE3 camera_from_world = fit.world_from_camera.inverse();
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+        const Correspondence& c = correspondences_[i];
+        if (!(c.vote > 0)) continue;
+        if (chi2_of(c, camera_from_world) <= 2.0 * chi2_max && chi2_of_anchor(c, camera_from_world) <= 3.0 * chi2_max) {
+            STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
+        }
+    }
+    const PoseFit refined = optimise_pose(correspondences_.span(), chosen_.span(), fit.world_from_camera, chi2_max, 10);
+    if (refined.is_valid && refined.inliers >= configuration_.pose.inliers_min) fit = refined;
+    observe(Stage::kLocalMap, false);
+
+    observe(Stage::kMapUpdate, true);
+    const bool is_sure = choice.margin >= configuration_.region.margin_min;
+    world_from_camera_previous_ = world_from_camera_;
+    world_from_camera_ = fit.world_from_camera;
+    has_velocity_ = lost_frames_ == 0;
+    lost_frames_ = 0;
+    judge(fit.world_from_camera, is_sure);
+    if (wants_keyframe()) make_keyframe();
+    give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information, fit.mean_chi2);
+    observe(Stage::kMapUpdate, false);
+    return true;
+}
+
+bool Tracking::recover() noexcept {
+    // One keyframe a frame beside the newest, in turn: bounded work, and the whole sliding set within some frames.
+    const auto count = static_cast<std::uint32_t>(map_.keyframes().size());
+    if (count == 0) return false;
+    const std::uint32_t turn = lost_frames_ % std::min(count, 16U);
+    match_by_descriptor(map_.recent_keyframe(turn));
+    gather_correspondences();
+    if (correspondences_.size() < 2 * configuration_.pose.inliers_min) return false;
+    chosen_.clear();
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+        if (correspondences_[i].vote > 0) STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
+    }
+    RansacOptions options;
+    options.confidence = configuration_.pose.confidence;
+    options.factor = 10;
+    options.iterations_max = configuration_.pose.coarse_iterations_max;
+    options.inlier_ratio_start = 0.3;
+    options.chi2_max = configuration_.region.point_chi2_max;
+    const RansacResult result = ransac_pose(correspondences_.span(), chosen_.span(), nullptr, options, random_);
+    if (!result.is_valid || result.inliers < 2 * configuration_.pose.inliers_min) return false;
+    predicted_ = result.world_from_camera;
+    context_.world_from_camera_predicted = predicted_;
+    const std::uint32_t lost_before = lost_frames_;
+    if (!estimate()) {
+        lost_frames_ = lost_before;
+        return false;
+    }
+    has_velocity_ = false;  // the jump back is not a motion
+    ++statistics_.recoveries;
+    return true;
+}
+
+// Static weights (Algorithm 2, method.md 7), where each point is, and what tracking view and statistics show.
+void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
+    const SE3 camera_from_world = world_from_camera.inverse();
+    const double chi2_max = configuration_.region.point_chi2_max;
+    const WeightParameters& weights = configuration_.weights;
+    std::uint32_t dynamic = 0;
+    chosen_.clear();
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+        Correspondence& c = correspondences_[i];
+        MapPoint& point = map_.points().at(c.point_slot);
+        point.last_seen_frame = frame_;
+        point.missed = 0;
+        if (point.seen < 0xffffU) ++point.seen;
+        const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
+        const bool is_still = c.is_dynamic
+                                  ? chi2_anchor <= chi2_max && seconds(point.anchor_ns, time_ns_) > 0.5 * kAnchorAge_s
+                                  : chi2_of(c, camera_from_world) <= chi2_max && chi2_anchor <= 2.0 * chi2_max;
+        const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
+        if (c.has_depth && is_sure && configuration_.region.is_enabled) {
+            if (is_still) {
+                point.weight_tenths = static_cast<std::uint8_t>(std::min(point.weight_tenths + weights.step, weights.max));
+            } else if (is_moving) {
+                point.weight_tenths = static_cast<std::uint8_t>(
+                    point.weight_tenths > weights.step ? point.weight_tenths - weights.step : 0U);
+            }
+        }
+        if (!c.is_dynamic && is_still) {
+            STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
+            if (c.has_depth) {
+                // Kalman update along and across the ray; never surer than a third of one measurement.
+                const Vector3 q = camera_from_world * c.p_world;
+                const double lateral = c.var_pixel * c.p_camera.z() * c.p_camera.z();
+                const double gain_z = std::max(point.var_z / (point.var_z + c.var_z), 0.03);
+                const double gain_lateral = std::max(point.var_lateral / (point.var_lateral + lateral), 0.03);
+                Vector3 moved = q;
+                const double dz = c.p_camera.z() - q.z();
+                moved.z() += gain_z * dz;
+                // Across the ray: the difference at the same depth.
+                moved.x() = moved.z() * (q.x() / q.z() + gain_lateral * (c.normalised.x() - q.x() / q.z()));
+                moved.y() = moved.z() * (q.y() / q.z() + gain_lateral * (c.normalised.y() - q.y() / q.z()));
+                store(world_from_camera * moved, point.world);
+                point.var_z = std::max(point.var_z * (1.0 - gain_z), 0.1 * c.var_z);
+                point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), 0.1 * lateral);
+            }
+        } else {
+            ++dynamic;
+        }
+        if (point.weight_tenths < weights.eligible && c.has_depth) {
+            // Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
+            store(world_from_camera * c.p_camera, point.world);
+            point.var_z = c.var_z;
+            point.var_lateral = c.var_pixel * c.p_camera.z() * c.p_camera.z();
+            point.descriptor = features_.descriptors[c.feature];
+            point.distance_m = static_cast<float>(c.p_camera.z());
+            point.level = features_.keypoints[c.feature].level;
+            if (!c.is_dynamic || seconds(point.anchor_ns, time_ns_) > kAnchorAge_s) {
+                store(world_from_camera * c.p_camera, point.anchor);
+                point.anchor_var_z = c.var_z;
+                point.anchor_var_lateral = point.var_lateral;
+                point.anchor_ns = time_ns_;
+            }
+        }
+    }
+    static_count_ = static_cast<std::uint32_t>(chosen_.size());
+    const double share = correspondences_.is_empty()
+                             ? 0.5
+                             : static_cast<double>(static_count_) / static_cast<double>(correspondences_.size());
+    inlier_ratio_ = std::clamp(share, 0.3, 1.0);
+    new_points_possible_ = 0;
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        if (claims_[i].point_slot_plus_one == 0 && measured_[i].var_z >= 0) ++new_points_possible_;
+    }
+    frame_statistics_.matches = static_cast<std::uint32_t>(correspondences_.size());
+    frame_statistics_.static_matches = static_count_;
+    frame_statistics_.dynamic_matches = dynamic;
+}
+
+bool Tracking::wants_keyframe() const noexcept {
+    const KeyframeParameters& k = configuration_.keyframes;
+    const double share =
+        keyframe_tracked_ > 0 ? static_cast<double>(static_count_) / static_cast<double>(keyframe_tracked_) : 0.0;
+    if (new_points_possible_ < k.new_points_min) return false;
+    if (share < k.tracked_share_urgent || static_count_ < k.tracked_urgent) return frame_ - keyframe_frame_ >= 2;
+    return share < k.tracked_share_max && frame_ - keyframe_frame_ >= k.gap_min;
+}
+
+void Tracking::make_keyframe() noexcept {
+    // Room for every feature that might become a point, plus what is culled on the way.
+    Pool<MapPoint>& points = map_.points();
+    const std::size_t free = points.capacity() - points.size();
+    if (free < features_.size()) {
+        map_.make_room_for_points(static_cast<std::uint32_t>(features_.size() - free), frame_);
+    }
+    const Handle<Keyframe> handle = map_.add_keyframe();
+    Keyframe& keyframe = *map_.keyframes().find(handle);
+    keyframe.world_from_camera = world_from_camera_;
+    keyframe.time_ns = time_ns_;
+    keyframe.frame = frame_;
+    for (const Correspondence& c : correspondences_) {
+        const Keypoint& keypoint = features_.keypoints[c.feature];
+        map_.add_observation(handle, {points.handle_of(c.point_slot), keypoint.x, keypoint.y});
+    }
+    std::uint32_t added = 0;
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        if (claims_[i].point_slot_plus_one != 0 || measured_[i].var_z < 0) continue;
+        add_point(i, handle, configuration_.weights.start);
+        ++added;
+    }
+    keyframe_frame_ = frame_;
+    keyframe_tracked_ = static_count_ + added / 2;
+    frame_statistics_.is_keyframe = true;
+    ++statistics_.keyframes_made;
+}
+
+void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths) noexcept {
+    const Result<Handle<MapPoint>> taken = map_.points().take();
+    if (!taken.is_ok()) return;  // all others were seen in this very frame; the pool counts the refusal
+    MapPoint& point = *map_.points().find(taken.value());
+    const MeasuredFeature& m = measured_[feature];
+    store(world_from_camera_ * back_project(m.normalised, m.z_m), point.world);
+    store(vector_of(point.world), point.anchor);
+    point.var_z = m.var_z;
+    point.var_lateral = m.var_pixel * m.z_m * m.z_m;
+    point.anchor_var_z = point.var_z;
+    point.anchor_var_lateral = point.var_lateral;
+    point.descriptor = features_.descriptors[feature];
+    point.created_ns = time_ns_;
+    point.anchor_ns = time_ns_;
+    point.last_seen_frame = frame_;
+    point.distance_m = static_cast<float>(m.z_m);
+    point.level = features_.keypoints[feature].level;
+    point.weight_tenths = static_cast<std::uint8_t>(weight_tenths);
+    point.seen = 1;
+    const Keypoint& keypoint = features_.keypoints[feature];
+    map_.add_observation(keyframe, {taken.value(), keypoint.x, keypoint.y});
+}
+
+void Tracking::give_out(PoseState state, const Matrix6& information, double mean_chi2) noexcept {
+    static_cast<void>(mean_chi2);
+    pose_.time_ns = time_ns_;
+    pose_.state = state;
+    pose_.odom_from_camera = transform_of(world_from_camera_);
+    Matrix6 covariance = Matrix6::Zero();
+    if (!invert_spd(information, covariance)) covariance = Matrix6::Identity();
+    for (int i = 0; i < 36; ++i) pose_.covariance[i] = covariance(i / 6, i % 6);
+}
+
+void Tracking::fill(EngineStatistics& statistics) const noexcept {
+    statistics.frames = frame_;
+    statistics.keyframes_made = statistics_.keyframes_made;
+    statistics.keyframes_forgotten = map_.keyframes_forgotten();
+    statistics.points_forgotten = map_.points_forgotten();
+    statistics.frames_lost = statistics_.frames_lost;
+    statistics.recoveries = statistics_.recoveries;
+    const auto pool_statistics = [](const auto& pool) {
+        return PoolStatistics{static_cast<std::uint32_t>(pool.size()), static_cast<std::uint32_t>(pool.high_water()),
+                              static_cast<std::uint32_t>(pool.capacity())};
+    };
+    statistics.keyframes = pool_statistics(map_.keyframes());
+    statistics.map_points = pool_statistics(map_.points());
+}
+
+TrackingView Tracking::view() noexcept {
+    view_features_.clear();
+    view_edges_.clear();
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        TrackedFeature f;
+        f.x = features_.keypoints[i].x;
+        f.y = features_.keypoints[i].y;
+        STILLMESH_CHECK(view_features_.push(f));
+    }
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+        TrackedFeature& f = view_features_[correspondences_[i].feature];
+        f.is_matched = true;
+        f.is_dynamic = true;
+    }
+    for (const std::uint16_t i : chosen_) {
+        TrackedFeature& f = view_features_[correspondences_[i].feature];
+        f.is_static = true;
+        f.is_dynamic = false;
+    }
+    const Mesh& mesh = region_.mesh();
+    for (std::size_t i = 0; i < mesh.edges.size(); ++i) {
+        const PixelPoint a = mesh.vertices[mesh.edges[i].a];
+        const PixelPoint b = mesh.vertices[mesh.edges[i].b];
+        constexpr float kScale = 1.0F / kMeshUnitsPerPixel;
+        STILLMESH_CHECK(view_edges_.push({static_cast<float>(a.x) * kScale, static_cast<float>(a.y) * kScale,
+                                          static_cast<float>(b.x) * kScale, static_cast<float>(b.y) * kScale,
+                                          region_.is_kept(i)}));
+    }
+    return {view_features_.span(), view_edges_.span()};
+}
+
+}  // namespace stillmesh

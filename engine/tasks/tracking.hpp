@@ -1,0 +1,132 @@
+// Tracking (paper 2.1): one frame in, one pose out, run to completion. Features are matched to the map around their
+// predicted places, the static region is chosen, the pose is estimated from it alone, more of the map is matched with
+// that pose, static weights are updated, and a keyframe is made when the paper's conditions say so.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/fixed_vector.hpp"
+#include "engine/base/hash.hpp"
+#include "engine/base/random.hpp"
+#include "engine/engine.hpp"
+#include "engine/features/orb_extractor.hpp"
+#include "engine/geometry/camera.hpp"
+#include "engine/geometry/depth_noise.hpp"
+#include "engine/map/map.hpp"
+#include "engine/matching/correspondence.hpp"
+#include "engine/matching/feature_grid.hpp"
+#include "engine/static_region/static_region.hpp"
+
+namespace stillmesh {
+
+// A feature with what the depth image and the camera model add to it.
+struct MeasuredFeature {
+    Vector2 normalised = Vector2::Zero();
+    double z_m = 0;
+    double var_z = -1;  // < 0: no usable depth
+    double var_pixel = 0;
+};
+
+class Tracking {
+public:
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        OrbExtractor::plan(arena, limits);
+        FeatureSet::plan(arena, limits.features_max);
+        FeatureGrid::plan(arena, limits);
+        StaticRegion::plan(arena, limits);
+        Map::plan(arena, limits);
+        arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
+        FixedVector<MeasuredFeature>::plan(arena, limits.features_max);
+        FixedVector<Correspondence>::plan(arena, limits.features_max);
+        arena.array<Claim>(limits.features_max);
+        FixedVector<std::uint16_t>::plan(arena, limits.features_max);
+        FixedVector<TrackedFeature>::plan(arena, limits.features_max);
+        FixedVector<TrackedEdge>::plan(arena, mesh_edges_max(limits.features_max));
+    }
+    void create(Arena& arena, const Limits& limits, const Configuration& configuration, const CameraModel& camera,
+                const Kernels& kernels, FeatureExtractor* extractor) noexcept;
+    void reset() noexcept;
+
+    // The frame has been validated.
+    void track(const Frame& frame) noexcept;
+
+    [[nodiscard]] const PoseEstimate& pose() const noexcept { return pose_; }
+    [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept { return frame_statistics_; }
+    void fill(EngineStatistics& statistics) const noexcept;
+    [[nodiscard]] TrackingView view() noexcept;
+    [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_.value(); }
+    void set_observer(StageObserver observer) noexcept { observer_ = observer; }
+
+private:
+    // A map point's claim to a feature while matching.
+    struct Claim {
+        std::uint32_t point_slot_plus_one = 0;
+        std::uint32_t distance_bits = 0;
+    };
+
+    [[nodiscard]] GreyView grey_of(const Frame& frame) noexcept;
+    void measure(const Frame& frame) noexcept;
+    void predict(std::int64_t time_ns) noexcept;
+    // Claims features for map points projected with `world_from_camera`; keeps the claims there are when `is_more`.
+    void match_by_projection(const SE3& world_from_camera, double radius_px, bool is_more) noexcept;
+    // Claims features for the points of a keyframe by descriptor alone.
+    void match_by_descriptor(Handle<Keyframe> keyframe) noexcept;
+    void gather_correspondences() noexcept;
+    void start_map() noexcept;
+    [[nodiscard]] bool estimate() noexcept;
+    [[nodiscard]] bool recover() noexcept;
+    void judge(const SE3& world_from_camera, bool is_sure) noexcept;
+    [[nodiscard]] bool wants_keyframe() const noexcept;
+    void make_keyframe() noexcept;
+    void add_point(std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths) noexcept;
+    void give_out(PoseState state, const Matrix6& information, double mean_chi2) noexcept;
+    void observe(Stage stage, bool is_begin) const noexcept {
+        if (observer_.on_stage != nullptr) observer_.on_stage(observer_.user, stage, is_begin);
+    }
+
+    Configuration configuration_;
+    CameraModel camera_;
+    const Kernels* kernels_ = nullptr;
+    FeatureExtractor* extractor_ = nullptr;
+    StageObserver observer_;
+    OrbExtractor orb_;
+    FeatureSet features_;
+    FeatureGrid grid_;
+    StaticRegion region_;
+    Map map_;
+    DepthNoise noise_;
+    std::span<std::uint8_t> grey_;
+    FixedVector<MeasuredFeature> measured_;
+    FixedVector<Correspondence> correspondences_;
+    std::span<Claim> claims_;           // by feature
+    FixedVector<std::uint16_t> chosen_;  // correspondences that vote for the pose
+    FixedVector<TrackedFeature> view_features_;
+    FixedVector<TrackedEdge> view_edges_;
+    double scale_[kPyramidLevelsMax] = {};
+
+    // What is known from the frames before.
+    SE3 world_from_camera_;           // last pose given out
+    SE3 world_from_camera_previous_;  // the one before
+    SE3 predicted_;
+    RegionContext context_;
+    std::int64_t time_ns_ = 0;
+    std::int64_t last_time_ns_ = 0;
+    std::int64_t previous_time_ns_ = 0;
+    std::uint64_t frame_ = 0;
+    std::uint64_t keyframe_frame_ = 0;
+    std::uint32_t keyframe_tracked_ = 0;  // static points right after the last keyframe
+    std::uint32_t lost_frames_ = 0;
+    std::uint32_t static_count_ = 0;
+    std::uint32_t new_points_possible_ = 0;
+    double inlier_ratio_ = 0.5;
+    Random random_{1};
+    StateHash hash_;
+    PoseEstimate pose_;
+    FrameStatistics frame_statistics_;
+    EngineStatistics statistics_;
+    bool has_map_ = false;
+    bool has_velocity_ = false;
+};
+
+}  // namespace stillmesh
