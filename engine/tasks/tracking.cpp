@@ -112,7 +112,7 @@ void Tracking::measure(const Frame& frame) noexcept {
         m.var_z = sample.variance_m2;
         const double scale = scale_[keypoint.level];
         m.var_pixel = var_base * scale * scale;
-        frame_statistics_.features_with_depth += sample.is_valid() ? 1 : 0;
+        frame_statistics_.features_with_depth += sample.is_valid() ? 1U : 0U;
     }
 }
 
@@ -329,7 +329,7 @@ void Tracking::track(const Frame& frame) noexcept {
 
 void Tracking::start_map() noexcept {
     std::uint32_t usable = 0;
-    for (const MeasuredFeature& m : measured_) usable += m.var_z >= 0 ? 1 : 0;
+    for (const MeasuredFeature& m : measured_) usable += m.var_z >= 0 ? 1U : 0U;
     region_.build({}, features_.keypoints.span(), configuration_.region, context_);
     if (usable < 2 * configuration_.pose.inliers_min) {  // nothing to start from: say so, try the next frame
         give_out(PoseState::kNone, Matrix6::Zero(), 0);
