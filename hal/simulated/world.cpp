@@ -250,6 +250,7 @@ void World::add_desk(const DeskPlace& place) {
 }
 
 void World::add_people(std::uint32_t count) {
+    random_ = Random(seed_ * 0x2545'f491ULL + 0x9e09'1eULL);  // whatever stands about changes nobody's way
     const DeskPlace desk = desk_place(scene_, side_);
     people_.resize(count);
     for (Person& person : people_) {
@@ -265,11 +266,11 @@ void World::add_people(std::uint32_t count) {
     const std::uint64_t seed = random_.next();
     if (scene_.cast == Cast::kWalking) {
         // The first close enough to hide much of the room, the others where the desk leaves room.
-        const double a = side_ > 0 ? -0.5 : -0.05;  // the side without the desk
-        const double b = side_ > 0 ? 0.05 : 0.5;
-        const Lane room[] = {{0.98, 1.12, -0.45, 0.45}, {1.5, 1.85, a, b}, {2.6, 2.9, -0.5, 0.5}};
-        const Lane round_desk[] = {{0.92, 1.05, -0.45, 0.45}, {2.2, 2.4, -0.5, 0.1}, {2.4, 2.7, -0.1, 0.5}};
-        const Lane on_the_way[] = {{1.0, 1.15, -0.42, 0.42}, {1.6, 1.85, -0.45, 0.45}, {2.2, 2.7, -0.5, 0.5}};
+        const double a = side_ > 0 ? -0.42 : -0.08;  // the side without the desk
+        const double b = side_ > 0 ? 0.08 : 0.42;
+        const Lane room[] = {{0.95, 1.06, -0.36, 0.36}, {1.45, 1.7, a, b}, {2.5, 2.7, -0.42, 0.42}};
+        const Lane round_desk[] = {{0.92, 1.05, -0.4, 0.4}, {2.2, 2.4, -0.5, 0.1}, {2.4, 2.7, -0.1, 0.5}};
+        const Lane on_the_way[] = {{0.96, 1.1, -0.38, 0.38}, {1.55, 1.8, -0.42, 0.42}, {2.2, 2.7, -0.5, 0.5}};
         const std::span<const Lane> lanes = scene_.motion == CameraMotion::kHalfsphere ? round_desk
                                             : scene_.motion == CameraMotion::kLoop     ? on_the_way
                                                                                        : room;
