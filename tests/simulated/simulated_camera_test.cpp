@@ -201,6 +201,34 @@ TEST(SimulatedCamera, TruthExplainsWhatStandsStill) {
     }
 }
 
+// Promise: colour, depth and mask are registered to the pixel: grey changes most where depth jumps and the mask ends,
+// and less a few pixels beside.
+TEST(SimulatedCamera, ImagesAreRegistered) {
+    SimulationOptions options{.scene = "walking_static", .seed = 1, .frames = 4, .width = 320, .height = 240};
+    options.exposure_ns = 0;
+    CameraInfo info;
+    double at_mask[9] = {};
+    double at_depth[9] = {};
+    for (const Kept& frame : run(options, info)) {
+        for (std::uint32_t y = 0; y < 240; ++y) {
+            for (std::uint32_t x = 8; x < 310; ++x) {
+                const std::size_t i = y * 320 + x;
+                const bool mask_ends = frame.mask[i] != frame.mask[i + 1];
+                const bool depth_jumps = frame.depth[i] != 0 && frame.depth[i + 1] > frame.depth[i] + 2500;
+                if (!mask_ends && !depth_jumps) continue;
+                for (std::size_t s = 0; s < 9; ++s) {
+                    const double change = std::abs(frame.grey[i + s - 3] - frame.grey[i + s - 4]);
+                    if (mask_ends) at_mask[s] += change;
+                    if (depth_jumps) at_depth[s] += change;
+                }
+            }
+        }
+    }
+    EXPECT_EQ(std::max_element(at_mask, at_mask + 9) - at_mask, 4);
+    EXPECT_NEAR(static_cast<double>(std::max_element(at_depth, at_depth + 9) - at_depth), 4, 1);
+    EXPECT_GT(at_mask[4], 1.3 * at_mask[1]);
+}
+
 // Promise: what the mask marks does move: a good part of it is not found again where the true poses say.
 TEST(SimulatedCamera, MaskMarksWhatMoves) {
     for (const char* scene : {"walking_static", "walking_xyz", "walking_halfsphere"}) {
