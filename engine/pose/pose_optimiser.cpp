@@ -56,13 +56,13 @@ struct System {
 };
 
 System linearise(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                 const SE3& world_from_camera, double chi2_max) noexcept {
+                 const SE3& world_from_camera, double chi2_max, double vote_scale) noexcept {
     System s;
     const SE3 camera_from_world = world_from_camera.inverse();
     for (const std::uint16_t index : chosen) {
         const Correspondence& c = correspondences[index];
         const Vector3 q = camera_from_world * c.p_world;
-        const double vote = c.vote < 0.1 ? 0.1 : c.vote;
+        const double vote = c.vote * vote_scale;
         if (q.z() < kDepthMin_m) {
             s.cost += vote * chi2_max;
             continue;
@@ -119,8 +119,15 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
     PoseFit fit;
     fit.world_from_camera = world_from_camera_guess;
     if (chosen.size() < 3) return fit;
+    // Votes are relative: the most trusted point has weight 1, so that the information keeps its unit.
+    double vote_max = 0;
+    for (const std::uint16_t index : chosen) {
+        if (correspondences[index].vote > vote_max) vote_max = correspondences[index].vote;
+    }
+    if (!(vote_max > 0)) return fit;
+    const double vote_scale = 1.0 / vote_max;
     double lambda = 1e-4;
-    System system = linearise(correspondences, chosen, fit.world_from_camera, chi2_max);
+    System system = linearise(correspondences, chosen, fit.world_from_camera, chi2_max, vote_scale);
     for (std::uint32_t i = 0; i < iterations_max; ++i) {
         Matrix6 damped = system.h;
         for (int k = 0; k < 6; ++k) damped(k, k) += lambda * system.h(k, k) + 1e-9;
@@ -129,7 +136,7 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
         const Vector6 step = solve(l, Vector6(-system.g));
         SE3 candidate = fit.world_from_camera * se3_exp(step);
         renormalise(candidate.rotation);
-        const System next = linearise(correspondences, chosen, candidate, chi2_max);
+        const System next = linearise(correspondences, chosen, candidate, chi2_max, vote_scale);
         if (next.cost <= system.cost) {
             const double gain = system.cost - next.cost;
             const double before = system.cost;

@@ -17,7 +17,7 @@ struct PoseFit {
     bool is_valid = false;                  // false: fewer than 3 points or a singular system
 };
 
-// Uses the correspondences named by `chosen`, each weighted by its vote (at least 0.1 of it).
+// Uses the correspondences named by `chosen`, each weighted by its vote, relative to the largest.
 [[nodiscard]] PoseFit optimise_pose(std::span<const Correspondence> correspondences,
                                     std::span<const std::uint16_t> chosen, const SE3& world_from_camera_guess,
                                     double chi2_max, std::uint32_t iterations_max) noexcept;

@@ -27,6 +27,9 @@ double seconds(std::int64_t from_ns, std::int64_t to_ns) noexcept {
 // How long a point must have stood still to be fully believed, and how old the anchor of a moving one may get.
 constexpr double kProven_s = 0.7;
 constexpr double kAnchorAge_s = 1.0;
+// The vote of a new point beside one that has proven to stand still: somebody new in the picture has as many features
+// as he likes, but none of them has a past (method.md 11.1).
+constexpr double kUnproven = 0.03;
 
 RigidTransform transform_of(const SE3& pose) noexcept {
     RigidTransform out;
@@ -61,6 +64,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     correspondences_.create(arena, limits.features_max);
     claims_ = arena.array<Claim>(limits.features_max);
     chosen_.create(arena, limits.features_max);
+    verdicts_ = arena.array<std::uint8_t>(limits.features_max);
     view_features_.create(arena, limits.features_max);
     view_edges_.create(arena, mesh_edges_max(limits.features_max));
     noise_.sigma_z_per_m2 = configuration.depth.sigma_z_per_m2;
@@ -263,7 +267,7 @@ void Tracking::gather_correspondences() noexcept {
         } else {
             const double age = std::min(seconds(point.created_ns, time_ns_) / kProven_s, 1.0);
             const double weight = static_cast<double>(point.weight_tenths) / static_cast<double>(configuration_.weights.max);
-            c.vote = (0.2 + 0.8 * age) * weight;
+            c.vote = (kUnproven + (1.0 - kUnproven) * age * age) * weight;
         }
         STILLMESH_CHECK(correspondences_.push(c));
     }
@@ -340,7 +344,10 @@ void Tracking::start_map() noexcept {
     has_map_ = true;
     has_velocity_ = false;
     lost_frames_ = 0;
-    for (std::size_t i = 0; i < features_.size(); ++i) claims_[i] = Claim{};
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        claims_[i] = Claim{};
+        verdicts_[i] = 0;
+    }
     make_keyframe();
     keyframe_tracked_ = usable;
     give_out(PoseState::kTracked, Matrix6::Identity() * 1e10, 1.0);
@@ -457,6 +464,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
     const WeightParameters& weights = configuration_.weights;
     std::uint32_t dynamic = 0;
     chosen_.clear();
+    for (std::size_t i = 0; i < features_.size(); ++i) verdicts_[i] = 0;
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
         Correspondence& c = correspondences_[i];
         MapPoint& point = map_.points().at(c.point_slot);
@@ -470,6 +478,10 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
         const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
         if (c.has_depth && is_sure && configuration_.region.is_enabled) {
             if (is_still) {
+                if (c.is_dynamic && point.weight_tenths + weights.step >= weights.eligible) {
+                    // Votes again, like a new point: it has stood still since its anchor.
+                    point.created_ns = time_ns_;
+                }
                 point.weight_tenths = static_cast<std::uint8_t>(std::min(point.weight_tenths + weights.step, weights.max));
             } else if (is_moving) {
                 point.weight_tenths = static_cast<std::uint8_t>(
@@ -494,8 +506,10 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 point.var_z = std::max(point.var_z * (1.0 - gain_z), 0.1 * c.var_z);
                 point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), 0.1 * lateral);
             }
+            verdicts_[c.feature] = 1;
         } else {
             ++dynamic;
+            verdicts_[c.feature] = 2;
         }
         if (point.weight_tenths < weights.eligible && c.has_depth) {
             // Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
@@ -555,13 +569,31 @@ void Tracking::make_keyframe() noexcept {
     std::uint32_t added = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         if (claims_[i].point_slot_plus_one != 0 || measured_[i].var_z < 0) continue;
-        add_point(i, handle, configuration_.weights.start);
-        ++added;
+        const bool is_suspicious = lies_among_moving(i);
+        add_point(i, handle, is_suspicious ? configuration_.weights.suspicious : configuration_.weights.start);
+        added += is_suspicious ? 0U : 1U;
     }
     keyframe_frame_ = frame_;
     keyframe_tracked_ = static_count_ + added / 2;
     frame_statistics_.is_keyframe = true;
     ++statistics_.keyframes_made;
+}
+
+// A new feature beside moving ones at the same depth belongs to the same body more likely than not (method.md 7).
+bool Tracking::lies_among_moving(std::size_t feature) const noexcept {
+    if (!configuration_.region.is_enabled) return false;
+    const Keypoint& keypoint = features_.keypoints[feature];
+    const double z = measured_[feature].z_m;
+    constexpr double kNear_px = 40.0;
+    std::uint32_t moving = 0;
+    std::uint32_t still = 0;
+    grid_.visit_near(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y), kNear_px, [&](std::uint32_t i) {
+        if (verdicts_[i] == 0 || measured_[i].var_z < 0) return;
+        const double dz = measured_[i].z_m - z;
+        if (dz * dz > 0.04 + 9.0 * (measured_[i].var_z + measured_[feature].var_z)) return;
+        ++(verdicts_[i] == 1 ? still : moving);
+    });
+    return moving > still;
 }
 
 void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths) noexcept {

@@ -41,6 +41,7 @@ public:
         FixedVector<Correspondence>::plan(arena, limits.features_max);
         arena.array<Claim>(limits.features_max);
         FixedVector<std::uint16_t>::plan(arena, limits.features_max);
+        arena.array<std::uint8_t>(limits.features_max);
         FixedVector<TrackedFeature>::plan(arena, limits.features_max);
         FixedVector<TrackedEdge>::plan(arena, mesh_edges_max(limits.features_max));
     }
@@ -79,6 +80,7 @@ private:
     void judge(const SE3& world_from_camera, bool is_sure) noexcept;
     [[nodiscard]] bool wants_keyframe() const noexcept;
     void make_keyframe() noexcept;
+    [[nodiscard]] bool lies_among_moving(std::size_t feature) const noexcept;
     void add_point(std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths) noexcept;
     void give_out(PoseState state, const Matrix6& information, double mean_chi2) noexcept;
     void observe(Stage stage, bool is_begin) const noexcept {
@@ -101,6 +103,7 @@ private:
     FixedVector<Correspondence> correspondences_;
     std::span<Claim> claims_;           // by feature
     FixedVector<std::uint16_t> chosen_;  // correspondences that vote for the pose
+    std::span<std::uint8_t> verdicts_;   // by feature: 0 not matched, 1 still, 2 moving
     FixedVector<TrackedFeature> view_features_;
     FixedVector<TrackedEdge> view_edges_;
     double scale_[kPyramidLevelsMax] = {};
