@@ -194,6 +194,8 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
         constexpr double kPriorWeight = 0.25;
         score += kPriorWeight / (1.0 + d2 / 9.0);
         weight_sum += kPriorWeight;
+        // No camera on a robot or in a hand jumps: a motion far off the prediction needs far more support.
+        score /= 1.0 + d2 / 25.0;
     }
     support.score = weight_sum > 0 ? score / weight_sum : 0.0;
     return support;

@@ -302,8 +302,10 @@ void Tracking::track(const Frame& frame) noexcept {
         if (!is_found && lost_frames_ > 0) is_found = recover();
         if (!is_found) {
             ++lost_frames_;
-            region_.build({}, features_.keypoints.span(), configuration_.region, context_);
             correspondences_.clear();
+            chosen_.clear();
+            static_count_ = 0;
+            region_.build({}, features_.keypoints.span(), configuration_.region, context_);
             const bool is_predicted = lost_frames_ <= configuration_.pose.lost_frames_max;
             if (!is_predicted) ++statistics_.frames_lost;
             world_from_camera_previous_ = world_from_camera_;
