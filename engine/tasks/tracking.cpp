@@ -30,6 +30,14 @@ constexpr double kAnchorAge_s = 1.0;
 // The vote of a new point beside one that has proven to stand still: somebody new in the picture has as many features
 // as he likes, but none of them has a past (method.md 11.1).
 constexpr double kUnproven = 0.03;
+// Where a point was first seen is known in the odometry of then; what that may have drifted since.
+constexpr double kDrift_m = 0.003;
+constexpr double kDriftPerSecond_m = 0.002;
+constexpr double kDriftMax_m = 0.02;
+// How far the measured noise may leave the model, as factors of the variance.
+constexpr double kNoisePixelMin = 0.06;
+constexpr double kNoiseDepthMin = 0.25;
+constexpr double kNoiseMax = 8.0;
 
 RigidTransform transform_of(const SE3& pose) noexcept {
     RigidTransform out;
@@ -64,6 +72,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     correspondences_.create(arena, limits.features_max);
     claims_ = arena.array<Claim>(limits.features_max);
     chosen_.create(arena, limits.features_max);
+    residuals_.create(arena, limits.features_max);
     verdicts_ = arena.array<std::uint8_t>(limits.features_max);
     view_features_.create(arena, limits.features_max);
     view_edges_.create(arena, mesh_edges_max(limits.features_max));
@@ -86,6 +95,8 @@ void Tracking::reset() noexcept {
     has_velocity_ = false;
     lost_frames_ = 0;
     inlier_ratio_ = 0.5;
+    noise_pixel_ = 1.0;
+    noise_depth_ = 1.0;
     pose_ = PoseEstimate{};
     world_from_camera_ = SE3{};
     correspondences_.clear();
@@ -246,15 +257,17 @@ void Tracking::gather_correspondences() noexcept {
         if (c.has_depth) {
             c.p_camera = back_project(m.normalised, m.z_m);
             const double slip = context_.rotation_speed_rad_s * configuration_.region.colour_depth_lag_s * 0.2 * m.z_m;
-            c.var_z = m.var_z + slip * slip;
+            c.var_z = m.var_z * noise_depth_ + slip * slip;
         }
-        c.var_pixel = m.var_pixel;
+        c.var_pixel = m.var_pixel * noise_pixel_;
         c.p_world = vector_of(point.world);
         c.p_anchor = vector_of(point.anchor);
-        c.map_var_z = point.var_z;
-        c.map_var_lateral = point.var_lateral;
-        c.anchor_var_z = point.anchor_var_z;
-        c.anchor_var_lateral = point.anchor_var_lateral;
+        c.map_var_z = point.var_z * noise_depth_;
+        c.map_var_lateral = point.var_lateral * noise_pixel_;
+        const double drift =
+            std::min(kDrift_m + kDriftPerSecond_m * seconds(point.anchor_ns, time_ns_), kDriftMax_m);
+        c.anchor_var_z = point.anchor_var_z * noise_depth_ + drift * drift;
+        c.anchor_var_lateral = point.anchor_var_lateral * noise_pixel_ + drift * drift;
         c.distance_bits = claims_[i].distance_bits;
         c.is_dynamic = !is_plain && point.weight_tenths < configuration_.weights.eligible;
         if (is_plain) {
@@ -420,6 +433,7 @@ bool Tracking::estimate() noexcept {
     world_from_camera_ = fit.world_from_camera;
     has_velocity_ = lost_frames_ == 0;
     lost_frames_ = 0;
+    if (is_sure) adapt_noise(fit.world_from_camera);
     judge(fit.world_from_camera, is_sure);
     if (wants_keyframe()) make_keyframe();
     give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information, fit.mean_chi2);
@@ -459,6 +473,34 @@ bool Tracking::recover() noexcept {
     return true;
 }
 
+void Tracking::adapt_noise(const SE3& world_from_camera) noexcept {
+    const SE3 camera_from_world = world_from_camera.inverse();
+    // Medians of squared normalised residuals over those of chi-square with two degrees of freedom and with one.
+    constexpr double kMedian2 = 1.386;
+    constexpr double kMedian1 = 0.455;
+    constexpr double kFall = 0.9;  // per frame
+    constexpr double kRise = 1.25;
+    constexpr std::size_t kEnough = 30;
+    for (const bool is_depth : {false, true}) {
+        residuals_.clear();
+        for (const std::uint16_t i : chosen_) {
+            const Correspondence& c = correspondences_[i];
+            const Vector3 q = camera_from_world * c.p_world;
+            if (!c.has_depth || q.z() < kDepthMin_m) continue;
+            const Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
+            const double chi2 = is_depth ? r.z * r.z * r.info_z : r.x * r.x * r.info_x + r.y * r.y * r.info_y;
+            STILLMESH_CHECK(residuals_.push(static_cast<float>(chi2)));
+        }
+        if (residuals_.size() < kEnough) return;
+        auto* const middle = residuals_.begin() + residuals_.size() / 2;
+        std::nth_element(residuals_.begin(), middle, residuals_.end());
+        const double ratio = static_cast<double>(*middle) / (is_depth ? kMedian1 : kMedian2);
+        double& noise = is_depth ? noise_depth_ : noise_pixel_;
+        const double floor = is_depth ? kNoiseDepthMin : kNoisePixelMin;
+        noise = std::clamp(noise * std::clamp(ratio, kFall, kRise), floor, kNoiseMax);
+    }
+}
+
 // Static weights (Algorithm 2, method.md 7), where each point is, and what tracking view and statistics show.
 void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
     const SE3 camera_from_world = world_from_camera.inverse();
@@ -495,8 +537,10 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
             if (c.has_depth) {
                 // Kalman update along and across the ray; never surer than a third of one measurement.
                 const Vector3 q = camera_from_world * c.p_world;
-                const double lateral = c.var_pixel * c.p_camera.z() * c.p_camera.z();
-                const double gain_z = std::max(point.var_z / (point.var_z + c.var_z), 0.03);
+                // Variances in the map are those of the model: how large they really are changes from frame to frame.
+                const double var_z = measured_[c.feature].var_z;
+                const double lateral = measured_[c.feature].var_pixel * c.p_camera.z() * c.p_camera.z();
+                const double gain_z = std::max(point.var_z / (point.var_z + var_z), 0.03);
                 const double gain_lateral = std::max(point.var_lateral / (point.var_lateral + lateral), 0.03);
                 Vector3 moved = q;
                 const double dz = c.p_camera.z() - q.z();
@@ -505,7 +549,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 moved.x() = moved.z() * (q.x() / q.z() + gain_lateral * (c.normalised.x() - q.x() / q.z()));
                 moved.y() = moved.z() * (q.y() / q.z() + gain_lateral * (c.normalised.y() - q.y() / q.z()));
                 store(world_from_camera * moved, point.world);
-                point.var_z = std::max(point.var_z * (1.0 - gain_z), 0.1 * c.var_z);
+                point.var_z = std::max(point.var_z * (1.0 - gain_z), 0.1 * var_z);
                 point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), 0.1 * lateral);
             }
             verdicts_[c.feature] = 1;
@@ -516,14 +560,14 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
         if (point.weight_tenths < weights.eligible && c.has_depth) {
             // Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
             store(world_from_camera * c.p_camera, point.world);
-            point.var_z = c.var_z;
-            point.var_lateral = c.var_pixel * c.p_camera.z() * c.p_camera.z();
+            point.var_z = measured_[c.feature].var_z;
+            point.var_lateral = measured_[c.feature].var_pixel * c.p_camera.z() * c.p_camera.z();
             point.descriptor = features_.descriptors[c.feature];
             point.distance_m = static_cast<float>(c.p_camera.z());
             point.level = features_.keypoints[c.feature].level;
             if (!c.is_dynamic || seconds(point.anchor_ns, time_ns_) > kAnchorAge_s) {
                 store(world_from_camera * c.p_camera, point.anchor);
-                point.anchor_var_z = c.var_z;
+                point.anchor_var_z = point.var_z;
                 point.anchor_var_lateral = point.var_lateral;
                 point.anchor_ns = time_ns_;
             }

@@ -42,6 +42,7 @@ public:
         arena.array<Claim>(limits.features_max);
         FixedVector<std::uint16_t>::plan(arena, limits.features_max);
         arena.array<std::uint8_t>(limits.features_max);
+        FixedVector<float>::plan(arena, limits.features_max);
         FixedVector<TrackedFeature>::plan(arena, limits.features_max);
         FixedVector<TrackedEdge>::plan(arena, mesh_edges_max(limits.features_max));
     }
@@ -78,6 +79,8 @@ private:
     [[nodiscard]] bool estimate() noexcept;
     [[nodiscard]] bool recover() noexcept;
     void judge(const SE3& world_from_camera, bool is_sure) noexcept;
+    // Follows how large residuals really are: real rooms and lenses differ from any noise model by factors.
+    void adapt_noise(const SE3& world_from_camera) noexcept;
     [[nodiscard]] bool wants_keyframe() const noexcept;
     void make_keyframe() noexcept;
     [[nodiscard]] bool lies_among_moving(std::size_t feature) const noexcept;
@@ -103,6 +106,7 @@ private:
     FixedVector<Correspondence> correspondences_;
     std::span<Claim> claims_;           // by feature
     FixedVector<std::uint16_t> chosen_;  // correspondences that vote for the pose
+    FixedVector<float> residuals_;       // scratch of adapt_noise
     std::span<std::uint8_t> verdicts_;   // by feature: 0 not matched, 1 still, 2 moving
     FixedVector<TrackedFeature> view_features_;
     FixedVector<TrackedEdge> view_edges_;
@@ -123,6 +127,8 @@ private:
     std::uint32_t static_count_ = 0;
     std::uint32_t new_points_possible_ = 0;
     double inlier_ratio_ = 0.5;
+    double noise_pixel_ = 1.0;  // measured variance of the pixel residuals over the modelled one
+    double noise_depth_ = 1.0;  // the same of the depth residuals
     Random random_{1};
     StateHash hash_;
     PoseEstimate pose_;
