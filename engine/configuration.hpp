@@ -12,7 +12,7 @@ struct FeatureParameters {
     double scale_factor = 1.2;
     std::uint32_t fast_threshold = 20;
     std::uint32_t fast_threshold_low = 7;
-    std::uint32_t even_permille = 250;
+    std::uint32_t even_permille = 1000;  // the room is where features are few, a patterned shirt where they are many
 };
 
 struct DepthParameters {

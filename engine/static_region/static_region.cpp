@@ -175,7 +175,11 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
         const std::uint16_t b = first_of_vertex_[triangle.vertex[1]];
         const std::uint16_t c = first_of_vertex_[triangle.vertex[2]];
         const double vote = (correspondences[a].vote + correspondences[b].vote + correspondences[c].vote) / 3.0;
-        const double weighted = vote * twice_area(mesh, triangle);
+        // In square metres: what moves is close and small, what stands still is the room around it. (The paper counts
+        // pixels, and a person at arm's length has more of them than the wall behind.)
+        const double z = (correspondences[a].p_camera.z() + correspondences[b].p_camera.z() +
+                          correspondences[c].p_camera.z()) / 3.0;
+        const double weighted = vote * twice_area(mesh, triangle) * z * z;
         area_all += weighted;
         if (is_inlier_[a] != 0 && is_inlier_[b] != 0 && is_inlier_[c] != 0) area += weighted;
     }
