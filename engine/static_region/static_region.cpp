@@ -21,6 +21,7 @@ double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
                                static_cast<std::int64_t>(b.y - a.y) * (c.x - a.x);
     return static_cast<double>(cross < 0 ? -cross : cross);
 }
+constexpr std::size_t kLeftOverMin = 12;
 constexpr double kArea_px2 = 0.5 / (kMeshUnitsPerPixel * kMeshUnitsPerPixel);
 
 }  // namespace
@@ -39,6 +40,7 @@ void StaticRegion::create(Arena& arena, const Limits& limits) noexcept {
     group_of_correspondence_ = arena.array<std::uint16_t>(n);
     edge_kept_ = arena.array<std::uint8_t>(mesh_edges_max(n));
     is_inlier_ = arena.array<std::uint8_t>(n);
+    is_explained_ = arena.array<std::uint8_t>(n);
     groups_ = arena.array<Group>(limits.groups_max);
 }
 
@@ -231,6 +233,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     chosen_.clear();
     all_.clear();
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        is_explained_[i] = 0;
         if (correspondences[i].vote > 0) STILLMESH_CHECK(all_.push(static_cast<std::uint16_t>(i)));
     }
     const double chi2_max = parameters.region.point_chi2_max;
@@ -241,6 +244,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         Hypothesis h;
         h.pose = fit.is_valid ? fit.world_from_camera : pose;
         const Support support = support_of(correspondences, h.pose, parameters, context);
+        for (std::size_t i = 0; i < correspondences.size(); ++i) is_explained_[i] |= is_inlier_[i];
         h.score = support.score;
         h.inliers = support.inliers;
         static_cast<void>(hypotheses.push(h));
@@ -278,6 +282,24 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
             if (!result.is_valid) continue;
             propose(result.world_from_camera);
         }
+    }
+    // Who agrees with nobody yet may have a motion of his own, however few he is: RANSAC over all finds the most points,
+    // and those may be the crowd.
+    constexpr int kRounds = 3;
+    for (int round = 0; parameters.region.is_enabled && round < kRounds; ++round) {
+        if (hypotheses.size() == kHypothesesMax || choice.iterations >= parameters.pose.coarse_total_max) break;
+        members_.clear();
+        for (const std::uint16_t i : all_) {
+            if (is_explained_[i] == 0) STILLMESH_CHECK(members_.push(i));
+        }
+        if (members_.size() < kLeftOverMin) break;
+        options.iterations_max = std::min(parameters.pose.coarse_iterations_max,
+                                          parameters.pose.coarse_total_max - choice.iterations);
+        options.inlier_ratio_start = 0.4;
+        const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
+        choice.iterations += result.iterations;
+        if (!result.is_valid || result.inliers < parameters.region.group_points_min) break;
+        propose(result.world_from_camera);
     }
     if (hypotheses.size() == 0) return choice;
     std::size_t best = 0;

@@ -59,6 +59,7 @@ public:
         arena.array<std::uint16_t>(n);
         arena.array<std::uint8_t>(mesh_edges_max(n));
         arena.array<std::uint8_t>(n);
+        arena.array<std::uint8_t>(n);
         arena.array<Group>(limits.groups_max);
     }
     void create(Arena& arena, const Limits& limits) noexcept;
@@ -109,6 +110,7 @@ private:
     std::span<std::uint16_t> group_of_correspondence_;
     std::span<std::uint8_t> edge_kept_;
     std::span<std::uint8_t> is_inlier_;                  // scratch, by correspondence
+    std::span<std::uint8_t> is_explained_;               // scratch, by correspondence: inlier of some hypothesis
     std::span<Group> groups_;
     std::uint32_t groups_count_ = 0;
     std::uint32_t kept_count_ = 0;
