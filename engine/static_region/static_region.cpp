@@ -302,6 +302,9 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         propose(result.world_from_camera);
     }
     if (hypotheses.size() == 0) return choice;
+    std::size_t explained = 0;
+    for (const std::uint16_t i : all_) explained += is_explained_[i];
+    choice.explained_share = static_cast<double>(explained) / static_cast<double>(std::max<std::size_t>(all_.size(), 1));
     std::size_t best = 0;
     for (std::size_t i = 1; i < hypotheses.size(); ++i) {
         if (hypotheses[i].score > hypotheses[best].score) best = i;

@@ -39,6 +39,7 @@ struct RegionChoice {
     SE3 world_from_camera;         // of the chosen hypothesis
     double score = 0;              // of the choice, [0, 1]
     double margin = 0;             // to the best hypothesis that moves differently, relative to `score`
+    double explained_share = 0;    // of the voters, by any hypothesis
     std::uint32_t iterations = 0;  // of RANSAC
     bool is_valid = false;
 };

@@ -38,6 +38,10 @@ constexpr double kDriftMax_m = 0.02;
 constexpr double kNoisePixelMin = 0.06;
 constexpr double kNoiseDepthMin = 0.25;
 constexpr double kNoiseMax = 8.0;
+constexpr std::uint32_t kNoiseYoungFrames = 6;
+constexpr double kNoisePixelStart = 0.1;
+constexpr double kNoiseDepthStart = 0.3;
+constexpr double kExplainedMin = 0.6;
 
 RigidTransform transform_of(const SE3& pose) noexcept {
     RigidTransform out;
@@ -87,6 +91,8 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
         scale *= configuration.features.scale_factor;
     }
     random_ = Random(configuration.seed);
+    noise_pixel_ = kNoisePixelStart;
+    noise_depth_ = kNoiseDepthStart;
 }
 
 void Tracking::reset() noexcept {
@@ -95,8 +101,9 @@ void Tracking::reset() noexcept {
     has_velocity_ = false;
     lost_frames_ = 0;
     inlier_ratio_ = 0.5;
-    noise_pixel_ = 1.0;
-    noise_depth_ = 1.0;
+    noise_pixel_ = kNoisePixelStart;
+    noise_depth_ = kNoiseDepthStart;
+    noise_frames_ = 0;
     pose_ = PoseEstimate{};
     world_from_camera_ = SE3{};
     correspondences_.clear();
@@ -383,7 +390,22 @@ bool Tracking::estimate() noexcept {
     region_.build(correspondences_.span(), features_.keypoints.span(), configuration_.region, context_);
     observe(Stage::kMesh, false);
     observe(Stage::kRegion, true);
-    const RegionChoice choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
+    RegionChoice choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
+    if (noise_frames_ < kNoiseYoungFrames) {
+        // How large residuals are is not known yet, and with too large a tolerance two motions look like one: the
+        // smallest at which the motions found explain most of what is seen.
+        if (noise_frames_ == 0) {
+            for (int i = 0; i < 4 && choice.explained_share < kExplainedMin; ++i) {
+                noise_pixel_ = std::min(noise_pixel_ * 2.5, kNoiseMax);
+                noise_depth_ = std::min(noise_depth_ * 2.0, kNoiseMax);
+                choose_again(choice);
+            }
+        }
+        if (choice.is_valid) {
+            adapt_noise(choice.world_from_camera, region_.chosen());
+            choose_again(choice);
+        }
+    }
     observe(Stage::kRegion, false);
     frame_statistics_.mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
     frame_statistics_.mesh_edges_kept = region_.kept_count();
@@ -433,12 +455,21 @@ bool Tracking::estimate() noexcept {
     world_from_camera_ = fit.world_from_camera;
     has_velocity_ = lost_frames_ == 0;
     lost_frames_ = 0;
-    if (is_sure) adapt_noise(fit.world_from_camera);
+    if (is_sure) {
+        adapt_noise(fit.world_from_camera, chosen_.span());
+        ++noise_frames_;
+    }
     judge(fit.world_from_camera, is_sure);
     if (wants_keyframe()) make_keyframe();
     give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information, fit.mean_chi2);
     observe(Stage::kMapUpdate, false);
     return true;
+}
+
+void Tracking::choose_again(RegionChoice& choice) noexcept {
+    gather_correspondences();
+    region_.build(correspondences_.span(), features_.keypoints.span(), configuration_.region, context_);
+    choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
 }
 
 bool Tracking::recover() noexcept {
@@ -473,17 +504,18 @@ bool Tracking::recover() noexcept {
     return true;
 }
 
-void Tracking::adapt_noise(const SE3& world_from_camera) noexcept {
+void Tracking::adapt_noise(const SE3& world_from_camera, std::span<const std::uint16_t> chosen) noexcept {
     const SE3 camera_from_world = world_from_camera.inverse();
     // Medians of squared normalised residuals over those of chi-square with two degrees of freedom and with one.
     constexpr double kMedian2 = 1.386;
     constexpr double kMedian1 = 0.455;
-    constexpr double kFall = 0.9;  // per frame
-    constexpr double kRise = 1.25;
+    const bool is_young = noise_frames_ < kNoiseYoungFrames;
+    const double fall = is_young ? 0.1 : 0.9;  // per frame
+    const double rise = is_young ? 2.0 : 1.25;
     constexpr std::size_t kEnough = 30;
     for (const bool is_depth : {false, true}) {
         residuals_.clear();
-        for (const std::uint16_t i : chosen_) {
+        for (const std::uint16_t i : chosen) {
             const Correspondence& c = correspondences_[i];
             const Vector3 q = camera_from_world * c.p_world;
             if (!c.has_depth || q.z() < kDepthMin_m) continue;
@@ -497,7 +529,7 @@ void Tracking::adapt_noise(const SE3& world_from_camera) noexcept {
         const double ratio = static_cast<double>(*middle) / (is_depth ? kMedian1 : kMedian2);
         double& noise = is_depth ? noise_depth_ : noise_pixel_;
         const double floor = is_depth ? kNoiseDepthMin : kNoisePixelMin;
-        noise = std::clamp(noise * std::clamp(ratio, kFall, kRise), floor, kNoiseMax);
+        noise = std::clamp(noise * std::clamp(ratio, fall, rise), floor, kNoiseMax);
     }
 }
 

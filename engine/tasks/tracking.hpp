@@ -78,9 +78,10 @@ private:
     void start_map() noexcept;
     [[nodiscard]] bool estimate() noexcept;
     [[nodiscard]] bool recover() noexcept;
+    void choose_again(RegionChoice& choice) noexcept;
     void judge(const SE3& world_from_camera, bool is_sure) noexcept;
     // Follows how large residuals really are: real rooms and lenses differ from any noise model by factors.
-    void adapt_noise(const SE3& world_from_camera) noexcept;
+    void adapt_noise(const SE3& world_from_camera, std::span<const std::uint16_t> chosen) noexcept;
     [[nodiscard]] bool wants_keyframe() const noexcept;
     void make_keyframe() noexcept;
     [[nodiscard]] bool lies_among_moving(std::size_t feature) const noexcept;
@@ -129,6 +130,7 @@ private:
     double inlier_ratio_ = 0.5;
     double noise_pixel_ = 1.0;  // measured variance of the pixel residuals over the modelled one
     double noise_depth_ = 1.0;  // the same of the depth residuals
+    std::uint32_t noise_frames_ = 0;  // that they were measured in
     Random random_{1};
     StateHash hash_;
     PoseEstimate pose_;
