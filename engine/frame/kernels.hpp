@@ -10,6 +10,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/base/api.hpp"
+
 namespace stillmesh {
 
 inline constexpr std::size_t kKernelSlackBytes = 64;
@@ -86,12 +88,12 @@ struct Kernels {
                          std::uint16_t* distances) noexcept;
 };
 
-[[nodiscard]] const Kernels& plain_kernels() noexcept;
+[[nodiscard]] STILLMESH_API const Kernels& plain_kernels() noexcept;
 // Those of the plain kernels that the others take over where they have nothing faster.
 void plain_grey_from_rgb(const std::uint8_t* pixels, std::uint32_t width, std::uint8_t* grey) noexcept;
 void plain_grey_from_bgr(const std::uint8_t* pixels, std::uint32_t width, std::uint8_t* grey) noexcept;
 // nullptr where the engine was not built for such a processor. Whether this one can run them is for the caller to ask.
-[[nodiscard]] const Kernels* sse2_kernels() noexcept;
-[[nodiscard]] const Kernels* avx2_kernels() noexcept;
+[[nodiscard]] STILLMESH_API const Kernels* sse2_kernels() noexcept;
+[[nodiscard]] STILLMESH_API const Kernels* avx2_kernels() noexcept;
 
 }  // namespace stillmesh

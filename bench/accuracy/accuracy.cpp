@@ -1,0 +1,206 @@
+// How right the engine is and how well it knows it: simulated scenes and recordings through the engine, tables, bars.
+//   accuracy                                       all scenes, seeds 1 to 10, region extraction on and off
+//   accuracy --scenes walking_xyz --seeds 1-2 --frames 150 --region on --set keyframes.gap_min=6
+//   accuracy --variant gap6:keyframes.gap_min=6    a further engine on the same frames, beside the default one
+//   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
+//   accuracy --gate                                exit 1 with the names of what misses its bar
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <thread>
+
+#include "bench/accuracy/gate.hpp"
+#include "bench/accuracy/results.hpp"
+#include "bench/accuracy/tables.hpp"
+#include "bench/accuracy/workers.hpp"
+#include "hal/simulated/simulated_camera.hpp"
+#include "platform/linux/text_output.hpp"
+
+namespace stillmesh::accuracy {
+namespace {
+
+constexpr int kDone = 0, kMissed = 1, kBadUsage = 2, kSkipped = 77;  // 77: CTest's "skipped" here
+
+int refuse(const std::string& sentence) {
+    fmt::print(stderr, "accuracy: {}\n", sentence);
+    return kBadUsage;
+}
+
+std::vector<std::string> split(const std::string& text) {
+    std::vector<std::string> out;
+    std::size_t begin = 0;
+    while (begin <= text.size()) {
+        const std::size_t end = std::min(text.find(',', begin), text.size());
+        if (end > begin) out.push_back(text.substr(begin, end - begin));
+        begin = end + 1;
+    }
+    return out;
+}
+
+// "1-3,7": 1 2 3 7.
+bool parse_seeds(const std::string& text, std::vector<std::uint64_t>& seeds) {
+    for (const std::string& part : split(text)) {
+        char* end = nullptr;
+        const std::uint64_t first = std::strtoull(part.c_str(), &end, 10);
+        const std::uint64_t last = *end == '-' ? std::strtoull(end + 1, &end, 10) : first;
+        if (*end != '\0' || last < first || last - first > 10'000) return false;
+        for (std::uint64_t seed = first; seed <= last; ++seed) seeds.push_back(seed);
+    }
+    return !seeds.empty();
+}
+
+struct Arguments {
+    std::string scenes = "all", seeds = "1-10", region = "both", json, results, gate;
+    std::vector<std::string> recordings, settings, variants;
+    std::uint32_t frames = 0;
+    std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
+    bool uses_test_data = false;
+    RunOptions run;
+};
+
+int make_inputs(const Arguments& arguments, bool has_scenes, std::vector<Input>& inputs) {
+    std::vector<std::string> recordings = arguments.recordings;
+    if (arguments.uses_test_data) {
+        const char* const data = std::getenv("STILLMESH_TEST_DATA");
+        if (data == nullptr) {
+            const char* const ci = std::getenv("CI");
+            if (ci != nullptr && std::string(ci) == "true") {
+                return refuse("STILLMESH_TEST_DATA must name the folder of recordings.");
+            }
+            fmt::print("SKIPPED: no real recordings here; set STILLMESH_TEST_DATA to their folder\n");
+            return kSkipped;
+        }
+        for (const char* name : {"fr1_rpy_a", "fr1_rpy_a_walking"})
+            recordings.push_back(std::string(data) + "/" + name);
+    }
+    for (const std::string& folder : recordings) inputs.push_back({folder, 0, true, arguments.frames});
+    if (!recordings.empty() && !has_scenes) return kDone;
+    std::vector<std::uint64_t> seeds;
+    if (!parse_seeds(arguments.seeds, seeds)) return refuse("--seeds: give numbers or ranges, as 1-10 or 1,3.");
+    std::vector<std::string> scenes;
+    for (const std::string& name : split(arguments.scenes)) {
+        if (name == "none") continue;
+        bool is_known = false;
+        for (const SimulatedScene& scene : simulated_scenes()) {  // a group by its prefix: walking
+            if (name != "all" && name != scene.name && !std::string(scene.name).starts_with(name + "_")) continue;
+            is_known = true;
+            scenes.emplace_back(scene.name);
+        }
+        if (!is_known) return refuse(fmt::format("--scenes: no scene or group '{}'.", name));
+    }
+    for (const std::string& scene : scenes) {
+        for (const std::uint64_t seed : seeds) inputs.push_back({scene, seed, false, arguments.frames});
+    }
+    return kDone;
+}
+
+int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
+    std::string message;
+    Configuration base = Configuration::indoor();
+    for (const std::string& setting : arguments.settings) {
+        if (!set_parameter(base, setting, message)) return refuse(message);
+    }
+    if (arguments.region != "off") variants.push_back({"on", base});
+    if (arguments.region != "on") {
+        variants.push_back({"off", base});
+        variants.back().configuration.region.is_enabled = false;
+    }
+    for (const std::string& text : arguments.variants) {
+        const std::size_t colon = text.find(':');
+        if (colon == std::string::npos) return refuse("--variant: give NAME:key=value[,key=value].");
+        variants.push_back({text.substr(0, colon), base});
+        for (const std::string& setting : split(text.substr(colon + 1))) {
+            if (!set_parameter(variants.back().configuration, setting, message)) return refuse(message);
+        }
+    }
+    return kDone;
+}
+
+int show(const Arguments& arguments, bool is_gated, const Outcome& outcome) {
+    fmt::print("{}\n{}\n", run_table(outcome.results), scene_table(outcome.results));
+    for (const std::string& table :
+         {shares_table(outcome.results), nees_table(outcome.results), summary(outcome.results)}) {
+        if (!table.empty()) fmt::print("{}\n", table);
+    }
+    std::string message;
+    if (!arguments.json.empty() && !write_whole_file(arguments.json, to_text(outcome.results), message)) {
+        return refuse(message);
+    }
+    for (const std::string& failure : outcome.failures) fmt::print("FAILED {}\n", failure);
+    if (outcome.is_stopped) fmt::print("stopped: the tables hold what was done\n");
+    bool is_good = outcome.failures.empty() && !outcome.is_stopped;
+    if (is_gated) {
+        std::vector<std::string> names = split(arguments.gate);
+        if (arguments.gate == "all") names = gate_names();
+        for (const std::string& failure : failures_of(outcome.results, names)) {
+            fmt::print("MISSED {}\n", failure);
+            is_good = false;
+        }
+        if (is_good) fmt::print("all bars reached\n");
+    }
+    return is_good ? kDone : kMissed;
+}
+
+int main(int argc, char** argv) {
+    Arguments arguments;
+    CLI::App app("How right the engine is, and how well it knows it.");
+    auto* const scenes = app.add_option("--scenes", arguments.scenes, "names or groups, comma separated; all, none")
+                             ->capture_default_str();
+    app.add_option("--seeds", arguments.seeds, "as 1-10 or 1,3")->capture_default_str();
+    app.add_option("--frames", arguments.frames, "per run; 0: the scene's own length")->capture_default_str();
+    app.add_option("--set", arguments.settings, "key=value of the engine's configuration, for every engine");
+    app.add_option("--variant", arguments.variants, "NAME:key=value[,key=value]: one more engine on the same frames");
+    app.add_option("--region", arguments.region, "region extraction")
+        ->check(CLI::IsMember({"on", "off", "both"}))
+        ->capture_default_str();
+    app.add_option("--jobs", arguments.jobs, "runs at a time")->check(CLI::Range(1, 256))->capture_default_str();
+    app.add_option("--recording", arguments.recordings, "TUM folders with groundtruth.txt");
+    app.add_flag("--test-data", arguments.uses_test_data, "the recordings of STILLMESH_TEST_DATA that have bars");
+    app.add_option("--json", arguments.json, "all results as JSON");
+    app.add_option("--results", arguments.results, "show and gate what --json wrote earlier; runs nothing");
+    app.add_option("--trajectories", arguments.run.trajectories, "folder for the poses given out, TUM format");
+    app.add_option("--cache", arguments.run.cache, "folder for rendered frames, 1 MB each; a second run reads them");
+    auto* const gate = app.add_option("--gate", arguments.gate, "hold against the bars: all, or names")->expected(0, 1);
+    CLI11_PARSE(app, argc, argv);
+    const bool is_gated = gate->count() > 0;
+    if (arguments.gate.empty() || arguments.gate == "true") arguments.gate = "all";
+    for (const std::string& name : split(arguments.gate)) {
+        if (name != "all" && std::find(gate_names().begin(), gate_names().end(), name) == gate_names().end()) {
+            return refuse(fmt::format("--gate: no gate '{}'; there are {}.", name, fmt::join(gate_names(), ", ")));
+        }
+    }
+    Outcome outcome;
+    if (!arguments.results.empty()) {
+        std::ifstream file(arguments.results);
+        const std::string text{std::istreambuf_iterator<char>(file), {}};
+        if (!file || !from_text(text, outcome.results)) {
+            return refuse(arguments.results + ": missing, or not what --json writes.");
+        }
+        return show(arguments, is_gated, outcome);
+    }
+    std::error_code error;
+    for (const std::string* folder : {&arguments.run.trajectories, &arguments.run.cache}) {
+        if (!folder->empty()) std::filesystem::create_directories(*folder, error);
+        if (error) return refuse(*folder + ": cannot be made: " + error.message() + ".");
+    }
+    std::vector<Input> inputs;
+    std::vector<Variant> variants;
+    if (const int code = make_inputs(arguments, scenes->count() > 0, inputs); code != kDone) return code;
+    if (const int code = make_variants(arguments, variants); code != kDone) return code;
+    if (inputs.empty()) return refuse("nothing to run.");
+    outcome = run_all(inputs, variants, arguments.run, arguments.jobs);
+    return show(arguments, is_gated, outcome);
+}
+
+}  // namespace
+}  // namespace stillmesh::accuracy
+
+int main(int argc, char** argv) {
+    return stillmesh::accuracy::main(argc, argv);
+}

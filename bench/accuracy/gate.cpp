@@ -1,0 +1,182 @@
+#include "bench/accuracy/gate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace stillmesh::accuracy {
+namespace {
+
+constexpr const char* kOn = "on";
+constexpr const char* kOff = "off";
+
+// Real recordings that must reach something of their own.
+struct RecordingBar {
+    const char* name;
+    double ate_m;
+};
+constexpr RecordingBar kRecordingBars[] = {{"fr1_rpy_a", 0.050}, {"fr1_rpy_a_walking", 0.080}};
+
+std::string name_of(const Result& result) {
+    return result.is_recording ? result.scene : fmt::format("{}:{}", result.scene, result.seed);
+}
+
+void check_runs(const std::vector<Result>& results, Group group, const char* gate, bool must_exist,
+                std::vector<std::string>& failures) {
+    bool is_seen = false;
+    for (const Result& result : results) {
+        if (result.variant != kOn || group_of(result) != group) continue;
+        is_seen = true;
+        const Measures& m = result.measures;
+        const double bar = ate_bar(result);
+        if (m.is_lost()) {
+            failures.push_back(fmt::format("{}: {} lost: {} frames in a row without a pose{}", gate, name_of(result),
+                                           m.hole_longest, m.ends_with_pose ? "" : ", and none at the end"));
+        }
+        if (bar > 0 && !(m.ate_m >= 0 && m.ate_m <= bar)) {
+            failures.push_back(fmt::format("{}: {} ATE {:.4f} m, at most {:.3f}", gate, name_of(result), m.ate_m, bar));
+        }
+        if (m.coverage() < kCoverageMin) {
+            failures.push_back(fmt::format("{}: {} coverage {:.1f} %, at least {:.0f} %", gate, name_of(result),
+                                           100 * m.coverage(), 100 * kCoverageMin));
+        }
+    }
+    if (!is_seen && must_exist) failures.push_back(fmt::format("{}: no run", gate));
+}
+
+}  // namespace
+
+Group group_of(const Result& result) {
+    if (result.is_recording) return Group::kRecording;
+    if (result.scene.starts_with("static_")) return Group::kStatic;
+    if (result.scene.starts_with("sitting_")) return Group::kSitting;
+    if (result.scene.starts_with("walking_")) return Group::kWalking;
+    return result.scene == "trolley_first" ? Group::kTrolleyFirst : Group::kTrolley;
+}
+
+double ate_bar(const Result& result) {
+    switch (group_of(result)) {
+        case Group::kStatic:
+        case Group::kSitting: return 0.02;
+        case Group::kWalking: return 0.04;
+        case Group::kTrolley: return 0.08;
+        case Group::kTrolleyFirst: return 0;
+        case Group::kRecording:
+            for (const RecordingBar& bar : kRecordingBars) {
+                if (result.scene == bar.name) return bar.ate_m;
+            }
+            return 0;
+    }
+    return 0;
+}
+
+Sureness sureness_of(const std::vector<Result>& results) {
+    Sureness out;
+    for (const Result& result : results) {
+        if (result.variant != kOn || group_of(result) == Group::kTrolleyFirst) continue;
+        out.judged_tracked += result.measures.judged_tracked;
+        out.wrong_tracked += result.measures.wrong_tracked;
+        out.right += result.measures.right;
+        out.right_tracked += result.measures.right_tracked;
+    }
+    return out;
+}
+
+Consistency consistency_of(const std::vector<Result>& results) {
+    Consistency out;
+    for (const Result& result : results) {
+        if (result.variant != kOn || group_of(result) != Group::kStatic) continue;
+        out.frames += result.measures.nees_frames;
+        out.covariance_bad += result.measures.covariance_bad;
+        out.first += result.measures.nees_first_sum;
+        out.fit += result.measures.nees_fit_sum;
+        out.ate += result.measures.nees_ate_sum;
+    }
+    if (out.frames > 0) {
+        const auto count = static_cast<double>(out.frames);
+        out.first /= count;
+        out.fit /= count;
+        out.ate /= count;
+    }
+    return out;
+}
+
+RegionEarns region_earns(const std::vector<Result>& results) {
+    RegionEarns out;
+    for (const Result& on : results) {
+        if (on.variant != kOn || group_of(on) != Group::kWalking || on.measures.ate_m < 0) continue;
+        for (const Result& off : results) {
+            if (off.variant != kOff || off.scene != on.scene || off.seed != on.seed || off.is_recording ||
+                off.measures.ate_m < 0) {
+                continue;
+            }
+            ++out.runs;
+            out.on_m += on.measures.ate_m;
+            out.off_m += off.measures.ate_m;
+        }
+    }
+    if (out.runs > 0) {
+        out.on_m /= static_cast<double>(out.runs);
+        out.off_m /= static_cast<double>(out.runs);
+    }
+    return out;
+}
+
+const std::vector<std::string>& gate_names() {
+    static const std::vector<std::string> names = {"static",     "sitting",  "walking", "trolley",
+                                                   "recordings", "sureness", "nees",    "region"};
+    return names;
+}
+
+std::vector<std::string> failures_of(const std::vector<Result>& results, const std::vector<std::string>& names) {
+    std::vector<std::string> failures;
+    const bool must_exist = names.size() != gate_names().size();
+    const auto is_wanted = [&](const char* name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+    const auto missing = [&](const char* gate) {
+        if (must_exist) failures.push_back(fmt::format("{}: no run", gate));
+    };
+    if (is_wanted("static")) check_runs(results, Group::kStatic, "static", must_exist, failures);
+    if (is_wanted("sitting")) check_runs(results, Group::kSitting, "sitting", must_exist, failures);
+    if (is_wanted("walking")) check_runs(results, Group::kWalking, "walking", must_exist, failures);
+    if (is_wanted("trolley")) check_runs(results, Group::kTrolley, "trolley", must_exist, failures);
+    if (is_wanted("recordings")) check_runs(results, Group::kRecording, "recordings", must_exist, failures);
+    if (is_wanted("sureness")) {
+        const Sureness s = sureness_of(results);
+        if (s.right == 0 && s.judged_tracked == 0) missing("sureness");
+        const double wrong = Measures::share(s.wrong_tracked, s.judged_tracked);
+        const double right = Measures::share(s.right_tracked, s.right, 1);
+        if (wrong > kWrongTrackedMax) {
+            failures.push_back(
+                fmt::format("sureness: {:.2f} % of the tracked frames are wrong ({} of {}), at most {:.1f} %",
+                            100 * wrong, s.wrong_tracked, s.judged_tracked, 100 * kWrongTrackedMax));
+        }
+        if (right < kRightTrackedMin) {
+            failures.push_back(
+                fmt::format("sureness: {:.1f} % of the right frames are tracked ({} of {}), at least {:.0f} %",
+                            100 * right, s.right_tracked, s.right, 100 * kRightTrackedMin));
+        }
+    }
+    if (is_wanted("nees")) {
+        const Consistency c = consistency_of(results);
+        if (c.frames == 0 && c.covariance_bad == 0) missing("nees");
+        if (c.covariance_bad > 0) {
+            failures.push_back(fmt::format("nees: {} covariances cannot be inverted", c.covariance_bad));
+        }
+        if (c.frames > 0 && !(c.first >= kNeesMin && c.first <= kNeesMax)) {
+            failures.push_back(fmt::format("nees: {:.2f} on static scenes, from {:.0f} to {:.0f} (ideal 6)", c.first,
+                                           kNeesMin, kNeesMax));
+        }
+    }
+    if (is_wanted("region")) {
+        const RegionEarns r = region_earns(results);
+        if (r.runs == 0) missing("region");
+        if (r.runs > 0 && r.ratio() < kRegionEarnsMin) {
+            failures.push_back(fmt::format(
+                "region: walking scenes {:.4f} m with, {:.4f} m without extraction: {:.1f} times, at least {:.0f}",
+                r.on_m, r.off_m, r.ratio(), kRegionEarnsMin));
+        }
+    }
+    return failures;
+}
+
+}  // namespace stillmesh::accuracy

@@ -1,0 +1,49 @@
+// The bars. They are what the product promises: a run that misses one is a failure with a name, never a reason to move
+// the bar.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "bench/accuracy/runs.hpp"
+
+namespace stillmesh::accuracy {
+
+enum class Group { kStatic, kSitting, kWalking, kTrolley, kTrolleyFirst, kRecording };
+
+[[nodiscard]] Group group_of(const Result& result);
+// Largest ATE RMSE, m; 0: no bar.
+[[nodiscard]] double ate_bar(const Result& result);
+
+inline constexpr double kCoverageMin = 0.98;
+inline constexpr double kWrongTrackedMax = 0.001;
+inline constexpr double kRightTrackedMin = 0.90;
+inline constexpr double kNeesMin = 3, kNeesMax = 12;
+inline constexpr double kRegionEarnsMin = 4;  // mean ATE of the walking scenes, region off over on
+
+// Sums over the runs that count: variant "on", without trolley_first.
+struct Sureness {
+    std::uint64_t judged_tracked = 0, wrong_tracked = 0, right = 0, right_tracked = 0;
+};
+[[nodiscard]] Sureness sureness_of(const std::vector<Result>& results);
+
+struct Consistency {
+    std::uint64_t frames = 0, covariance_bad = 0;
+    double first = 0, fit = 0, ate = 0;  // mean NEES over the frames of the static scenes
+};
+[[nodiscard]] Consistency consistency_of(const std::vector<Result>& results);
+
+struct RegionEarns {
+    std::size_t runs = 0;
+    double on_m = 0, off_m = 0;  // mean ATE of the walking scenes
+    [[nodiscard]] double ratio() const { return on_m > 0 ? off_m / on_m : 0; }
+};
+[[nodiscard]] RegionEarns region_earns(const std::vector<Result>& results);
+
+// Names of gates: static, sitting, walking, trolley, recordings (error, coverage, not lost), sureness, nees, region.
+[[nodiscard]] const std::vector<std::string>& gate_names();
+// One sentence per failure. A gate without a run to look at fails, unless `names` is all of them.
+[[nodiscard]] std::vector<std::string> failures_of(const std::vector<Result>& results,
+                                                   const std::vector<std::string>& names);
+
+}  // namespace stillmesh::accuracy

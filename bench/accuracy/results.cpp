@@ -1,0 +1,43 @@
+#include "bench/accuracy/results.hpp"
+
+#include <nlohmann/json.hpp>
+
+namespace stillmesh::accuracy {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Measures, frames, tracked, unsure, predicted, none, hole_longest, ends_with_pose,
+                                   ate_m, ate_max_m, rpe_m, rpe_deg, judged_tracked, wrong_tracked, right,
+                                   right_tracked, wrong_first, nees_frames, covariance_bad, nees_first_sum,
+                                   nees_fit_sum, nees_ate_sum, fit_m2_sum, fit_rad2_sum, said_m2_sum, said_rad2_sum,
+                                   nees_first_translation_sum, nees_first_rotation_sum, masked_frames, wrong_choices,
+                                   moving, moving_accepted, still, still_accepted, keyframes, median_ms, p99_ms)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Result, scene, seed, is_recording, variant, measures)
+
+std::string to_text(const Result& result) {
+    return nlohmann::json(result).dump();
+}
+
+bool from_text(std::string_view text, Result& result) {
+    try {
+        result = nlohmann::json::parse(text).get<Result>();
+        return true;
+    } catch (const nlohmann::json::exception&) {
+        return false;
+    }
+}
+
+std::string to_text(const std::vector<Result>& results) {
+    std::string out = "[";
+    for (const Result& result : results) out += (out.size() > 1 ? ",\n " : "\n ") + to_text(result);
+    return out + "\n]\n";
+}
+
+bool from_text(std::string_view text, std::vector<Result>& results) {
+    try {
+        results = nlohmann::json::parse(text).get<std::vector<Result>>();
+        return true;
+    } catch (const nlohmann::json::exception&) {
+        return false;
+    }
+}
+
+}  // namespace stillmesh::accuracy

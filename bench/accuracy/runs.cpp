@@ -1,0 +1,143 @@
+#include "bench/accuracy/runs.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <type_traits>
+
+#include "bench/accuracy/sources.hpp"
+#include "platform/linux/cpu_kernels.hpp"
+#include "platform/linux/memory_block.hpp"
+#include "platform/linux/process.hpp"
+#include "platform/linux/text_output.hpp"
+
+namespace stillmesh::accuracy {
+namespace {
+
+// One engine with what it said so far.
+struct Seat {
+    MemoryBlock block;
+    Engine* engine = nullptr;
+    LineFile trajectory;
+    std::vector<FrameRecord> records;
+};
+
+void count_matches(TrackingView view, ImageView<std::uint8_t> mask, FrameRecord& record) {
+    record.has_mask = true;
+    for (const TrackedFeature& feature : view.features) {
+        if (!feature.is_matched) continue;
+        const auto x =
+            static_cast<std::uint32_t>(std::clamp(std::lround(feature.x), 0L, static_cast<long>(mask.width) - 1));
+        const auto y =
+            static_cast<std::uint32_t>(std::clamp(std::lround(feature.y), 0L, static_cast<long>(mask.height) - 1));
+        const bool is_moving = mask.at(x, y) > 127;
+        (is_moving ? record.moving : record.still) += 1;
+        if (feature.is_static) (is_moving ? record.moving_accepted : record.still_accepted) += 1;
+    }
+}
+
+}  // namespace
+
+bool run(const Input& input, const std::vector<Variant>& variants, const RunOptions& options,
+         const std::function<void(std::uint32_t)>& on_frames, std::vector<Result>& results, std::string& message) {
+    const std::unique_ptr<Source> source = open_source(input, options, message);
+    if (source == nullptr) return false;
+    const std::string scene =
+        input.is_recording
+            ? std::filesystem::path(input.scene + "/.").lexically_normal().parent_path().filename().string()
+            : input.scene;
+    const Limits limits = Limits::room();
+    std::vector<std::unique_ptr<Seat>> seats;
+    for (const Variant& variant : variants) {
+        auto seat = std::make_unique<Seat>();
+        if (!seat->block.allocate(bytes_needed(limits))) {
+            message = "not enough memory for another engine.";
+            return false;
+        }
+        const auto engine =
+            Engine::create(seat->block.bytes(), limits, variant.configuration, source->model(), cpu_kernels());
+        if (!engine.is_ok()) {
+            message = fmt::format("the engine refuses camera or configuration '{}': {}.", variant.name,
+                                  status_name(engine.status()));
+            return false;
+        }
+        seat->engine = engine.value();
+        if (!options.trajectories.empty() &&
+            !seat->trajectory.open(
+                fmt::format("{}/{}_{}_{}.txt", options.trajectories, scene, input.seed, variant.name), message)) {
+            return false;
+        }
+        seats.push_back(std::move(seat));
+    }
+    for (;;) {
+        TrueFrame in;
+        const Status status = source->next(in, message);
+        if (status == Status::kEnd) break;
+        if (status != Status::kOk) return false;
+        for (const auto& seat : seats) {
+            FrameRecord record;
+            record.time_ns = in.frame.time_ns;
+            record.has_truth = in.has_truth;
+            record.truth = in.truth;
+            const std::int64_t begin_ns = monotonic_ns();
+            const Status submitted = seat->engine->submit(in.frame);
+            record.engine_ms = static_cast<float>(monotonic_ns() - begin_ns) * 1e-6F;
+            if (submitted == Status::kOk) {
+                const PoseEstimate& pose = seat->engine->pose();
+                record.state = pose.state;
+                record.estimate.time_ns = pose.time_ns;
+                std::copy_n(pose.odom_from_camera.translation_m, 3, record.estimate.t.begin());
+                std::copy_n(pose.odom_from_camera.rotation_xyzw, 4, record.estimate.q.begin());
+                std::copy_n(pose.covariance, 36, record.covariance.begin());
+                if (in.mask.data != nullptr) count_matches(seat->engine->tracking_view(), in.mask, record);
+                if (seat->trajectory.is_open() && pose.state >= PoseState::kUnsure &&
+                    !seat->trajectory.write(pose_line(record.estimate), message)) {
+                    return false;
+                }
+            }
+            seat->records.push_back(record);
+        }
+        on_frames(1);
+    }
+    for (std::size_t i = 0; i < seats.size(); ++i) {
+        Result result{scene, input.seed, input.is_recording, variants[i].name, measure(seats[i]->records)};
+        result.measures.keyframes = seats[i]->engine->statistics().keyframes_made;
+        results.push_back(result);
+    }
+    return true;
+}
+
+bool set_parameter(Configuration& configuration, const std::string& assignment, std::string& message) {
+    const std::size_t equals = assignment.find('=');
+    const std::string key = assignment.substr(0, equals);
+    const std::string text = equals == std::string::npos ? "" : assignment.substr(equals + 1);
+    char* end = nullptr;
+    double value = std::strtod(text.c_str(), &end);
+    if (text == "true" || text == "false") {
+        value = text == "true" ? 1 : 0;
+    } else if (text.empty() || *end != '\0') {
+        message = fmt::format("'{}': give a parameter as key=number.", assignment);
+        return false;
+    }
+    bool is_known = false;
+    bool is_good = true;
+    visit_parameters(configuration,
+                     [&](const char* name, auto& slot, double least, double most, const char*, const char*) {
+                         if (key != name) return;
+                         is_known = true;
+                         if (!(value >= least && value <= most)) {
+                             message = fmt::format("{} = {}: allowed is {} to {}.", key, text, least, most);
+                             is_good = false;
+                             return;
+                         }
+                         slot = static_cast<std::remove_reference_t<decltype(slot)>>(value);
+                     });
+    if (!is_known) message = fmt::format("'{}' is no parameter of the engine.", key);
+    return is_known && is_good;
+}
+
+}  // namespace stillmesh::accuracy

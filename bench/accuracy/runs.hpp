@@ -1,0 +1,48 @@
+// One scene or recording through one or more engines side by side: every frame is rendered or decoded once and given to
+// an engine per variant of the configuration.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "bench/accuracy/measures.hpp"
+#include "engine/configuration.hpp"
+
+namespace stillmesh::accuracy {
+
+struct Input {
+    std::string scene;  // a simulated scene, or a TUM folder
+    std::uint64_t seed = 1;
+    bool is_recording = false;
+    std::uint32_t frames = 0;  // 0: all
+};
+
+struct Variant {
+    std::string name;  // "on" and "off": the region; others by the caller
+    Configuration configuration;
+};
+
+struct Result {
+    std::string scene;  // a recording's folder name
+    std::uint64_t seed = 0;
+    bool is_recording = false;
+    std::string variant;
+    Measures measures;
+};
+
+struct RunOptions {
+    std::string trajectories;  // folder for what each engine gave out, in TUM format; empty: not written
+    std::string cache;         // folder of rendered frames; empty: none
+};
+
+// Calls on_frames(n) as frames pass. False: `message` says why.
+[[nodiscard]] bool run(const Input& input, const std::vector<Variant>& variants, const RunOptions& options,
+                       const std::function<void(std::uint32_t)>& on_frames, std::vector<Result>& results,
+                       std::string& message);
+
+// "key=value" into the configuration. False: `message` names key and range.
+[[nodiscard]] bool set_parameter(Configuration& configuration, const std::string& assignment, std::string& message);
+
+}  // namespace stillmesh::accuracy
