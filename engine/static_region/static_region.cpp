@@ -22,6 +22,22 @@ double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
     return static_cast<double>(cross < 0 ? -cross : cross);
 }
 constexpr std::size_t kLeftOverMin = 12;
+
+// Steeper than any surface that shows features on both ends for long.
+bool is_depth_step(const Correspondence& a, const Correspondence& b) noexcept {
+    constexpr double kStep_m = 0.15;
+    constexpr double kSlope = 3.0;
+    const double step = a.p_camera.z() - b.p_camera.z();
+    const double across = (a.normalised - b.normalised).squaredNorm() * a.p_camera.z() * b.p_camera.z();
+    return step * step > kStep_m * kStep_m && step * step > kSlope * kSlope * across;
+}
+
+// What a correspondence says about a pose, judged by the map's estimate and by where the point was first seen.
+double badness(const Correspondence& c, const SE3& camera_from_world) noexcept {
+    return std::max(chi2_of(c, camera_from_world), 0.5 * chi2_of_anchor(c, camera_from_world));
+}
+constexpr double kBadnessMax = 16.0;  // beyond, it is just wrong
+
 constexpr double kArea_px2 = 0.5 / (kMeshUnitsPerPixel * kMeshUnitsPerPixel);
 
 }  // namespace
@@ -65,7 +81,7 @@ void StaticRegion::build(std::span<const Correspondence> correspondences, std::s
         first_of_vertex_[mesh.vertex_of_point[i - 1]] = correspondence_of_pixel_[i - 1];
     }
     cut_edges(correspondences, parameters, context);
-    group_vertices(parameters);
+    group_vertices(correspondences, parameters);
 }
 
 void StaticRegion::cut_edges(std::span<const Correspondence> correspondences, const RegionParameters& parameters,
@@ -94,13 +110,22 @@ std::uint16_t StaticRegion::root_of(std::uint16_t vertex) noexcept {
     return vertex;
 }
 
-void StaticRegion::group_vertices(const RegionParameters& parameters) noexcept {
+void StaticRegion::group_vertices(std::span<const Correspondence> correspondences,
+                                  const RegionParameters& parameters) noexcept {
     const Mesh& mesh = delaunay_.mesh();
     const std::size_t vertices = mesh.vertices.size();
     for (std::size_t i = 0; i < vertices; ++i) parent_[i] = static_cast<std::uint16_t>(i);
-    // One lucky edge must not join two bodies: only whole triangles connect (method.md 5).
+    // One lucky edge must not join two bodies: only whole triangles connect (method.md 5), and none across a step in
+    // depth, where one body ends and another begins, whether they have moved against each other yet or not.
     const auto is_whole = [&](const MeshTriangle& t) {
-        return edge_kept_[t.edge[0]] != 0 && edge_kept_[t.edge[1]] != 0 && edge_kept_[t.edge[2]] != 0;
+        for (int k = 0; k < 3; ++k) {
+            if (edge_kept_[t.edge[k]] == 0) return false;
+            const MeshEdge& edge = mesh.edges[t.edge[k]];
+            if (is_depth_step(correspondences[first_of_vertex_[edge.a]], correspondences[first_of_vertex_[edge.b]])) {
+                return false;
+            }
+        }
+        return true;
     };
     area_all_px2_ = 0;
     for (const MeshTriangle& triangle : mesh.triangles) {
@@ -155,18 +180,24 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
     Support support;
     const SE3 camera_from_world = world_from_camera.inverse();
     const double chi2_max = parameters.region.point_chi2_max;
+    for (std::uint32_t g = 0; g < fitted_groups_; ++g) groups_[g].badness_sum = 0;
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        const double bad = badness(correspondences[i], camera_from_world);
+        is_inlier_[i] = bad <= chi2_max ? 1 : 0;
+        const std::uint16_t g = group_of_correspondence_[i];
+        if (g < fitted_groups_ && correspondences[i].vote > 0) groups_[g].badness_sum += std::min(bad, kBadnessMax);
+    }
+    // A body agrees with a motion that explains it about as well as its own best motion does: many small residuals that
+    // each pass say "moves" together long before one of them does.
+    for (std::uint32_t g = 0; g < fitted_groups_; ++g) groups_[g].agreement = agreement_of(groups_[g]);
     double votes = 0;
     double votes_all = 0;
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
         const Correspondence& c = correspondences[i];
         votes_all += c.vote;
-        const bool is_inlier =
-            chi2_of(c, camera_from_world) <= chi2_max && chi2_of_anchor(c, camera_from_world) <= 2.0 * chi2_max;
-        is_inlier_[i] = is_inlier ? 1 : 0;
-        if (is_inlier) {
-            votes += c.vote;
-            ++support.inliers;
-        }
+        if (is_inlier_[i] == 0) continue;
+        votes += c.vote * agreement_at(i);
+        ++support.inliers;
     }
     // Eq. 1 with votes: a point counts by what the past knows of it, a triangle when all of it agrees.
     const Mesh& mesh = delaunay_.mesh();
@@ -183,7 +214,9 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
                           correspondences[c].p_camera.z()) / 3.0;
         const double weighted = vote * twice_area(mesh, triangle) * z * z;
         area_all += weighted;
-        if (is_inlier_[a] != 0 && is_inlier_[b] != 0 && is_inlier_[c] != 0) area += weighted;
+        if (is_inlier_[a] != 0 && is_inlier_[b] != 0 && is_inlier_[c] != 0) {
+            area += weighted * std::min({agreement_at(a), agreement_at(b), agreement_at(c)});
+        }
     }
     const RegionParameters& region = parameters.region;
     double weight_sum = region.score_points;
@@ -205,6 +238,54 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
     }
     support.score = weight_sum > 0 ? score / weight_sum : 0.0;
     return support;
+}
+
+double StaticRegion::agreement_of(const Group& group) noexcept {
+    if (group.voters == 0) return 1.0;
+    const double mean = group.badness_sum / group.voters;
+    constexpr double kFloor = 0.5;
+    const double excess = (mean - group.badness_best) / (group.badness_best + kFloor);
+    return std::clamp(1.0 - excess, 0.0, 1.0);
+}
+
+// Every group's own best motion, by descending size, as far as the iterations go.
+void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, const Configuration& parameters,
+                              RegionChoice& choice, Random& random) noexcept {
+    RansacOptions options;
+    options.confidence = parameters.pose.confidence;
+    options.factor = 3;
+    options.inlier_ratio_start = 0.7;  // of a rigid group
+    options.chi2_max = parameters.region.point_chi2_max;
+    fitted_groups_ = 0;
+    for (std::uint32_t g = 0; g < groups_count_ && g < kFittedGroupsMax; ++g) {
+        Group& group = groups_[g];
+        if (group.points < parameters.region.group_points_min) break;
+        if (choice.iterations >= parameters.pose.coarse_total_max) break;
+        fitted_groups_ = g + 1;
+        group.voters = 0;
+        group.is_fitted = false;
+        members_.clear();
+        for (const std::uint16_t i : all_) {
+            if (group_of_correspondence_[i] == g) STILLMESH_CHECK(members_.push(i));
+        }
+        if (members_.size() < parameters.region.group_points_min) continue;
+        options.iterations_max = std::min(parameters.pose.coarse_iterations_max,
+                                          parameters.pose.coarse_total_max - choice.iterations);
+        const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
+        choice.iterations += result.iterations;
+        if (!result.is_valid) continue;
+        const PoseFit fit = optimise_pose(correspondences, members_.span(), result.world_from_camera,
+                                          parameters.region.point_chi2_max, 4);
+        group.motion = fit.is_valid ? fit.world_from_camera : result.world_from_camera;
+        group.is_fitted = true;
+        const SE3 camera_from_world = group.motion.inverse();
+        double sum = 0;
+        for (const std::uint16_t i : members_) {
+            sum += std::min(badness(correspondences[i], camera_from_world), kBadnessMax);
+        }
+        group.voters = static_cast<std::uint32_t>(members_.size());
+        group.badness_best = sum / group.voters;
+    }
 }
 
 void StaticRegion::gather_inliers(std::span<const Correspondence> correspondences, const SE3& world_from_camera,
@@ -256,6 +337,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     options.inlier_ratio_start = context.inlier_ratio;
     options.chi2_max = chi2_max;
 
+    fitted_groups_ = 0;
+    if (parameters.region.is_enabled) fit_groups(correspondences, parameters, choice, random);
     if (context.has_prediction) {
         const PoseFit fit =
             optimise_pose(correspondences, all_.span(), context.world_from_camera_predicted, chi2_max, 6);
@@ -265,22 +348,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     choice.iterations += over_all.iterations;
     if (over_all.is_valid) propose(over_all.world_from_camera);
     if (parameters.region.is_enabled) {
-        for (std::uint32_t g = 0; g < groups_count_; ++g) {
-            if (groups_[g].points < parameters.region.group_points_min) break;
-            if (hypotheses.size() == kHypothesesMax || choice.iterations >= parameters.pose.coarse_total_max) break;
-            members_.clear();
-            for (const std::uint16_t i : all_) {
-                if (group_of_correspondence_[i] == g) STILLMESH_CHECK(members_.push(i));
-            }
-            if (members_.size() < parameters.region.group_points_min) continue;
-            options.iterations_max = std::min(parameters.pose.coarse_iterations_max,
-                                              parameters.pose.coarse_total_max - choice.iterations);
-            options.inlier_ratio_start = 0.7;  // of a rigid group
-            const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
-            choice.iterations += result.iterations;
-            // A proposal that explains nearly all of the group already stands: the absolute cross-test (method.md 5).
-            if (!result.is_valid) continue;
-            propose(result.world_from_camera);
+        for (std::uint32_t g = 0; g < fitted_groups_; ++g) {
+            if (groups_[g].is_fitted && hypotheses.size() < kHypothesesMax) propose(groups_[g].motion);
         }
     }
     // Who agrees with nobody yet may have a motion of his own, however few he is: RANSAC over all finds the most points,
@@ -321,7 +390,11 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     choice.world_from_camera = hypotheses[best].pose;
     choice.score = hypotheses[best].score;
     choice.margin = choice.score > 0 ? (choice.score - rival) / choice.score : 0.0;
-    gather_inliers(correspondences, choice.world_from_camera, chi2_max, chosen_);
+    static_cast<void>(support_of(correspondences, choice.world_from_camera, parameters, context));
+    gather_inliers(correspondences, choice.world_from_camera, chi2_max, inliers_);
+    for (const std::uint16_t i : inliers_) {
+        if (agreement_at(i) > 0) STILLMESH_CHECK(chosen_.push(i));
+    }
     choice.is_valid = chosen_.size() >= 3;
     return choice;
 }

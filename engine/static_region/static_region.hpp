@@ -23,6 +23,12 @@ struct Group {
     std::uint32_t points = 0;
     double area_px2 = 0;  // of its whole triangles
     double score = 0;     // Eq. 1
+    SE3 motion;           // world from camera, if this group stood still; valid iff is_fitted
+    double badness_best = 0;    // mean under that motion
+    double badness_sum = 0;     // under the motion looked at
+    double agreement = 1;       // with the motion looked at, [0, 1]
+    std::uint32_t voters = 0;
+    bool is_fitted = false;
 };
 
 // What is known before this frame is looked at.
@@ -96,7 +102,14 @@ private:
                         double chi2_max, FixedVector<std::uint16_t>& out) const noexcept;
     void cut_edges(std::span<const Correspondence> correspondences, const RegionParameters& parameters,
                    const RegionContext& context) noexcept;
-    void group_vertices(const RegionParameters& parameters) noexcept;
+    void group_vertices(std::span<const Correspondence> correspondences, const RegionParameters& parameters) noexcept;
+    void fit_groups(std::span<const Correspondence> correspondences, const Configuration& parameters,
+                    RegionChoice& choice, Random& random) noexcept;
+    [[nodiscard]] static double agreement_of(const Group& group) noexcept;
+    [[nodiscard]] double agreement_at(std::size_t correspondence) const noexcept {
+        const std::uint16_t g = group_of_correspondence_[correspondence];
+        return g < fitted_groups_ ? groups_[g].agreement : 1.0;
+    }
     [[nodiscard]] std::uint16_t root_of(std::uint16_t vertex) noexcept;
 
     Delaunay delaunay_;
@@ -113,7 +126,9 @@ private:
     std::span<std::uint8_t> is_inlier_;                  // scratch, by correspondence
     std::span<std::uint8_t> is_explained_;               // scratch, by correspondence: inlier of some hypothesis
     std::span<Group> groups_;
+    static constexpr std::uint32_t kFittedGroupsMax = 10;
     std::uint32_t groups_count_ = 0;
+    std::uint32_t fitted_groups_ = 0;  // that voted in choose(), the largest
     std::uint32_t kept_count_ = 0;
     double area_all_px2_ = 0;
 };
