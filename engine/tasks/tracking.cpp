@@ -37,7 +37,7 @@ constexpr double kDriftMax_m = 0.02;
 // How far the measured noise may leave the model, as factors of the variance.
 constexpr double kNoisePixelMin = 0.06;
 constexpr double kNoiseDepthMin = 0.25;
-constexpr double kNoiseMax = 8.0;
+constexpr double kNoiseMax = 20.0;
 constexpr std::uint32_t kNoiseYoungFrames = 6;
 constexpr double kNoisePixelStart = 0.1;
 constexpr double kNoiseDepthStart = 0.3;
@@ -148,7 +148,9 @@ void Tracking::predict(std::int64_t time_ns) noexcept {
         Vector6 xi = se3_log(world_from_camera_previous_.inverse() * world_from_camera_);
         const double speed = std::sqrt(Vector3(xi.tail<3>()).squaredNorm()) / before;
         context_.rotation_speed_rad_s = std::min(speed, 4.0);
-        const double factor = std::min(dt / before, 3.0);
+        // What was not measured fades: nobody turns at the same speed for long.
+        double factor = std::min(dt / before, 3.0);
+        for (std::uint32_t i = 0; i < std::min(lost_frames_, 20U); ++i) factor *= 0.8;
         xi *= factor;
         predicted_ = world_from_camera_ * se3_exp(xi);
     }
@@ -391,20 +393,18 @@ bool Tracking::estimate() noexcept {
     observe(Stage::kMesh, false);
     observe(Stage::kRegion, true);
     RegionChoice choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
-    if (noise_frames_ < kNoiseYoungFrames) {
-        // How large residuals are is not known yet, and with too large a tolerance two motions look like one: the
-        // smallest at which the motions found explain most of what is seen.
-        if (noise_frames_ == 0) {
-            for (int i = 0; i < 4 && choice.explained_share < kExplainedMin; ++i) {
-                noise_pixel_ = std::min(noise_pixel_ * 2.5, kNoiseMax);
-                noise_depth_ = std::min(noise_depth_ * 2.0, kNoiseMax);
-                choose_again(choice);
-            }
-        }
-        if (choice.is_valid) {
-            adapt_noise(choice.world_from_camera, region_.chosen());
-            choose_again(choice);
-        }
+    // How large residuals are is not known in the first frames, and changes at once when the camera is jerked: the
+    // smallest noise at which the motions found explain most of what votes. Too large, and two motions look like one.
+    const bool is_young = noise_frames_ < kNoiseYoungFrames;
+    const int tries = noise_frames_ == 0 ? 4 : 2;
+    for (int i = 0; i < tries && choice.explained_share < kExplainedMin; ++i) {
+        noise_pixel_ = std::min(noise_pixel_ * 2.5, kNoiseMax);
+        noise_depth_ = std::min(noise_depth_ * 2.0, kNoiseMax);
+        choose_again(choice);
+    }
+    if (is_young && choice.is_valid) {
+        adapt_noise(choice.world_from_camera, region_.chosen());
+        choose_again(choice);
     }
     observe(Stage::kRegion, false);
     frame_statistics_.mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
