@@ -56,8 +56,8 @@ bool parse_seeds(const std::string& text, std::vector<std::uint64_t>& seeds) {
 }
 
 struct Arguments {
-    std::string scenes = "all", seeds = "1-10", region = "both", json, results, gate;
-    std::vector<std::string> recordings, settings, variants;
+    std::string scenes = "all", seeds = "1-10", region = "both", json, gate;
+    std::vector<std::string> recordings, settings, variants, results;
     std::uint32_t frames = 0;
     std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
     bool uses_test_data = false;
@@ -163,7 +163,8 @@ int main(int argc, char** argv) {
     app.add_option("--recording", arguments.recordings, "TUM folders with groundtruth.txt");
     app.add_flag("--test-data", arguments.uses_test_data, "the recordings of STILLMESH_TEST_DATA that have bars");
     app.add_option("--json", arguments.json, "all results as JSON");
-    app.add_option("--results", arguments.results, "show and gate what --json wrote earlier; runs nothing");
+    app.add_option("--results", arguments.results,
+                   "show and gate what --json wrote earlier, files together; runs nothing");
     app.add_option("--trajectories", arguments.run.trajectories, "folder for the poses given out, TUM format");
     app.add_option("--cache", arguments.run.cache, "folder for rendered frames, 1 MB each; a second run reads them");
     auto* const gate = app.add_option("--gate", arguments.gate, "hold against the bars: all, or names")->expected(0, 1);
@@ -177,10 +178,12 @@ int main(int argc, char** argv) {
     }
     Outcome outcome;
     if (!arguments.results.empty()) {
-        std::ifstream file(arguments.results);
-        const std::string text{std::istreambuf_iterator<char>(file), {}};
-        if (!file || !from_text(text, outcome.results)) {
-            return refuse(arguments.results + ": missing, or not what --json writes.");
+        for (const std::string& name : arguments.results) {
+            std::ifstream file(name);
+            const std::string text{std::istreambuf_iterator<char>(file), {}};
+            std::vector<Result> results;
+            if (!file || !from_text(text, results)) return refuse(name + ": missing, or not what --json writes.");
+            outcome.results.insert(outcome.results.end(), results.begin(), results.end());
         }
         return show(arguments, is_gated, outcome);
     }

@@ -40,7 +40,8 @@ struct RegionEarns {
 };
 [[nodiscard]] RegionEarns region_earns(const std::vector<Result>& results);
 
-// Names of gates: static, sitting, walking, trolley, recordings (error, coverage, not lost), sureness, nees, region.
+// Names of gates: static, sitting, walking, trolley, recordings (error, coverage, not lost); tracked (hardly a tracked
+// frame is wrong), right (most right frames are tracked), nees, region (extraction earns its place).
 [[nodiscard]] const std::vector<std::string>& gate_names();
 // One sentence per failure. A gate without a run to look at fails, unless `names` is all of them.
 [[nodiscard]] std::vector<std::string> failures_of(const std::vector<Result>& results,
