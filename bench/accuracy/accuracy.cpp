@@ -64,20 +64,22 @@ struct Arguments {
     RunOptions run;
 };
 
+int find_test_data() {
+    if (std::getenv("STILLMESH_TEST_DATA") != nullptr) return kDone;
+    const char* const ci = std::getenv("CI");
+    if (ci != nullptr && std::string(ci) == "true") {
+        return refuse("STILLMESH_TEST_DATA must name the folder of recordings.");
+    }
+    fmt::print("SKIPPED: no real recordings here; set STILLMESH_TEST_DATA to their folder\n");
+    return kSkipped;
+}
+
 int make_inputs(const Arguments& arguments, bool has_scenes, std::vector<Input>& inputs) {
     std::vector<std::string> recordings = arguments.recordings;
     if (arguments.uses_test_data) {
-        const char* const data = std::getenv("STILLMESH_TEST_DATA");
-        if (data == nullptr) {
-            const char* const ci = std::getenv("CI");
-            if (ci != nullptr && std::string(ci) == "true") {
-                return refuse("STILLMESH_TEST_DATA must name the folder of recordings.");
-            }
-            fmt::print("SKIPPED: no real recordings here; set STILLMESH_TEST_DATA to their folder\n");
-            return kSkipped;
-        }
-        for (const char* name : {"fr1_rpy_a", "fr1_rpy_a_walking"})
-            recordings.push_back(std::string(data) + "/" + name);
+        if (const int code = find_test_data(); code != kDone) return code;
+        const std::string data = std::getenv("STILLMESH_TEST_DATA");
+        for (const char* name : {"fr1_rpy_a", "fr1_rpy_a_walking"}) recordings.push_back(data + "/" + name);
     }
     for (const std::string& folder : recordings) inputs.push_back({folder, 0, true, arguments.frames});
     if (!recordings.empty() && !has_scenes) return kDone;
@@ -178,6 +180,9 @@ int main(int argc, char** argv) {
     }
     Outcome outcome;
     if (!arguments.results.empty()) {
+        if (arguments.uses_test_data) {  // a gate on results that are only there with the data
+            if (const int code = find_test_data(); code != kDone) return code;
+        }
         for (const std::string& name : arguments.results) {
             std::ifstream file(name);
             const std::string text{std::istreambuf_iterator<char>(file), {}};

@@ -34,7 +34,9 @@ void count_matches(TrackingView view, ImageView<std::uint8_t> mask, FrameRecord&
             static_cast<std::uint32_t>(std::clamp(std::lround(feature.x), 0L, static_cast<long>(mask.width) - 1));
         const auto y =
             static_cast<std::uint32_t>(std::clamp(std::lround(feature.y), 0L, static_cast<long>(mask.height) - 1));
-        const bool is_moving = mask.at(x, y) > 127;
+        const std::uint8_t body = mask.at(x, y);
+        if (body != 0 && body != 255) continue;
+        const bool is_moving = body == 255;
         (is_moving ? record.moving : record.still) += 1;
         if (feature.is_static) (is_moving ? record.moving_accepted : record.still_accepted) += 1;
     }

@@ -13,7 +13,8 @@ struct TrueFrame {
     Frame frame;
     bool has_truth = false;
     TrajectoryPose truth;
-    ImageView<std::uint8_t> mask;  // 255: a moving body; no pixels: unknown
+    // 255: a moving body, 0: none; between: a blurred border, not judged. No pixels: unknown.
+    ImageView<std::uint8_t> mask;
 };
 
 class Source {
