@@ -149,7 +149,7 @@ Outcome run_all(const std::vector<Input>& inputs, const std::vector<Variant>& va
             int status = 0;
             ::waitpid(worker.pid, &status, 0);
             ::close(worker.pipe);
-            if (status != 0 || worker.results.size() != variants.size()) {
+            if (stop_signal() == 0 && (status != 0 || worker.results.size() != variants.size())) {
                 if (worker.error.empty()) worker.error = fmt::format("the run ended with status {:#x}", status);
                 out.failures.push_back(name_of(inputs[worker.input]) + ": " + worker.error);
             }
