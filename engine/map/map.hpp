@@ -27,6 +27,7 @@ struct MapPoint {
     std::uint16_t missed = 0;         // frames in a row that should have seen it and did not
     std::uint8_t level = 0;           // pyramid level of its feature
     std::uint8_t weight_tenths = 10;  // static weight, Algorithm 2
+    bool is_suspect = false;          // has no vote: seen to move, or new beside something that moves
 };
 
 struct Keyframe {

@@ -278,7 +278,7 @@ void Tracking::gather_correspondences() noexcept {
         c.anchor_var_z = point.anchor_var_z * noise_depth_ + drift * drift;
         c.anchor_var_lateral = point.anchor_var_lateral * noise_pixel_ + drift * drift;
         c.distance_bits = claims_[i].distance_bits;
-        c.is_dynamic = !is_plain && point.weight_tenths < configuration_.weights.eligible;
+        c.is_dynamic = !is_plain && point.is_suspect;
         if (is_plain) {
             c.vote = 1.0;
             c.p_anchor = c.p_world;
@@ -395,6 +395,8 @@ bool Tracking::estimate() noexcept {
     RegionChoice choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
     // How large residuals are is not known in the first frames, and changes at once when the camera is jerked: the
     // smallest noise at which the motions found explain most of what votes. Too large, and two motions look like one.
+    const double noise_pixel_before = noise_pixel_;
+    const double noise_depth_before = noise_depth_;
     const bool is_young = noise_frames_ < kNoiseYoungFrames;
     const int tries = noise_frames_ == 0 ? 4 : 2;
     for (int i = 0; i < tries && choice.explained_share < kExplainedMin; ++i) {
@@ -413,7 +415,11 @@ bool Tracking::estimate() noexcept {
     frame_statistics_.region_score = choice.score;
     frame_statistics_.region_margin = choice.margin;
     frame_statistics_.pose_iterations = choice.iterations;
-    if (!choice.is_valid || region_.chosen().size() < configuration_.pose.inliers_min) return false;
+    if (!choice.is_valid || region_.chosen().size() < configuration_.pose.inliers_min) {
+        noise_pixel_ = noise_pixel_before;
+        noise_depth_ = noise_depth_before;
+        return false;
+    }
 
     observe(Stage::kPose, true);
     const double chi2_max = configuration_.region.point_chi2_max;
@@ -479,11 +485,11 @@ bool Tracking::recover() noexcept {
     const std::uint32_t turn = lost_frames_ % std::min(count, 16U);
     match_by_descriptor(map_.recent_keyframe(turn));
     gather_correspondences();
-    if (correspondences_.size() < 2 * configuration_.pose.inliers_min) return false;
     chosen_.clear();
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
         if (correspondences_[i].vote > 0) STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
     }
+    if (chosen_.size() < 8) return false;
     RansacOptions options;
     options.confidence = configuration_.pose.confidence;
     options.factor = 10;
@@ -491,7 +497,9 @@ bool Tracking::recover() noexcept {
     options.inlier_ratio_start = 0.3;
     options.chi2_max = configuration_.region.point_chi2_max;
     const RansacResult result = ransac_pose(correspondences_.span(), chosen_.span(), nullptr, options, random_);
-    if (!result.is_valid || result.inliers < 2 * configuration_.pose.inliers_min) return false;
+    // Descriptors alone found these, so that many which agree are no accident; estimate() has the last word.
+    if (!result.is_valid || 3 * result.inliers < 2 * configuration_.pose.inliers_min) return false;
+    if (2 * result.inliers < chosen_.size()) return false;
     predicted_ = result.world_from_camera;
     context_.world_from_camera_predicted = predicted_;
     const std::uint32_t lost_before = lost_frames_;
@@ -557,11 +565,14 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 if (c.is_dynamic && point.weight_tenths + weights.step >= weights.eligible) {
                     // Votes again, like a new point: it has stood still since its anchor.
                     point.created_ns = time_ns_;
+                    point.is_suspect = false;
                 }
                 point.weight_tenths = static_cast<std::uint8_t>(std::min(point.weight_tenths + weights.step, weights.max));
             } else if (is_moving) {
                 point.weight_tenths = static_cast<std::uint8_t>(
                     point.weight_tenths > weights.step ? point.weight_tenths - weights.step : 0U);
+                // One bad frame is blur, some are motion.
+                if (point.weight_tenths + 3 * weights.step <= weights.eligible) point.is_suspect = true;
             }
         }
         if (!c.is_dynamic && is_still) {
@@ -589,7 +600,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
             ++dynamic;
             verdicts_[c.feature] = 2;
         }
-        if (point.weight_tenths < weights.eligible && c.has_depth) {
+        if (point.is_suspect && c.has_depth) {
             // Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
             store(world_from_camera * c.p_camera, point.world);
             point.var_z = measured_[c.feature].var_z;
@@ -692,6 +703,7 @@ void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::ui
     point.distance_m = static_cast<float>(m.z_m);
     point.level = features_.keypoints[feature].level;
     point.weight_tenths = static_cast<std::uint8_t>(weight_tenths);
+    point.is_suspect = weight_tenths < configuration_.weights.eligible;
     point.seen = 1;
     const Keypoint& keypoint = features_.keypoints[feature];
     map_.add_observation(keyframe, {taken.value(), keypoint.x, keypoint.y});
