@@ -56,7 +56,7 @@ struct System {
 };
 
 System linearise(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                 const SE3& world_from_camera, double chi2_max, double vote_scale) noexcept {
+                 const SE3& world_from_camera, double chi2_max, double vote_scale, const MotionPrior* prior) noexcept {
     System s;
     const SE3 camera_from_world = world_from_camera.inverse();
     for (const std::uint16_t index : chosen) {
@@ -95,6 +95,17 @@ System linearise(std::span<const Correspondence> correspondences, std::span<cons
             accumulate(row_z, r.z, w * r.info_z, s.h, s.g);
         }
     }
+    if (prior != nullptr) {
+        // Six more residuals; the right Jacobian of the logarithm is close to one where they matter.
+        const Vector6 off = se3_log(prior->world_from_camera.inverse() * world_from_camera);
+        for (int i = 0; i < 6; ++i) {
+            const double sigma = i < 3 ? prior->sigma_m : prior->sigma_rad;
+            const double info = 1.0 / (sigma * sigma);
+            s.h(i, i) += info;
+            s.g(i) += info * off(i);
+            s.cost += info * off(i) * off(i);
+        }
+    }
     for (int i = 0; i < 6; ++i) {
         for (int j = i + 1; j < 6; ++j) s.h(i, j) = s.h(j, i);
     }
@@ -115,7 +126,8 @@ bool invert_spd(const Matrix6& matrix, Matrix6& inverse) noexcept {
 }
 
 PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                      const SE3& world_from_camera_guess, double chi2_max, std::uint32_t iterations_max) noexcept {
+                      const SE3& world_from_camera_guess, double chi2_max, std::uint32_t iterations_max,
+                      const MotionPrior* prior) noexcept {
     PoseFit fit;
     fit.world_from_camera = world_from_camera_guess;
     if (chosen.size() < 3) return fit;
@@ -127,7 +139,7 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
     if (!(vote_max > 0)) return fit;
     const double vote_scale = 1.0 / vote_max;
     double lambda = 1e-4;
-    System system = linearise(correspondences, chosen, fit.world_from_camera, chi2_max, vote_scale);
+    System system = linearise(correspondences, chosen, fit.world_from_camera, chi2_max, vote_scale, prior);
     for (std::uint32_t i = 0; i < iterations_max; ++i) {
         Matrix6 damped = system.h;
         for (int k = 0; k < 6; ++k) damped(k, k) += lambda * system.h(k, k) + 1e-9;
@@ -136,7 +148,7 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
         const Vector6 step = solve(l, Vector6(-system.g));
         SE3 candidate = fit.world_from_camera * se3_exp(step);
         renormalise(candidate.rotation);
-        const System next = linearise(correspondences, chosen, candidate, chi2_max, vote_scale);
+        const System next = linearise(correspondences, chosen, candidate, chi2_max, vote_scale, prior);
         if (next.cost <= system.cost) {
             const double gain = system.cost - next.cost;
             const double before = system.cost;

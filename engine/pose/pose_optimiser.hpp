@@ -17,10 +17,18 @@ struct PoseFit {
     bool is_valid = false;                  // false: fewer than 3 points or a singular system
 };
 
+// What is expected before the frame is looked at, and how surely: sigmas of each component of xi in pose * exp(xi).
+struct MotionPrior {
+    SE3 world_from_camera;
+    double sigma_m = 0.01;
+    double sigma_rad = 0.01;
+};
+
 // Uses the correspondences named by `chosen`, each weighted by its vote, relative to the largest.
 [[nodiscard]] PoseFit optimise_pose(std::span<const Correspondence> correspondences,
                                     std::span<const std::uint16_t> chosen, const SE3& world_from_camera_guess,
-                                    double chi2_max, std::uint32_t iterations_max) noexcept;
+                                    double chi2_max, std::uint32_t iterations_max,
+                                    const MotionPrior* prior = nullptr) noexcept;
 
 // Inverse of a symmetric positive definite matrix by Cholesky; false when it is not.
 [[nodiscard]] bool invert_spd(const Matrix6& matrix, Matrix6& inverse) noexcept;

@@ -11,16 +11,16 @@
 namespace stillmesh {
 
 struct RansacOptions {
-    double confidence = 0.99;           // p
-    std::uint32_t factor = 3;           // 3k in the coarse stage, 10k in the final one
+    double confidence = 0.99;  // p
+    std::uint32_t factor = 3;  // 3k in the coarse stage, 10k in the final one
     std::uint32_t iterations_max = 507;
-    double inlier_ratio_start = 0.5;    // r: the last frame's
+    double inlier_ratio_start = 0.5;  // r: the last frame's
     double chi2_max = 11.34;
 };
 
 struct RansacResult {
     SE3 world_from_camera;
-    double inlier_share = 0;       // of the votes
+    double inlier_share = 0;  // of the votes
     std::uint32_t inliers = 0;
     std::uint32_t iterations = 0;
     bool is_valid = false;

@@ -1,5 +1,5 @@
-// How badly a pose explains a correspondence: reprojection and depth residuals, each divided by its deviation (method.md
-// 1 and 6). The map point's own uncertainty counts as seen from the camera.
+// How badly a pose explains a correspondence: reprojection and depth residuals, each divided by its deviation
+// (method.md 1 and 6). The map point's own uncertainty counts as seen from the camera.
 #pragma once
 
 #include "engine/matching/correspondence.hpp"

@@ -16,10 +16,10 @@ namespace stillmesh {
 }
 
 struct EdgeTest {
-    double change_max_m = 0.1;   // tau
+    double change_max_m = 0.1;  // tau
     double chi2_max = 6.63;
-    double floor_m = 0.005;      // error that nobody models
-    double lag_angle_rad = 0;    // what rotation between colour and depth turns the rays by
+    double floor_m = 0.005;    // error that nobody models
+    double lag_angle_rad = 0;  // what rotation between colour and depth turns the rays by
     Matrix3 camera_from_world_rotation = Matrix3::Identity();  // predicted
 };
 

@@ -17,8 +17,8 @@ double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
     const PixelPoint a = mesh.vertices[triangle.vertex[0]];
     const PixelPoint b = mesh.vertices[triangle.vertex[1]];
     const PixelPoint c = mesh.vertices[triangle.vertex[2]];
-    const std::int64_t cross = static_cast<std::int64_t>(b.x - a.x) * (c.y - a.y) -
-                               static_cast<std::int64_t>(b.y - a.y) * (c.x - a.x);
+    const std::int64_t cross =
+        static_cast<std::int64_t>(b.x - a.x) * (c.y - a.y) - static_cast<std::int64_t>(b.y - a.y) * (c.x - a.x);
     return static_cast<double>(cross < 0 ? -cross : cross);
 }
 constexpr std::size_t kLeftOverMin = 12;
@@ -210,8 +210,8 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
         const double vote = (correspondences[a].vote + correspondences[b].vote + correspondences[c].vote) / 3.0;
         // In square metres: what moves is close and small, what stands still is the room around it. (The paper counts
         // pixels, and a person at arm's length has more of them than the wall behind.)
-        const double z = (correspondences[a].p_camera.z() + correspondences[b].p_camera.z() +
-                          correspondences[c].p_camera.z()) / 3.0;
+        const double z =
+            (correspondences[a].p_camera.z() + correspondences[b].p_camera.z() + correspondences[c].p_camera.z()) / 3.0;
         const double weighted = vote * twice_area(mesh, triangle) * z * z;
         area_all += weighted;
         if (is_inlier_[a] != 0 && is_inlier_[b] != 0 && is_inlier_[c] != 0) {
@@ -228,8 +228,8 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
     if (context.has_prediction) {
         const SE3 off = context.world_from_camera_predicted.inverse() * world_from_camera;
         const double angle = rotation_angle(off.rotation) / context.prediction_sigma_rad;
-        const double d2 = off.translation.squaredNorm() /
-                              (context.prediction_sigma_m * context.prediction_sigma_m) + angle * angle;
+        const double d2 =
+            off.translation.squaredNorm() / (context.prediction_sigma_m * context.prediction_sigma_m) + angle * angle;
         constexpr double kPriorWeight = 0.25;
         score += kPriorWeight / (1.0 + d2 / 9.0);
         weight_sum += kPriorWeight;
@@ -269,8 +269,8 @@ void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, c
             if (group_of_correspondence_[i] == g) STILLMESH_CHECK(members_.push(i));
         }
         if (members_.size() < parameters.region.group_points_min) continue;
-        options.iterations_max = std::min(parameters.pose.coarse_iterations_max,
-                                          parameters.pose.coarse_total_max - choice.iterations);
+        options.iterations_max =
+            std::min(parameters.pose.coarse_iterations_max, parameters.pose.coarse_total_max - choice.iterations);
         const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
         choice.iterations += result.iterations;
         if (!result.is_valid) continue;
@@ -352,8 +352,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
             if (groups_[g].is_fitted && hypotheses.size() < kHypothesesMax) propose(groups_[g].motion);
         }
     }
-    // Who agrees with nobody yet may have a motion of his own, however few he is: RANSAC over all finds the most points,
-    // and those may be the crowd.
+    // Who agrees with nobody yet may have a motion of his own, however few he is: RANSAC over all finds the most
+    // points, and those may be the crowd.
     constexpr int kRounds = 3;
     for (int round = 0; parameters.region.is_enabled && round < kRounds; ++round) {
         if (hypotheses.size() == kHypothesesMax || choice.iterations >= parameters.pose.coarse_total_max) break;
@@ -362,8 +362,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
             if (is_explained_[i] == 0) STILLMESH_CHECK(members_.push(i));
         }
         if (members_.size() < kLeftOverMin) break;
-        options.iterations_max = std::min(parameters.pose.coarse_iterations_max,
-                                          parameters.pose.coarse_total_max - choice.iterations);
+        options.iterations_max =
+            std::min(parameters.pose.coarse_iterations_max, parameters.pose.coarse_total_max - choice.iterations);
         options.inlier_ratio_start = 0.4;
         const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
         choice.iterations += result.iterations;
@@ -373,7 +373,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     if (hypotheses.size() == 0) return choice;
     std::size_t explained = 0;
     for (const std::uint16_t i : all_) explained += is_explained_[i];
-    choice.explained_share = static_cast<double>(explained) / static_cast<double>(std::max<std::size_t>(all_.size(), 1));
+    choice.explained_share =
+        static_cast<double>(explained) / static_cast<double>(std::max<std::size_t>(all_.size(), 1));
     std::size_t best = 0;
     for (std::size_t i = 1; i < hypotheses.size(); ++i) {
         if (hypotheses[i].score > hypotheses[best].score) best = i;

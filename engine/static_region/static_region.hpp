@@ -1,7 +1,8 @@
-// The paper's heart (2.1, Algorithm 1, Eq. 1; method.md 3 to 5 and 11): a Delaunay mesh over the matched features, edges
-// whose 3D length changed are cut, what stays connected through whole triangles is a group, each group proposes a pose,
-// and the proposal that explains the most of what the past knows to stand still, spread over the most of the image,
-// names the static region. Limits: features_max matches, groups_max groups, the iteration caps of the configuration.
+// The paper's heart (2.1, Algorithm 1, Eq. 1; method.md 3 to 5 and 11): a Delaunay mesh over the matched features,
+// edges whose 3D length changed are cut, what stays connected through whole triangles is a group, each group proposes a
+// pose, and the proposal that explains the most of what the past knows to stand still, spread over the most of the
+// image, names the static region. Limits: features_max matches, groups_max groups, the iteration caps of the
+// configuration.
 #pragma once
 
 #include <cstdint>
@@ -21,12 +22,12 @@ inline constexpr std::uint16_t kNoGroup = 0xffffU;
 
 struct Group {
     std::uint32_t points = 0;
-    double area_px2 = 0;  // of its whole triangles
-    double score = 0;     // Eq. 1
-    SE3 motion;           // world from camera, if this group stood still; valid iff is_fitted
-    double badness_best = 0;    // mean under that motion
-    double badness_sum = 0;     // under the motion looked at
-    double agreement = 1;       // with the motion looked at, [0, 1]
+    double area_px2 = 0;      // of its whole triangles
+    double score = 0;         // Eq. 1
+    SE3 motion;               // world from camera, if this group stood still; valid iff is_fitted
+    double badness_best = 0;  // mean under that motion
+    double badness_sum = 0;   // under the motion looked at
+    double agreement = 1;     // with the motion looked at, [0, 1]
     std::uint32_t voters = 0;
     bool is_fitted = false;
 };
@@ -98,8 +99,8 @@ private:
     };
     [[nodiscard]] Support support_of(std::span<const Correspondence> correspondences, const SE3& world_from_camera,
                                      const Configuration& parameters, const RegionContext& context) noexcept;
-    void gather_inliers(std::span<const Correspondence> correspondences, const SE3& world_from_camera,
-                        double chi2_max, FixedVector<std::uint16_t>& out) const noexcept;
+    void gather_inliers(std::span<const Correspondence> correspondences, const SE3& world_from_camera, double chi2_max,
+                        FixedVector<std::uint16_t>& out) const noexcept;
     void cut_edges(std::span<const Correspondence> correspondences, const RegionParameters& parameters,
                    const RegionContext& context) noexcept;
     void group_vertices(std::span<const Correspondence> correspondences, const RegionParameters& parameters) noexcept;
@@ -113,18 +114,18 @@ private:
     [[nodiscard]] std::uint16_t root_of(std::uint16_t vertex) noexcept;
 
     Delaunay delaunay_;
-    FixedVector<PixelPoint> pixels_;                     // of the correspondences with depth
+    FixedVector<PixelPoint> pixels_;                      // of the correspondences with depth
     FixedVector<std::uint16_t> correspondence_of_pixel_;  // index into the correspondences
-    FixedVector<std::uint16_t> members_;                 // scratch: correspondences of one group
+    FixedVector<std::uint16_t> members_;                  // scratch: correspondences of one group
     FixedVector<std::uint16_t> chosen_;
     FixedVector<std::uint16_t> all_;
-    FixedVector<std::uint16_t> inliers_;                 // scratch
-    std::span<std::uint16_t> first_of_vertex_;           // correspondence that stands for a vertex
-    std::span<std::uint16_t> parent_;                    // union-find over vertices
+    FixedVector<std::uint16_t> inliers_;        // scratch
+    std::span<std::uint16_t> first_of_vertex_;  // correspondence that stands for a vertex
+    std::span<std::uint16_t> parent_;           // union-find over vertices
     std::span<std::uint16_t> group_of_correspondence_;
     std::span<std::uint8_t> edge_kept_;
-    std::span<std::uint8_t> is_inlier_;                  // scratch, by correspondence
-    std::span<std::uint8_t> is_explained_;               // scratch, by correspondence: inlier of some hypothesis
+    std::span<std::uint8_t> is_inlier_;     // scratch, by correspondence
+    std::span<std::uint8_t> is_explained_;  // scratch, by correspondence: inlier of some hypothesis
     std::span<Group> groups_;
     static constexpr std::uint32_t kFittedGroupsMax = 10;
     std::uint32_t groups_count_ = 0;

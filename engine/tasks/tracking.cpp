@@ -14,7 +14,9 @@ namespace {
 
 constexpr double kSecond_ns = 1e9;
 
-Vector3 vector_of(const double (&p)[3]) noexcept { return {p[0], p[1], p[2]}; }
+Vector3 vector_of(const double (&p)[3]) noexcept {
+    return {p[0], p[1], p[2]};
+}
 void store(const Vector3& v, double (&p)[3]) noexcept {
     p[0] = v.x();
     p[1] = v.y();
@@ -53,8 +55,8 @@ RigidTransform transform_of(const SE3& pose) noexcept {
 
 }  // namespace
 
-void Tracking::create(Arena& arena, const Limits& limits, const Configuration& configuration,
-                      const CameraModel& camera, const Kernels& kernels, FeatureExtractor* extractor) noexcept {
+void Tracking::create(Arena& arena, const Limits& limits, const Configuration& configuration, const CameraModel& camera,
+                      const Kernels& kernels, FeatureExtractor* extractor) noexcept {
     configuration_ = configuration;
     camera_ = camera;
     kernels_ = &kernels;
@@ -129,7 +131,8 @@ void Tracking::measure(const Frame& frame) noexcept {
         const auto x = static_cast<double>(keypoint.x);
         const auto y = static_cast<double>(keypoint.y);
         m.normalised = undistort_to_normalised(camera_, {x, y});
-        const DepthSample sample = sample_depth(frame.depth, metres_per_unit, round_clamped(x), round_clamped(y), noise_);
+        const DepthSample sample =
+            sample_depth(frame.depth, metres_per_unit, round_clamped(x), round_clamped(y), noise_);
         m.z_m = sample.mean_m;
         m.var_z = sample.variance_m2;
         const double scale = scale_[keypoint.level];
@@ -154,9 +157,9 @@ void Tracking::predict(std::int64_t time_ns) noexcept {
         xi *= factor;
         predicted_ = world_from_camera_ * se3_exp(xi);
     }
-    // Hands and wheels accelerate by about 5 m/s^2 and 20 rad/s^2; half of that over dt^2, and a floor.
-    context_.prediction_sigma_m = 0.01 + 0.3 * dt;
-    context_.prediction_sigma_rad = 0.01 + 0.6 * dt;
+    // Hands and wheels accelerate by some m/s^2 and some tens of rad/s^2, and the last velocity is itself measured.
+    context_.prediction_sigma_m = 0.005 + 0.1 * dt;
+    context_.prediction_sigma_rad = 0.008 + 0.4 * dt;
     context_.world_from_camera_predicted = predicted_;
     context_.has_prediction = true;
     context_.inlier_ratio = inlier_ratio_;
@@ -273,8 +276,7 @@ void Tracking::gather_correspondences() noexcept {
         c.p_anchor = vector_of(point.anchor);
         c.map_var_z = point.var_z * noise_depth_;
         c.map_var_lateral = point.var_lateral * noise_pixel_;
-        const double drift =
-            std::min(kDrift_m + kDriftPerSecond_m * seconds(point.anchor_ns, time_ns_), kDriftMax_m);
+        const double drift = std::min(kDrift_m + kDriftPerSecond_m * seconds(point.anchor_ns, time_ns_), kDriftMax_m);
         c.anchor_var_z = point.anchor_var_z * noise_depth_ + drift * drift;
         c.anchor_var_lateral = point.anchor_var_lateral * noise_pixel_ + drift * drift;
         c.distance_bits = claims_[i].distance_bits;
@@ -288,7 +290,8 @@ void Tracking::gather_correspondences() noexcept {
             c.vote = 0.0;
         } else {
             const double age = std::min(seconds(point.created_ns, time_ns_) / kProven_s, 1.0);
-            const double weight = static_cast<double>(point.weight_tenths) / static_cast<double>(configuration_.weights.max);
+            const double weight =
+                static_cast<double>(point.weight_tenths) / static_cast<double>(configuration_.weights.max);
             c.vote = (kUnproven + (1.0 - kUnproven) * age * age) * weight;
         }
         STILLMESH_CHECK(correspondences_.push(c));
@@ -346,9 +349,8 @@ void Tracking::track(const Frame& frame) noexcept {
         const Correspondence& c = correspondences_[i];
         hash_.add(static_cast<std::uint64_t>(c.feature) << 32U | c.point_slot);
         hash_.add(static_cast<std::uint64_t>(c.distance_bits) << 32U |
-                  static_cast<std::uint64_t>(map_.points().is_taken(c.point_slot)
-                                                 ? map_.points().at(c.point_slot).weight_tenths
-                                                 : 0U));
+                  static_cast<std::uint64_t>(
+                      map_.points().is_taken(c.point_slot) ? map_.points().at(c.point_slot).weight_tenths : 0U));
     }
     hash_.add(frame_statistics_.mesh_edges_kept);
     hash_.add(static_cast<std::uint32_t>(map_.points().size()));
@@ -422,6 +424,10 @@ bool Tracking::estimate() noexcept {
     }
 
     observe(Stage::kPose, true);
+    // Weighs nothing beside a good frame, and keeps a poor one from inventing a jump.
+    const MotionPrior prior{context_.world_from_camera_predicted, context_.prediction_sigma_m,
+                            context_.prediction_sigma_rad};
+    const MotionPrior* const prior_or_none = has_velocity_ && lost_frames_ == 0 ? &prior : nullptr;
     const double chi2_max = configuration_.region.point_chi2_max;
     RansacOptions options;
     options.confidence = configuration_.pose.confidence;
@@ -433,7 +439,7 @@ bool Tracking::estimate() noexcept {
         ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
     frame_statistics_.pose_iterations += final.iterations;
     PoseFit fit =
-        optimise_pose(correspondences_.span(), region_.chosen(), final.world_from_camera, chi2_max, 10);
+        optimise_pose(correspondences_.span(), region_.chosen(), final.world_from_camera, chi2_max, 10, prior_or_none);
     observe(Stage::kPose, false);
     if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
 
@@ -451,7 +457,8 @@ bool Tracking::estimate() noexcept {
             STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
         }
     }
-    const PoseFit refined = optimise_pose(correspondences_.span(), chosen_.span(), fit.world_from_camera, chi2_max, 10);
+    const PoseFit refined =
+        optimise_pose(correspondences_.span(), chosen_.span(), fit.world_from_camera, chi2_max, 10, prior_or_none);
     if (refined.is_valid && refined.inliers >= configuration_.pose.inliers_min) fit = refined;
     observe(Stage::kLocalMap, false);
 
@@ -567,7 +574,8 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                     point.created_ns = time_ns_;
                     point.is_suspect = false;
                 }
-                point.weight_tenths = static_cast<std::uint8_t>(std::min(point.weight_tenths + weights.step, weights.max));
+                point.weight_tenths =
+                    static_cast<std::uint8_t>(std::min(point.weight_tenths + weights.step, weights.max));
             } else if (is_moving) {
                 point.weight_tenths = static_cast<std::uint8_t>(
                     point.weight_tenths > weights.step ? point.weight_tenths - weights.step : 0U);
@@ -758,9 +766,9 @@ TrackingView Tracking::view() noexcept {
         const PixelPoint a = mesh.vertices[mesh.edges[i].a];
         const PixelPoint b = mesh.vertices[mesh.edges[i].b];
         constexpr float kScale = 1.0F / kMeshUnitsPerPixel;
-        STILLMESH_CHECK(view_edges_.push({static_cast<float>(a.x) * kScale, static_cast<float>(a.y) * kScale,
-                                          static_cast<float>(b.x) * kScale, static_cast<float>(b.y) * kScale,
-                                          region_.is_kept(i)}));
+        STILLMESH_CHECK(
+            view_edges_.push({static_cast<float>(a.x) * kScale, static_cast<float>(a.y) * kScale,
+                              static_cast<float>(b.x) * kScale, static_cast<float>(b.y) * kScale, region_.is_kept(i)}));
     }
     return {view_features_.span(), view_edges_.span()};
 }

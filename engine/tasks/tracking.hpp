@@ -105,7 +105,7 @@ private:
     std::span<std::uint8_t> grey_;
     FixedVector<MeasuredFeature> measured_;
     FixedVector<Correspondence> correspondences_;
-    std::span<Claim> claims_;           // by feature
+    std::span<Claim> claims_;            // by feature
     FixedVector<std::uint16_t> chosen_;  // correspondences that vote for the pose
     FixedVector<float> residuals_;       // scratch of adapt_noise
     std::span<std::uint8_t> verdicts_;   // by feature: 0 not matched, 1 still, 2 moving
@@ -128,8 +128,8 @@ private:
     std::uint32_t static_count_ = 0;
     std::uint32_t new_points_possible_ = 0;
     double inlier_ratio_ = 0.5;
-    double noise_pixel_ = 1.0;  // measured variance of the pixel residuals over the modelled one
-    double noise_depth_ = 1.0;  // the same of the depth residuals
+    double noise_pixel_ = 1.0;        // measured variance of the pixel residuals over the modelled one
+    double noise_depth_ = 1.0;        // the same of the depth residuals
     std::uint32_t noise_frames_ = 0;  // that they were measured in
     Random random_{1};
     StateHash hash_;
