@@ -1,5 +1,6 @@
 // What whole recordings cost: milliseconds per frame and stage, processor seconds, peak memory, heap calls after
-// create, and the error of the path. `bench_sequence DIR...`; each folder is tracked once, in the same process.
+// create, and the error of the path; beside it cv::ORB (1000 features, 8 levels, one thread) on the same frames, after
+// the engine is gone. `bench_sequence DIR...`; each folder is tracked once, in the same process.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,6 +15,10 @@
 #include "platform/cli/engine_session.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
+#ifdef STILLMESH_HAS_OPENCV
+#include <opencv2/core.hpp>
+#include <opencv2/features2d.hpp>
+#endif
 
 // Every heap call of the program comes by here (operator new too); they are counted only while the engine has the word.
 extern "C" {
@@ -61,6 +66,37 @@ int complain(const std::string& sentence) {
     std::fprintf(stderr, "bench_sequence: %s\n", sentence.c_str());
     return 1;
 }
+
+#ifdef STILLMESH_HAS_OPENCV
+// The peer's time for the folder's frames; empty when they cannot be read again.
+Percentiles orb_ms(const std::string& folder) {
+    Percentiles out;
+    ReplayOptions options;
+    options.folder = folder;
+    ReplayCamera camera(options);
+    if (camera.open() != Status::kOk) return out;
+    cv::setNumThreads(1);
+    const cv::Ptr<cv::ORB> orb = cv::ORB::create(1000, 1.2F, 8);
+    for (Frame frame;;) {
+        const Status polled = camera.poll(frame);
+        if (polled == Status::kEnd) return out;
+        if (polled != Status::kOk) continue;
+        cv::Mat grey(static_cast<int>(frame.colour.height), static_cast<int>(frame.colour.width), CV_8UC1);
+        const std::uint32_t channels = channels_of(frame.format);
+        for (std::uint32_t y = 0; y < frame.colour.height; ++y) {
+            const std::uint8_t* const from = frame.colour.row(y) + channels / 2;  // green stands for grey
+            for (std::uint32_t x = 0; x < frame.colour.width; ++x) {
+                grey.at<std::uint8_t>(static_cast<int>(y), static_cast<int>(x)) = from[x * channels];
+            }
+        }
+        std::vector<cv::KeyPoint> keypoints;
+        cv::Mat descriptors;
+        const std::int64_t begin_ns = monotonic_ns();
+        orb->detectAndCompute(grey, cv::noArray(), keypoints, descriptors);
+        out.add(static_cast<float>(monotonic_ns() - begin_ns) * 1e-6F);
+    }
+}
+#endif
 
 int measure(const std::string& folder, const SessionOptions& options) {
     std::string message;
@@ -113,6 +149,13 @@ int measure(const std::string& folder, const SessionOptions& options) {
         fmt::print("{:<24} {:>10.3f} {:>10.3f} {:>10.3f}\n", stage.name, stage.ms.median(), stage.ms.p99(),
                    stage.ms.max());
     }
+#ifdef STILLMESH_HAS_OPENCV
+    const Percentiles orb = orb_ms(folder);
+    if (orb.median() > 0) {
+        fmt::print("{:<24} {:>10.3f} {:>10.3f} {:>10.3f}\n", "cv::ORB", orb.median(), orb.p99(), orb.max());
+        fmt::print("a whole frame takes {:.2f} times cv::ORB (medians)\n", record.frame_ms.median() / orb.median());
+    }
+#endif
     return heap_calls == 0 ? 0 : complain(folder + ": the engine called the heap.");
 }
 
