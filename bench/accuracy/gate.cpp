@@ -74,8 +74,10 @@ Sureness sureness_of(const std::vector<Result>& results) {
     Sureness out;
     for (const Result& result : results) {
         if (result.variant != kOn || group_of(result) == Group::kTrolleyFirst) continue;
-        out.judged_tracked += result.measures.judged_tracked;
-        out.wrong_tracked += result.measures.wrong_tracked;
+        if (!result.is_recording) {
+            out.judged_tracked += result.measures.judged_tracked;
+            out.wrong_tracked += result.measures.wrong_tracked;
+        }
         out.right += result.measures.right;
         out.right_tracked += result.measures.right_tracked;
     }

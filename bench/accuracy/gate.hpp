@@ -21,7 +21,8 @@ inline constexpr double kRightTrackedMin = 0.90;
 inline constexpr double kNeesMin = 3, kNeesMax = 12;
 inline constexpr double kRegionEarnsMin = 4;  // mean ATE of the walking scenes, region off over on
 
-// Sums over the runs that count: variant "on", without trolley_first.
+// Sums over the runs that count: variant "on", without trolley_first. What is wrong on a recording is not summed: its
+// truth is not good enough (docs/accuracy.md).
 struct Sureness {
     std::uint64_t judged_tracked = 0, wrong_tracked = 0, right = 0, right_tracked = 0;
 };

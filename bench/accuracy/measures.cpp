@@ -169,10 +169,14 @@ void measure_covariance(std::span<const FrameRecord> frames, const std::optional
         out.said_rad2_sum += covariance.bottomRightCorner<3, 3>().trace();
         const Matrix translation = covariance.topLeftCorner<3, 3>();
         const Matrix rotation = covariance.bottomRightCorner<3, 3>();
-        const Vector scaled_translation = translation.ldlt().solve(xi_first.head<3>());
-        const Vector scaled_rotation = rotation.ldlt().solve(xi_first.tail<3>());
-        out.nees_first_translation_sum += xi_first.head<3>().dot(scaled_translation);
-        out.nees_first_rotation_sum += xi_first.tail<3>().dot(scaled_rotation);
+        const auto part = [](const Matrix& of, const Vector& xi) -> double {
+            const Vector scaled = of.ldlt().solve(xi);
+            return xi.dot(scaled);
+        };
+        out.nees_first_translation_sum += part(translation, xi_first.head<3>());
+        out.nees_first_rotation_sum += part(rotation, xi_first.tail<3>());
+        out.nees_fit_translation_sum += part(translation, xi_fit.head<3>());
+        out.nees_fit_rotation_sum += part(rotation, xi_fit.tail<3>());
     }
 }
 

@@ -64,8 +64,9 @@ struct Measures {
     double nees_first_sum = 0, nees_fit_sum = 0, nees_ate_sum = 0;
     // Of the fit: how large the errors are and how large they were said to be; sums of squares.
     double fit_m2_sum = 0, fit_rad2_sum = 0, said_m2_sum = 0, said_rad2_sum = 0;
-    // The translation's and the rotation's own NEES (ideal 3 each), with the first pose aligned.
+    // The translation's and the rotation's own NEES (ideal 3 each).
     double nees_first_translation_sum = 0, nees_first_rotation_sum = 0;
+    double nees_fit_translation_sum = 0, nees_fit_rotation_sum = 0;
 
     std::uint64_t masked_frames = 0, wrong_choices = 0;  // more than half of the votes lie on moving pixels
     std::uint64_t moving = 0, moving_accepted = 0, still = 0, still_accepted = 0;

@@ -8,8 +8,9 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Measures, frames, tracked, unsure, predicted,
                                    ate_m, ate_max_m, rpe_m, rpe_deg, judged_tracked, wrong_tracked, right,
                                    right_tracked, wrong_first, nees_frames, covariance_bad, nees_first_sum,
                                    nees_fit_sum, nees_ate_sum, fit_m2_sum, fit_rad2_sum, said_m2_sum, said_rad2_sum,
-                                   nees_first_translation_sum, nees_first_rotation_sum, masked_frames, wrong_choices,
-                                   moving, moving_accepted, still, still_accepted, keyframes, median_ms, p99_ms)
+                                   nees_first_translation_sum, nees_first_rotation_sum, nees_fit_translation_sum,
+                                   nees_fit_rotation_sum, masked_frames, wrong_choices, moving, moving_accepted, still,
+                                   still_accepted, keyframes, median_ms, p99_ms)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Result, scene, seed, is_recording, variant, measures)
 
 std::string to_text(const Result& result) {

@@ -183,11 +183,13 @@ std::string nees_table(const std::vector<Result>& results) {
         const auto root_mean = [&](double total) { return n == 0 ? 0 : std::sqrt(total / static_cast<double>(n)); };
         constexpr double kDegrees = 180 / 3.14159265358979323846;
         out += fmt::format(
-            "{:<20} {:<8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>9.2f} {:>9.2f} {:>9.3f} {:>9.3f} {:>5}\n", bundle.scene,
-            bundle.variant, mean(sum_of(bundle, [](const Measures& m) { return m.nees_first_sum; }), n),
+            "{:<20} {:<8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>9.2f} {:>9.2f} {:>9.3f} {:>9.3f} {:>5}\n",
+            bundle.scene, bundle.variant, mean(sum_of(bundle, [](const Measures& m) { return m.nees_first_sum; }), n),
             mean(sum_of(bundle, [](const Measures& m) { return m.nees_first_translation_sum; }), n),
             mean(sum_of(bundle, [](const Measures& m) { return m.nees_first_rotation_sum; }), n),
             mean(sum_of(bundle, [](const Measures& m) { return m.nees_fit_sum; }), n),
+            mean(sum_of(bundle, [](const Measures& m) { return m.nees_fit_translation_sum; }), n),
+            mean(sum_of(bundle, [](const Measures& m) { return m.nees_fit_rotation_sum; }), n),
             mean(sum_of(bundle, [](const Measures& m) { return m.nees_ate_sum; }), n),
             1000 * root_mean(sum_of(bundle, [](const Measures& m) { return m.fit_m2_sum; })),
             1000 * root_mean(sum_of(bundle, [](const Measures& m) { return m.said_m2_sum; })),
@@ -195,9 +197,9 @@ std::string nees_table(const std::vector<Result>& results) {
             kDegrees * root_mean(sum_of(bundle, [](const Measures& m) { return m.said_rad2_sum; })), bad);
     }
     if (out.empty()) return out;
-    return fmt::format("{:<20} {:<8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>9} {:>9} {:>9} {:>9} {:>5}\n",
-                       "NEES, static scenes", "region", "first", "transl", "rotat", "fit", "ate", "error mm", "said mm",
-                       "error deg", "said deg", "bad") +
+    return fmt::format("{:<20} {:<8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>9} {:>9} {:>9} {:>9} {:>5}\n",
+                       "NEES, static scenes", "region", "first", "transl", "rotat", "fit", "transl", "rotat", "ate",
+                       "error mm", "said mm", "error deg", "said deg", "bad") +
            out +
            "first: first pose aligned (the promise; ideal 6), of it translation and rotation alone (ideal 3 each); "
            "fit: "

@@ -131,6 +131,9 @@ TEST(Measures, HonestCovarianceHasNeesSix) {
     EXPECT_NEAR(m.nees_first_sum / n, 6.0, 0.14);  // 4 sigma
     EXPECT_NEAR(m.nees_first_translation_sum / n, 3.0, 0.1);
     EXPECT_NEAR(m.nees_first_rotation_sum / n, 3.0, 0.1);
+    EXPECT_NEAR(m.nees_fit_sum / n, 6.0, 0.2);
+    EXPECT_NEAR(m.nees_fit_translation_sum / n, 3.0, 0.1);
+    EXPECT_NEAR(m.nees_fit_rotation_sum / n, 3.0, 0.1);
     EXPECT_NEAR(m.said_m2_sum / n, (covariance.topLeftCorner<3, 3>().trace()), 1e-9);
 }
 
