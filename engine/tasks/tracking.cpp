@@ -158,8 +158,9 @@ void Tracking::predict(std::int64_t time_ns) noexcept {
         predicted_ = world_from_camera_ * se3_exp(xi);
     }
     // Hands and wheels accelerate by some m/s^2 and some tens of rad/s^2, and the last velocity is itself measured.
-    context_.prediction_sigma_m = 0.005 + 0.1 * dt;
-    context_.prediction_sigma_rad = 0.008 + 0.4 * dt;
+    // Without one, the camera may have been moving already when it was switched on.
+    context_.prediction_sigma_m = has_velocity_ ? 0.005 + 0.1 * dt : 0.01 + 0.8 * dt;
+    context_.prediction_sigma_rad = has_velocity_ ? 0.008 + 0.4 * dt : 0.01 + 1.2 * dt;
     context_.world_from_camera_predicted = predicted_;
     context_.has_prediction = true;
     context_.inlier_ratio = inlier_ratio_;
