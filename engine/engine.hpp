@@ -29,6 +29,10 @@ enum class PoseState : std::uint8_t {
     kUnsure = 2,     // measured, but another explanation of the frame is nearly as good
     kTracked = 3,
 };
+[[nodiscard]] constexpr const char* pose_state_name(PoseState state) noexcept {
+    constexpr const char* kNames[] = {"none", "predicted", "unsure", "tracked"};
+    return kNames[static_cast<std::uint32_t>(state)];
+}
 
 struct RigidTransform {
     double rotation_xyzw[4] = {0, 0, 0, 1};  // unit quaternion
@@ -83,8 +87,8 @@ struct EngineStatistics {
     std::uint64_t keyframes_made = 0;
     std::uint64_t keyframes_forgotten = 0;
     std::uint64_t points_forgotten = 0;
-    std::uint64_t frames_lost = 0;     // state none after the first pose
-    std::uint64_t recoveries = 0;      // back from lost against a keyframe
+    std::uint64_t frames_lost = 0;  // state none after the first pose
+    std::uint64_t recoveries = 0;   // back from lost against a keyframe
     PoolStatistics keyframes, map_points;
     std::size_t arena_used_bytes = 0;
 };
@@ -119,8 +123,8 @@ struct ConfigurationProblem {
 
 class STILLMESH_API Engine {
 public:
-    // The engine lies inside `block` (at least bytes_needed(limits), aligned to kArenaAlignment), which must outlive it;
-    // so must `kernels` and `extractor` (nullptr: the engine's own).
+    // The engine lies inside `block` (at least bytes_needed(limits), aligned to kArenaAlignment), which must outlive
+    // it; so must `kernels` and `extractor` (nullptr: the engine's own).
     //   kInvalid  camera larger than the limits or not usable, or a configuration that validate() refuses
     //   kFull     block too small
     [[nodiscard]] static Result<Engine*> create(std::span<std::byte> block, const Limits& limits,

@@ -97,6 +97,17 @@ Status apply_configuration(std::string_view toml, const std::string& file, std::
     return Status::kOk;
 }
 
+Status apply_assignment(const std::string& assignment, const std::string& source,
+                        std::span<const ParameterView> parameters, std::string& message) {
+    const std::size_t equals = assignment.find('=');
+    if (equals == 0 || equals == std::string::npos || equals + 1 == assignment.size() ||
+        assignment.find_first_of("\n\r") != std::string::npos) {
+        message = fmt::format("{}: '{}' is not of the form key=value.", source, assignment.substr(0, 80));
+        return Status::kInvalid;
+    }
+    return apply_configuration(assignment, source, parameters, message);
+}
+
 std::string configuration_toml(std::span<const ParameterView> parameters) {
     std::string text = "# every parameter with its value: change what you need, delete the rest\n";
     for (const ParameterView& parameter : parameters) {

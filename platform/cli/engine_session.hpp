@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "hal/depth_camera.hpp"
 #include "platform/cli/session.hpp"
@@ -10,10 +11,11 @@
 namespace stillmesh {
 
 struct SessionOptions {
-    std::string limits = "room";      // room, pocket
-    std::string scene = "indoor";     // indoor, outdoor
-    std::string features = "native";  // native, opencv
-    std::string configuration;        // TOML file; empty: defaults
+    std::string limits = "room";           // room, pocket
+    std::string scene = "indoor";          // indoor, outdoor
+    std::string features = "native";       // native, opencv
+    std::string configuration;             // TOML file; empty: defaults
+    std::vector<std::string> assignments;  // "key=value", applied after the file
 };
 
 struct SessionSizes {
@@ -23,7 +25,7 @@ struct SessionSizes {
 
 // The largest image that the limits allow.
 [[nodiscard]] SessionSizes session_sizes(const std::string& limits);
-// kInvalid, kUnavailable: `message` says why; `session` is untouched.
+// kOk: `message` is empty, or a note for the user. kInvalid, kUnavailable: it says why; `session` is untouched.
 [[nodiscard]] Status create_engine_session(const SessionOptions& options, const CameraInfo& camera,
                                            std::unique_ptr<TrackingSession>& session, std::string& message);
 // The configuration that the options give, as TOML.

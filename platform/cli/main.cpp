@@ -1,24 +1,17 @@
 // The command line program: reads the arguments, picks camera and session, and leaves the work to run_loop and friends.
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
-#include <filesystem>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "hal/calibration/toml_document.hpp"
-#include "hal/replay/replay_camera.hpp"
-#include "platform/cli/engine_session.hpp"
 #include "platform/cli/exit_code.hpp"
-#include "platform/cli/run_loop.hpp"
+#include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
 #include "platform/cli/summary.hpp"
+#include "platform/evaluation/evaluation.hpp"
 #include "platform/linux/process.hpp"
-#include "platform/report/report.hpp"
 
 namespace stillmesh {
 namespace {
@@ -32,15 +25,6 @@ int refuse(const std::string& sentence) {
     return kExitUsage;
 }
 
-struct RunArguments {
-    std::string replay, simulate, calibration, report;
-    SessionOptions session;
-    RunLoopOptions loop;
-    bool is_json = false;
-    bool print_config = false;
-    std::vector<std::pair<std::string, std::string>> later;  // switch and value of what is not in this build
-};
-
 // The switches of design.md that have nothing behind them yet: known, so that the answer is a sentence.
 constexpr const char* kLaterOptions[] = {"--camera", "--inject",  "--record",    "--record-frames", "--cloud",
                                          "--map-in", "--map-out", "--map-store", "--view",          "--publish"};
@@ -51,84 +35,6 @@ constexpr const char* kLaterCommands[][2] = {{"rerun", "repeat a recording and c
                                              {"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"},
                                              {"vocabulary", "train a vocabulary"}};
-
-int run(const RunArguments& arguments, const std::string& command, std::int64_t begin_ns) {
-    std::string message;
-    if (arguments.print_config) {
-        std::string toml;
-        if (print_configuration(arguments.session, toml, message) != Status::kOk) return refuse(message);
-        std::fputs(toml.c_str(), stdout);
-        return kExitDone;
-    }
-    if (arguments.replay.empty() == arguments.simulate.empty()) {
-        return refuse("give one camera: --replay DIR or --simulate SCENE[:SEED].");
-    }
-    if (!arguments.simulate.empty()) return refuse("--simulate is not in this build.");
-
-    const SessionSizes sizes = session_sizes(arguments.session.limits);
-    ReplayCamera camera({.folder = arguments.replay,
-                         .calibration = arguments.calibration,
-                         .width_max = sizes.width_max,
-                         .height_max = sizes.height_max});
-    if (camera.open() != Status::kOk) return refuse(camera.message());
-    RunRecord record;
-    record.input = arguments.replay;
-    record.calibration = camera.calibration_source();
-    record.limits = arguments.session.limits;
-    record.features = arguments.session.features;
-    record.command = command;
-
-    // The truth is read before anything is tracked: a broken file is bad input, not a failed run.
-    const std::string truth_file = arguments.replay + "/groundtruth.txt";
-    std::error_code error;
-    if (std::filesystem::exists(truth_file, error) &&
-        read_trajectory(truth_file, record.truth, message) != Status::kOk) {
-        return refuse(message);
-    }
-    std::unique_ptr<TrackingSession> session;
-    if (create_engine_session(arguments.session, camera.info(), session, message) != Status::kOk)
-        return refuse(message);
-
-    if (!arguments.report.empty()) {
-        std::filesystem::create_directories(arguments.report, error);
-        if (error) return refuse(arguments.report + ": cannot be made: " + error.message() + ".");
-    }
-    catch_stop_signals();
-    record.start_up_ms = static_cast<double>(monotonic_ns() - begin_ns) * 1e-6;
-    RunLoopOptions loop = arguments.loop;
-    loop.frames_expected = camera.counts().frames;
-    if (loop.frames_max > 0 && loop.frames_max < loop.frames_expected) loop.frames_expected = loop.frames_max;
-    loop.snapshots_max = arguments.report.empty() ? 0 : 6;
-    loop.keep_trajectory = !arguments.report.empty() || !record.truth.empty();
-    loop.show_progress = !arguments.is_json;
-    int code = run_loop(
-        camera, [&camera] { return camera.message(); }, *session, loop, record);
-    session.reset();  // its memory is free for the evaluation
-
-    if (!record.truth.empty()) record.evaluation = evaluate(record.truth, record.estimate);
-    record.peak_resident_bytes = peak_resident_bytes();
-    std::string report;
-    if (!arguments.report.empty()) {
-        report = arguments.report + "/index.html";
-        if (!write_report(record, report, message)) {
-            record.problems.push_back(message);
-            report.clear();
-            if (code == kExitDone) code = kExitFailed;
-        }
-    }
-    if (arguments.is_json) {
-        std::fputs(summary_json(record, report, code).c_str(), stdout);
-    } else {
-        const ReplayCounts& counts = camera.counts();
-        const std::uint32_t skipped = counts.colour_images - counts.frames;
-        if (skipped > 0) {
-            std::printf("skipped       %u colour images without a depth image within 20 ms\n", skipped);
-        }
-        std::fputs(summary_text(record, report).c_str(), stdout);
-    }
-    for (const std::string& problem : record.problems) complain(problem);
-    return code;
-}
 
 int eval(const std::string& truth_file, const std::string& trajectory_file, bool is_json) {
     Trajectory truth;
@@ -159,39 +65,39 @@ int program(int argc, char** argv) {
         "Ctrl-C or SIGTERM, everything written.");
 
     RunArguments arguments;
-    CLI::App* const run_command = app.add_subcommand("run", "track a camera and write its trajectory");
-    run_command->add_option("--replay", arguments.replay, "recording in the TUM layout")->type_name("DIR");
-    run_command->add_option("--simulate", arguments.simulate, "simulated camera")->type_name("SCENE[:SEED]");
-    run_command->add_option("--config", arguments.session.configuration, "parameters, TOML")->type_name("FILE");
-    run_command->add_flag("--print-config", arguments.print_config, "print every parameter with its range, and end");
-    run_command->add_option("--scene", arguments.session.scene, "thresholds: indoor or outdoor")
+    std::vector<std::string> later;  // switches of what is not in this build
+    CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
+    run_app->add_option("--replay", arguments.replay, "recording in the TUM layout")->type_name("DIR");
+    run_app->add_option("--simulate", arguments.simulate, "simulated camera")->type_name("SCENE[:SEED]");
+    run_app->add_option("--config", arguments.session.configuration, "parameters, TOML")->type_name("FILE");
+    run_app->add_option("--set", arguments.session.assignments, "one parameter, such as region.is_enabled=false")
+        ->type_name("KEY=VALUE");
+    run_app->add_flag("--print-config", arguments.print_config, "print every parameter with its range, and end");
+    run_app->add_option("--scene", arguments.session.scene, "thresholds: indoor or outdoor")
         ->check(CLI::IsMember({"indoor", "outdoor"}));
-    run_command->add_option("--limits", arguments.session.limits, "memory: room or pocket")
+    run_app->add_option("--limits", arguments.session.limits, "memory: room or pocket")
         ->check(CLI::IsMember({"room", "pocket"}));
-    run_command->add_option("--calibration", arguments.calibration, "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect")
+    run_app->add_option("--calibration", arguments.calibration, "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect")
         ->type_name("FILE|NAME");
-    run_command->add_option("--trajectory", arguments.loop.trajectory, "each pose as it was given out")
+    run_app->add_option("--trajectory", arguments.loop.trajectory, "each pose as it was given out")->type_name("FILE");
+    run_app->add_option("--trajectory-final", arguments.loop.trajectory_final, "each pose as it is known at the end")
         ->type_name("FILE");
-    run_command
-        ->add_option("--trajectory-final", arguments.loop.trajectory_final, "each pose as it is known at the end")
+    run_app->add_option("--state-hashes", arguments.loop.state_hashes, "a line per frame: time and state hash")
         ->type_name("FILE");
-    run_command->add_option("--state-hashes", arguments.loop.state_hashes, "a line per frame: time and state hash")
-        ->type_name("FILE");
-    run_command->add_option("--report", arguments.report, "write a page to look at: DIR/index.html")->type_name("DIR");
-    run_command->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
+    run_app->add_option("--report", arguments.report, "write a page to look at: DIR/index.html")->type_name("DIR");
+    run_app->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U));
-    run_command->add_option("--features", arguments.session.features, "native or opencv (cv::ORB)")
+    run_app->add_option("--features", arguments.session.features, "native or opencv (cv::ORB)")
         ->check(CLI::IsMember({"native", "opencv"}));
-    run_command->add_flag("--json", arguments.is_json, "the summary as JSON");
+    run_app->add_flag("--json", arguments.is_json, "the summary as JSON");
     // Not in this build: parsed all the same, without a place in the help.
     for (const char* name : kLaterOptions) {
-        run_command
-            ->add_option_function<std::string>(
-                name, [name, &arguments](const std::string& value) { arguments.later.emplace_back(name, value); })
+        run_app
+            ->add_option_function<std::string>(name, [name, &later](const std::string&) { later.emplace_back(name); })
             ->group("");
     }
     for (const char* name : kLaterFlags) {
-        run_command->add_flag_callback(name, [name, &arguments] { arguments.later.emplace_back(name, ""); })->group("");
+        run_app->add_flag_callback(name, [name, &later] { later.emplace_back(name); })->group("");
     }
 
     std::string truth_file;
@@ -225,15 +131,16 @@ int program(int argc, char** argv) {
     } catch (const CLI::ParseError& error) {
         return refuse(std::string(error.what()) + "; 'stillmesh --help' shows the commands.");
     }
-    for (const CLI::App* const later : later_commands) {
-        if (later->parsed()) return refuse("the command '" + later->get_name() + "' is not in this build.");
+    for (const CLI::App* const command : later_commands) {
+        if (command->parsed()) return refuse("the command '" + command->get_name() + "' is not in this build.");
     }
-    if (!arguments.later.empty()) return refuse(arguments.later.front().first + " is not in this build.");
+    if (!later.empty()) return refuse(later.front() + " is not in this build.");
     if (eval_command->parsed()) return eval(truth_file, trajectory_file, is_eval_json);
     if (simulate_command->parsed()) return stillmesh::simulate_command(simulation);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];
-    return run(arguments, command, begin_ns);
+    arguments.command = command;
+    return run_command(arguments, begin_ns);
 }
 
 void print_failed_check(const char* expression, const char* file, std::int32_t line) noexcept {

@@ -16,6 +16,11 @@
 namespace stillmesh {
 namespace {
 
+// A broken image now and then is skipped; so many at once are a broken camera or disk.
+constexpr std::uint32_t kBadImagesInARowMax = 30;
+// A silence that is worth a word, and no failure.
+constexpr std::int64_t kGapNoted_ns = 250'000'000;
+
 // Keeps a few meshes spread over a run of unknown length, and the one with the most moving features.
 class SnapshotKeeper {
 public:
@@ -152,6 +157,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     std::int64_t first_frame_ns = -1;
     std::int64_t gap_longest_ns = 0;
     std::int64_t gap_begin_ns = 0;
+    std::uint32_t bad_images = 0;
+    std::uint32_t bad_images_in_a_row = 0;
+    std::string bad_image_message;  // of the first
     const std::int64_t wall_begin_ns = monotonic_ns();
     const double cpu_begin = cpu_seconds();
 
@@ -171,9 +179,16 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         if (polled != Status::kOk) {
             message = camera_message();
             if (message.empty()) message = fmt::format("the camera is {}.", status_name(polled));
-            code = give_up(kExitFailed);
-            break;
+            if (bad_images++ == 0) bad_image_message = message;
+            if (++bad_images_in_a_row == kBadImagesInARowMax) {
+                message += fmt::format(" {} images in a row could not be had: stopped.", kBadImagesInARowMax);
+                code = give_up(kExitFailed);
+                break;
+            }
+            static_cast<void>(camera.wait(100));
+            continue;
         }
+        bad_images_in_a_row = 0;
         if (last_frame_ns >= 0 && frame.time_ns - last_frame_ns > gap_longest_ns) {
             gap_longest_ns = frame.time_ns - last_frame_ns;
             gap_begin_ns = last_frame_ns;
@@ -221,6 +236,14 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     if (!options.trajectory_final.empty() && !write_whole_file(options.trajectory_final, final_lines, message)) {
         code = give_up(kExitFailed);
     }
+    if (bad_images > 0 && code == kExitDone) {
+        record.problems.push_back(bad_images == 1 ? bad_image_message + " It was skipped, the others were tracked."
+                                                  : bad_image_message +
+                                                        fmt::format(" It and {} more like it were skipped, the others "
+                                                                    "were tracked.",
+                                                                    bad_images - 1));
+        code = kExitFailed;
+    }
     if (record.frames_total == 0 && code == kExitDone) {
         message = "the camera gave no frame.";
         code = give_up(kExitFailed);
@@ -239,6 +262,10 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             "no frames for {:.1f} s from second {:.1f} on; where the camera went meanwhile is unknown.",
             static_cast<double>(gap_longest_ns) * 1e-9, static_cast<double>(gap_begin_ns - first_frame_ns) * 1e-9));
         if (code == kExitDone) code = kExitFailed;
+    } else if (gap_longest_ns > kGapNoted_ns) {
+        record.notes.push_back(fmt::format("no frames for {:.2f} s from second {:.1f} on; tracking went on behind it.",
+                                           static_cast<double>(gap_longest_ns) * 1e-9,
+                                           static_cast<double>(gap_begin_ns - first_frame_ns) * 1e-9));
     }
     return code;
 }

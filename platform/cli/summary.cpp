@@ -64,7 +64,10 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
                         record.frame_ms.median(), record.frame_ms.p99(), record.frame_ms.max(), record.start_up_ms);
     text += fmt::format("memory        {:.1f} MiB block, {:.1f} MiB of it used; process peak {:.1f} MiB\n",
                         mib(record.block_bytes), mib(record.arena_used_bytes), mib(record.peak_resident_bytes));
+    text += fmt::format("map           {} keyframes made, {} forgotten; {} points forgotten; {} recoveries\n",
+                        record.keyframes_made, record.keyframes_forgotten, record.points_forgotten, record.recoveries);
     text += fmt::format("state hash    {:016x}\n", record.state_hash);
+    for (const std::string& note : record.notes) text += fmt::format("note          {}\n", note);
     if (!report.empty()) text += fmt::format("report        {}\n", report);
     return text;
 }
@@ -97,6 +100,11 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
         stages[stage.name] = {{"ms_median", stage.ms.median()}, {"ms_p99", stage.ms.p99()}, {"ms_max", stage.ms.max()}};
     }
     json["stages"] = stages;
+    json["keyframes_made"] = record.keyframes_made;
+    json["keyframes_forgotten"] = record.keyframes_forgotten;
+    json["points_forgotten"] = record.points_forgotten;
+    json["recoveries"] = record.recoveries;
+    json["notes"] = record.notes;
     json["problems"] = record.problems;
     json["report"] = report.empty() ? Json(nullptr) : Json(report);
     // A folder's name may hold any bytes: replaced rather than thrown over.

@@ -1,4 +1,4 @@
-// What a run leaves behind for its summary and its report: plain numbers, no type of the engine. A run of any length is
+// What a run leaves behind for its summary and its report: plain numbers. A run of any length is
 // kept in bounded memory: when the frames are full, every second one is dropped.
 #pragma once
 
@@ -7,23 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "engine/engine.hpp"
 #include "platform/evaluation/evaluation.hpp"
 #include "platform/report/percentiles.hpp"
 
 namespace stillmesh {
-
-// How far a pose can be trusted; the order is the engine's.
-enum class PoseState : std::uint8_t { kNone = 0, kPredicted = 1, kUnsure = 2, kTracked = 3 };
-
-[[nodiscard]] constexpr const char* pose_state_name(PoseState state) noexcept {
-    switch (state) {
-        case PoseState::kNone: return "none";
-        case PoseState::kPredicted: return "predicted";
-        case PoseState::kUnsure: return "unsure";
-        case PoseState::kTracked: return "tracked";
-    }
-    return "unknown";
-}
 
 struct FrameRecord {
     std::int64_t time_ns = 0;
@@ -92,7 +80,9 @@ struct RunRecord {
     Trajectory truth;     // empty: unknown
     std::optional<Evaluation> evaluation;
     std::vector<MeshSnapshot> snapshots;
-    std::vector<std::string> problems;  // sentences for the user
+    std::uint64_t keyframes_made = 0, keyframes_forgotten = 0, points_forgotten = 0, recoveries = 0;
+    std::vector<std::string> notes;     // sentences about what was as it should not be, but did no harm
+    std::vector<std::string> problems;  // sentences about what makes this a failed run
 
     void add(const FrameRecord& frame) {
         if (frames_total++ % frames_stride == 0) {

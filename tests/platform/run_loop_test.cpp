@@ -88,18 +88,30 @@ TEST(RunLoop, PredictedIsNotCovered) {
     EXPECT_EQ(outcome.record.estimate.size(), 81U);
 }
 
-// Promise: whatever stops a run, every pose given out before is in the file, and the exit code is 1 with a sentence.
+// Promise: a broken image is skipped, said and a failure; with many in a row the run ends. Whatever stops a run, every
+// pose given out before is in the file.
 TEST(RunLoop, NothingIsLostWhenItBreaks) {
     for (const Status status : {Status::kCorrupt, Status::kUnavailable}) {
-        StoryCamera camera;
-        camera.status_of = [status](std::uint64_t i) { return i == 40 ? status : Status::kOk; };
-        StorySession session;
-        const Outcome outcome = play(camera, session);
+        StoryCamera broken;
+        broken.status_of = [status](std::uint64_t i) { return i == 40 || i == 50 ? status : Status::kOk; };
+        StorySession onward;
+        const Outcome skipped = play(broken, onward);
+        EXPECT_EQ(skipped.code, 1);
+        ASSERT_EQ(skipped.record.problems.size(), 1U);
+        EXPECT_EQ(skipped.record.problems[0],
+                  "the camera said why. It and 1 more like it were skipped, the others were tracked.");
+        EXPECT_EQ(poses_in(skipped.trajectory), 88U);
+        EXPECT_EQ(poses_in(skipped.final_trajectory), 88U);
+
+        StoryCamera gone;
+        gone.frames = 1'000'000;
+        gone.status_of = [status](std::uint64_t i) { return i >= 40 ? status : Status::kOk; };
+        StorySession stopped;
+        const Outcome outcome = play(gone, stopped);
         EXPECT_EQ(outcome.code, 1);
         ASSERT_EQ(outcome.record.problems.size(), 1U);
-        EXPECT_EQ(outcome.record.problems[0], "the camera said why.");
+        EXPECT_EQ(outcome.record.problems[0], "the camera said why. 30 images in a row could not be had: stopped.");
         EXPECT_EQ(poses_in(outcome.trajectory), 40U);
-        EXPECT_EQ(poses_in(outcome.final_trajectory), 40U);
     }
     StoryCamera camera;
     StorySession session;
@@ -151,6 +163,20 @@ TEST(RunLoop, LossAndGapsAreFailures) {
         StorySession session;
         EXPECT_EQ(play(camera, session).code, 1);
     }
+}
+
+// Promise: a short silence with tracking behind it is a note, and the run is good.
+TEST(RunLoop, ShortGapsAreNoted) {
+    StoryCamera camera;
+    StorySession session;
+    camera.time_of = [](std::uint64_t i) {
+        return static_cast<std::int64_t>(i) * 33'000'000 + (i > 30 ? 500'000'000 : 0);
+    };
+    const Outcome outcome = play(camera, session);
+    EXPECT_EQ(outcome.code, 0);
+    ASSERT_EQ(outcome.record.notes.size(), 1U);
+    EXPECT_NE(outcome.record.notes[0].find("no frames for 0.53 s from second 1.0 on"), std::string::npos)
+        << outcome.record.notes[0];
 }
 
 // Promise: an output that cannot be written is refused before the first frame; a disk that fills up is a failure.

@@ -81,6 +81,7 @@ public:
         frame.depth = {depth.data(), 64, 48, 64};
         return Status::kOk;
     }
+    Status wait(std::uint32_t) noexcept override { return Status::kOk; }
 
 private:
     std::uint64_t count_ = 0;

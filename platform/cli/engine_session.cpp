@@ -1,0 +1,259 @@
+#include "platform/cli/engine_session.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <iterator>
+#include <type_traits>
+#include <vector>
+
+#include "engine/engine.hpp"
+#include "platform/cli/configuration_file.hpp"
+#include "platform/linux/cpu_kernels.hpp"
+#include "platform/linux/memory_block.hpp"
+#include "platform/linux/process.hpp"
+#ifdef STILLMESH_HAS_OPENCV
+#include "platform/opencv/orb_adapter.hpp"
+#endif
+
+namespace stillmesh {
+namespace {
+
+constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
+
+[[nodiscard]] Limits limits_of(const std::string& name) {
+    return name == "pocket" ? Limits::pocket() : Limits::room();
+}
+
+[[nodiscard]] std::vector<ParameterView> parameters_of(Configuration& configuration) {
+    std::vector<ParameterView> parameters;
+    visit_parameters(configuration, [&parameters](const char* name, auto& value, double min, double max,
+                                                  const char* unit, const char* sentence) {
+        parameters.push_back({name, &value, min, max, unit, sentence});
+    });
+    return parameters;
+}
+
+[[nodiscard]] Status read_file(const std::string& file, std::string& text, std::string& message) {
+    std::ifstream stream(file, std::ios::binary);
+    text.resize(kConfigurationBytesMax + 1);
+    stream.read(text.data(), static_cast<std::streamsize>(text.size()));
+    text.resize(static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
+    if (!stream.is_open() || stream.bad()) {
+        message = file + ": cannot be read; 'stillmesh run --print-config' writes one to start from.";
+        return Status::kUnavailable;
+    }
+    if (text.size() > kConfigurationBytesMax) {
+        message = fmt::format("{}: larger than {} KiB; this is no configuration.", file, kConfigurationBytesMax / 1024);
+        return Status::kInvalid;
+    }
+    return Status::kOk;
+}
+
+// What the options give: the scene's defaults, fitted into the limits, then the file, then single assignments.
+[[nodiscard]] Status configuration_of(const SessionOptions& options, const Limits& limits, Configuration& configuration,
+                                      std::string& message) {
+    message.clear();
+    configuration = options.scene == "outdoor" ? Configuration::outdoor() : Configuration::indoor();
+    std::string note;
+    if (configuration.features.count > limits.features_max) {
+        note = fmt::format("features.count is {} instead of {}: the limits '{}' have no room for more.",
+                           limits.features_max, configuration.features.count, options.limits);
+        configuration.features.count = limits.features_max;
+    }
+    configuration.features.levels = std::min(configuration.features.levels, limits.pyramid_levels_max);
+    const std::vector<ParameterView> parameters = parameters_of(configuration);
+    std::string source = "the defaults";
+    if (!options.configuration.empty()) {
+        source = options.configuration;
+        std::string text;
+        STILLMESH_TRY(read_file(source, text, message));
+        STILLMESH_TRY(apply_configuration(text, source, parameters, message));
+    }
+    for (const std::string& assignment : options.assignments) {
+        source = "--set";
+        STILLMESH_TRY(apply_assignment(assignment, source, parameters, message));
+    }
+    // Each value is within its range by now; this is about how they go together.
+    if (const ConfigurationProblem problem = validate(configuration, limits); problem.key != nullptr) {
+        const auto parameter = std::find_if(parameters.begin(), parameters.end(),
+                                            [&problem](const ParameterView& p) { return p.name == problem.key; });
+        std::string value;
+        if (parameter != parameters.end()) {
+            value = std::visit([](const auto* target) { return fmt::format(" = {}", *target); }, parameter->target);
+        }
+        message = fmt::format("{}: key '{}'{} {}; change one of them (limits '{}': at most {} features, {} levels).",
+                              source, problem.key, value, problem.sentence, options.limits, limits.features_max,
+                              limits.pyramid_levels_max);
+        return Status::kInvalid;
+    }
+    if (configuration.features.count == limits.features_max) message = note;
+    return Status::kOk;
+}
+
+[[nodiscard]] std::array<double, 4> product(const double (&a)[4], const double (&b)[4]) {
+    return {
+        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1], a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2],
+        a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0], a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]};
+}
+
+// map_from_odom * odom_from_camera.
+[[nodiscard]] TrajectoryPose map_from_camera(const PoseEstimate& pose) {
+    const double(&q)[4] = pose.map_from_odom.rotation_xyzw;
+    const double(&p)[3] = pose.odom_from_camera.translation_m;
+    TrajectoryPose out;
+    out.time_ns = pose.time_ns;
+    out.q = product(q, pose.odom_from_camera.rotation_xyzw);
+    // v + 2 w (u x v) + 2 u x (u x v)
+    const std::array<double, 3> c = {q[1] * p[2] - q[2] * p[1], q[2] * p[0] - q[0] * p[2], q[0] * p[1] - q[1] * p[0]};
+    const std::array<double, 3> d = {q[1] * c[2] - q[2] * c[1], q[2] * c[0] - q[0] * c[2], q[0] * c[1] - q[1] * c[0]};
+    for (std::size_t i = 0; i < 3; ++i) {
+        out.t[i] = p[i] + 2 * (q[3] * c[i] + d[i]) + pose.map_from_odom.translation_m[i];
+    }
+    return out;
+}
+
+[[nodiscard]] std::uint16_t count16(std::uint32_t count) {
+    return static_cast<std::uint16_t>(std::min<std::uint32_t>(count, 65535));
+}
+
+class EngineSession final : public TrackingSession {
+public:
+    // kOk, kInvalid, kUnavailable: `message` says why.
+    [[nodiscard]] Status create(const SessionOptions& options, const CameraInfo& camera, std::string& message) {
+        limits_ = limits_of(options.limits);
+        Configuration configuration;
+        STILLMESH_TRY(configuration_of(options, limits_, configuration, message));
+        note_ = message;
+        FeatureExtractor* extractor = nullptr;
+        if (options.features == "opencv") {
+#ifdef STILLMESH_HAS_OPENCV
+            extractor_ = std::make_unique<CvOrbExtractor>(static_cast<int>(configuration.features.count),
+                                                          configuration.features.scale_factor,
+                                                          static_cast<int>(configuration.features.levels));
+            extractor = extractor_.get();
+#else
+            message = "--features opencv is not in this build; configure it with -DSTILLMESH_WITH_OPENCV=ON.";
+            return Status::kUnavailable;
+#endif
+        }
+        const std::size_t size_bytes = bytes_needed(limits_);
+        if (!block_.allocate(size_bytes)) {
+            message = fmt::format("the system has no {:.1f} MiB of memory left for the engine; try --limits pocket.",
+                                  static_cast<double>(size_bytes) / (1024.0 * 1024.0));
+            return Status::kUnavailable;
+        }
+        const Result<Engine*> engine =
+            Engine::create(block_.bytes(), limits_, configuration, camera.model, cpu_kernels(), extractor);
+        if (!engine.is_ok()) {
+            message = fmt::format(
+                "the engine refuses this camera ({}x{} pixels, fx {}, fy {}, cx {}, cy {}): its size must be at least "
+                "64x64 and at most {}x{}, and its distortion must not fold over inside the image; check the camera "
+                "file.",
+                camera.model.width, camera.model.height, camera.model.fx, camera.model.fy, camera.model.cx,
+                camera.model.cy, limits_.image_width_max, limits_.image_height_max);
+            return Status::kInvalid;
+        }
+        engine_ = engine.value();
+        engine_->set_stage_observer({on_stage, this});
+        for (std::uint32_t i = 0; i < kStages; ++i) stages_[i].name = stage_name(static_cast<Stage>(i));
+        return Status::kOk;
+    }
+
+    // Calls no heap unless the frame is refused.
+    Status submit(const Frame& frame, SessionFrame& out, std::string& message) override {
+        spent_ns_ = {};
+        const Status status = engine_->submit(frame);
+        if (status != Status::kOk) {
+            message =
+                "its size, format or depth factor is not the camera's, or its time is not after the last frame's.";
+            return status;
+        }
+        for (std::size_t i = 0; i < kStages; ++i) {
+            if (spent_ns_[i] > 0) stages_[i].ms.add(static_cast<double>(spent_ns_[i]) * 1e-6);
+        }
+        const PoseEstimate& pose = engine_->pose();
+        const FrameStatistics& statistics = engine_->frame_statistics();
+        out.state = pose.state;
+        out.world_from_camera = map_from_camera(pose);
+        out.features = count16(statistics.features);
+        out.static_features = count16(statistics.static_matches);
+        out.dynamic_features = count16(statistics.dynamic_matches);
+        out.state_hash = engine_->state_hash();
+        return Status::kOk;
+    }
+
+    void draw(MeshSnapshot& snapshot) override {
+        const TrackingView view = engine_->tracking_view();
+        for (const TrackedEdge& edge : view.edges) {
+            snapshot.edges.push_back({edge.x0, edge.y0, edge.x1, edge.y1, edge.is_kept});
+        }
+        for (const TrackedFeature& feature : view.features) {
+            if (feature.is_matched) snapshot.points.push_back({feature.x, feature.y, feature.group, feature.is_static});
+        }
+    }
+
+    void account(RunRecord& record) override {
+        const EngineStatistics statistics = engine_->statistics();
+        record.stages.assign(stages_.begin(), stages_.end());
+        record.pools = {{"keyframes", statistics.keyframes.high_water, statistics.keyframes.capacity},
+                        {"map points", statistics.map_points.high_water, statistics.map_points.capacity}};
+        record.block_bytes = block_.bytes().size();
+        record.arena_used_bytes = statistics.arena_used_bytes;
+        record.keyframes_made = statistics.keyframes_made;
+        record.keyframes_forgotten = statistics.keyframes_forgotten;
+        record.points_forgotten = statistics.points_forgotten;
+        record.recoveries = statistics.recoveries;
+        if (!note_.empty()) record.notes.push_back(note_);
+    }
+
+private:
+    static void on_stage(void* user, Stage stage, bool is_begin) noexcept {
+        auto& session = *static_cast<EngineSession*>(user);
+        const auto i = static_cast<std::size_t>(stage);
+        const std::int64_t now_ns = monotonic_ns();
+        if (is_begin) {
+            session.begin_ns_[i] = now_ns;
+        } else {
+            session.spent_ns_[i] += now_ns - session.begin_ns_[i];
+        }
+    }
+
+    Limits limits_;
+    MemoryBlock block_;
+    Engine* engine_ = nullptr;
+    std::array<StageRecord, kStages> stages_;
+    std::array<std::int64_t, kStages> begin_ns_{};
+    std::array<std::int64_t, kStages> spent_ns_{};
+    std::string note_;
+#ifdef STILLMESH_HAS_OPENCV
+    std::unique_ptr<CvOrbExtractor> extractor_;
+#endif
+};
+
+}  // namespace
+
+SessionSizes session_sizes(const std::string& limits) {
+    const Limits chosen = limits_of(limits);
+    return {chosen.image_width_max, chosen.image_height_max};
+}
+
+Status create_engine_session(const SessionOptions& options, const CameraInfo& camera,
+                             std::unique_ptr<TrackingSession>& session, std::string& message) {
+    auto made = std::make_unique<EngineSession>();
+    STILLMESH_TRY(made->create(options, camera, message));
+    session = std::move(made);
+    return Status::kOk;
+}
+
+Status print_configuration(const SessionOptions& options, std::string& toml, std::string& message) {
+    Configuration configuration;
+    STILLMESH_TRY(configuration_of(options, limits_of(options.limits), configuration, message));
+    toml = configuration_toml(parameters_of(configuration));
+    if (!message.empty()) toml = "# " + message + "\n" + toml;
+    return Status::kOk;
+}
+
+}  // namespace stillmesh

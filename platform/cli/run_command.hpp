@@ -1,0 +1,28 @@
+// `stillmesh run`: a recording or a simulated scene tracked from end to end, with trajectory, summary and report.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "platform/cli/engine_session.hpp"
+#include "platform/cli/run_loop.hpp"
+
+namespace stillmesh {
+
+struct RunArguments {
+    std::string replay;       // folder in the TUM layout; this or `simulate`
+    std::string simulate;     // SCENE[:SEED]
+    std::string calibration;  // file or name; empty: the folder's own
+    std::string report;       // folder; empty: none
+    std::string command;      // as it was typed
+    SessionOptions session;
+    RunLoopOptions loop;
+    bool is_json = false;
+    bool print_config = false;
+};
+
+// Returns the program's exit code; has said what there is to say on standard output and error. `begin_ns`: when the
+// program began (monotonic_ns).
+[[nodiscard]] int run_command(const RunArguments& arguments, std::int64_t begin_ns);
+
+}  // namespace stillmesh
