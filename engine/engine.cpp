@@ -31,6 +31,9 @@ static_assert(planned_bytes(Limits::room()) <= std::size_t{48} << 20U);
 static_assert(planned_bytes(Limits::pocket()) <= std::size_t{8} << 20U);
 static_assert(planned_bytes(Limits::tiny()) <= std::size_t{512} << 10U);
 
+// So that no difference of times overflows.
+constexpr std::int64_t kTimeMax_ns = (std::int64_t{1} << 62U) - 1;
+
 EngineState& state_of(Engine* engine) noexcept { return *static_cast<EngineState*>(engine); }
 const EngineState& state_of(const Engine* engine) noexcept { return *static_cast<const EngineState*>(engine); }
 
@@ -103,7 +106,8 @@ Status Engine::submit(const Frame& frame) noexcept {
                           frame.depth.width == state.camera.width && frame.depth.height == state.camera.height &&
                           frame.colour.stride >= static_cast<std::size_t>(frame.colour.width) * channels &&
                           frame.depth.stride >= frame.depth.width && frame.depth_units_per_m > 0.0 &&
-                          frame.depth_units_per_m < 1e9 && (!state.has_time || frame.time_ns > state.last_time_ns);
+                          frame.depth_units_per_m < 1e9 && frame.time_ns >= 0 && frame.time_ns <= kTimeMax_ns &&
+                          (!state.has_time || frame.time_ns > state.last_time_ns);
     if (!is_valid) {
         ++state.frames_refused;
         return Status::kInvalid;

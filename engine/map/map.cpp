@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "engine/base/sort.hpp"
+
 namespace stillmesh {
 
 void Map::create(Arena& arena, const Limits& limits) noexcept {
@@ -30,7 +32,7 @@ void Map::make_room_for_points(std::uint32_t count, std::uint64_t frame) noexcep
     const auto begin = by_age_.begin();
     std::nth_element(begin, begin + static_cast<std::ptrdiff_t>(going), begin + static_cast<std::ptrdiff_t>(candidates));
     // Release in slot order, so that the free list does not depend on how the library partitions.
-    std::sort(begin, begin + static_cast<std::ptrdiff_t>(going));
+    sort(by_age_.first(going));
     for (std::size_t i = 0; i < going; ++i) {
         points_.release(points_.handle_of(static_cast<std::uint32_t>(by_age_[i] & 0xffffffU)));
     }

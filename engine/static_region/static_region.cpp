@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/base/sort.hpp"
 #include "engine/base/numbers.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/pose/ransac.hpp"
@@ -148,7 +149,7 @@ void StaticRegion::group_vertices(std::span<const Correspondence> correspondence
     for (std::size_t i = 0; i < vertices; ++i) {
         if (parent_[i] == i && members_[i] >= 2) STILLMESH_CHECK(inliers_.push(static_cast<std::uint16_t>(i)));
     }
-    std::sort(inliers_.begin(), inliers_.end(), [&](std::uint16_t a, std::uint16_t b) {
+    sort(inliers_.span(), [&](std::uint16_t a, std::uint16_t b) {
         return members_[a] != members_[b] ? members_[a] > members_[b] : a < b;
     });
     groups_count_ = static_cast<std::uint32_t>(std::min(inliers_.size(), groups_.size()));

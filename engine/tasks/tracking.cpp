@@ -53,6 +53,19 @@ RigidTransform transform_of(const SE3& pose) noexcept {
     return out;
 }
 
+// What somebody else's extractor must keep to; without features a frame is lost, not the engine.
+bool are_usable(const FeatureSet& features, const CameraModel& camera) noexcept {
+    if (features.keypoints.size() != features.descriptors.size()) return false;
+    const auto width = static_cast<float>(camera.width);
+    const auto height = static_cast<float>(camera.height);
+    for (std::size_t i = 0; i < features.size(); ++i) {
+        const Keypoint& k = features.keypoints[i];
+        // NaN compares false.
+        if (!(k.x >= 0.0F && k.x < width && k.y >= 0.0F && k.y < height && k.level < kPyramidLevelsMax)) return false;
+    }
+    return true;
+}
+
 }  // namespace
 
 void Tracking::create(Arena& arena, const Limits& limits, const Configuration& configuration, const CameraModel& camera,
@@ -80,6 +93,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     chosen_.create(arena, limits.features_max);
     residuals_.create(arena, limits.features_max);
     verdicts_ = arena.array<std::uint8_t>(limits.features_max);
+    groups_ = arena.array<std::uint16_t>(limits.features_max);
     view_features_.create(arena, limits.features_max);
     view_edges_.create(arena, mesh_edges_max(limits.features_max));
     noise_.sigma_z_per_m2 = configuration.depth.sigma_z_per_m2;
@@ -312,8 +326,8 @@ void Tracking::track(const Frame& frame) noexcept {
     observe(Stage::kPrepare, false);
 
     observe(Stage::kFeatures, true);
-    const Status found = extractor_->extract(grey, features_);
-    STILLMESH_CHECK(found == Status::kOk);
+    if (extractor_->extract(grey, features_) != Status::kOk || !are_usable(features_, camera_)) features_.clear();
+    std::fill_n(groups_.begin(), features_.size(), kNoGroup);
     frame_statistics_.features = static_cast<std::uint32_t>(features_.size());
     measure(frame);
     grid_.build(camera_.width, camera_.height, features_.keypoints.span());
@@ -412,6 +426,7 @@ bool Tracking::estimate() noexcept {
         choose_again(choice);
     }
     observe(Stage::kRegion, false);
+    note_groups();
     frame_statistics_.mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
     frame_statistics_.mesh_edges_kept = region_.kept_count();
     frame_statistics_.groups = region_.groups_count();
@@ -478,6 +493,12 @@ bool Tracking::estimate() noexcept {
     give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information, fit.mean_chi2);
     observe(Stage::kMapUpdate, false);
     return true;
+}
+
+void Tracking::note_groups() noexcept {
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+        groups_[correspondences_[i].feature] = region_.group_of(i);
+    }
 }
 
 void Tracking::choose_again(RegionChoice& choice) noexcept {
@@ -750,6 +771,7 @@ TrackingView Tracking::view() noexcept {
         TrackedFeature f;
         f.x = features_.keypoints[i].x;
         f.y = features_.keypoints[i].y;
+        if (groups_[i] != kNoGroup) f.group = groups_[i];
         STILLMESH_CHECK(view_features_.push(f));
     }
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {

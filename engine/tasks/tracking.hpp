@@ -42,6 +42,7 @@ public:
         arena.array<Claim>(limits.features_max);
         FixedVector<std::uint16_t>::plan(arena, limits.features_max);
         arena.array<std::uint8_t>(limits.features_max);
+        arena.array<std::uint16_t>(limits.features_max);
         FixedVector<float>::plan(arena, limits.features_max);
         FixedVector<TrackedFeature>::plan(arena, limits.features_max);
         FixedVector<TrackedEdge>::plan(arena, mesh_edges_max(limits.features_max));
@@ -78,6 +79,8 @@ private:
     void start_map() noexcept;
     [[nodiscard]] bool estimate() noexcept;
     [[nodiscard]] bool recover() noexcept;
+    // Which feature was in which group: correspondences are gathered anew afterwards.
+    void note_groups() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
     void judge(const SE3& world_from_camera, bool is_sure) noexcept;
     // Follows how large residuals really are: real rooms and lenses differ from any noise model by factors.
@@ -109,6 +112,7 @@ private:
     FixedVector<std::uint16_t> chosen_;  // correspondences that vote for the pose
     FixedVector<float> residuals_;       // scratch of adapt_noise
     std::span<std::uint8_t> verdicts_;   // by feature: 0 not matched, 1 still, 2 moving
+    std::span<std::uint16_t> groups_;    // by feature: its group of the mesh, or kNoGroup
     FixedVector<TrackedFeature> view_features_;
     FixedVector<TrackedEdge> view_edges_;
     double scale_[kPyramidLevelsMax] = {};

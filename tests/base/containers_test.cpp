@@ -11,6 +11,7 @@
 #include "engine/base/fixed_vector.hpp"
 #include "engine/base/random.hpp"
 #include "engine/base/ring.hpp"
+#include "engine/base/sort.hpp"
 #include "engine/base/status.hpp"
 #include "tests/support/check_message.hpp"
 
@@ -22,6 +23,30 @@ const test::PrintChecks kPrintChecks;
 struct alignas(kArenaAlignment) Block {
     std::byte bytes[1 << 12];
 };
+
+// Promise: sorts what std::sort sorts, every order of up to seven elements and random ones, ascending or by any order.
+TEST(Sort, EqualsTheLibrarys) {
+    for (int n = 0; n <= 7; ++n) {
+        std::vector<int> order;
+        for (int i = 0; i < n; ++i) order.push_back(i);
+        do {
+            std::vector<int> sorted = order;
+            sort(std::span(sorted));
+            ASSERT_TRUE(std::is_sorted(sorted.begin(), sorted.end()));
+            ASSERT_TRUE(std::is_permutation(sorted.begin(), sorted.end(), order.begin()));
+        } while (std::next_permutation(order.begin(), order.end()));
+    }
+    Random random(7);
+    for (int round = 0; round < 200; ++round) {
+        std::vector<std::uint32_t> ours(random.below(500));
+        for (std::uint32_t& value : ours) value = random.below(100);
+        std::vector<std::uint32_t> theirs = ours;
+        const auto is_before = [](std::uint32_t a, std::uint32_t b) { return a > b; };
+        sort(std::span(ours), is_before);
+        std::sort(theirs.begin(), theirs.end(), is_before);
+        ASSERT_EQ(ours, theirs);
+    }
+}
 
 // Promise: a fixed vector is a std::vector that stops at its capacity; a refused push changes nothing.
 TEST(FixedVector, BehavesLikeAVectorWithAnEnd) {
