@@ -43,7 +43,8 @@ struct RegionParameters {
     double merge_distance_px = 10.0;
     double point_chi2_max = 11.34;       // 3 degrees of freedom, 99 %
     std::uint32_t group_points_min = 6;  // smaller groups get no pose of their own
-    double margin_min = 0.15;            // of the choice, below: unsure
+    double margin_min = 0.0;             // of the choice, below: unsure
+    double score_min = 0.2;              // of the choice, below: unsure
 };
 
 struct PoseParameters {
@@ -51,7 +52,7 @@ struct PoseParameters {
     std::uint32_t coarse_iterations_max = 507;
     std::uint32_t final_iterations_max = 1690;
     std::uint32_t coarse_total_max = 1024;  // hypotheses of all groups of a frame together
-    std::uint32_t inliers_min = 15;         // fewer: no pose from this frame
+    std::uint32_t inliers_min = 8;          // fewer: no pose from this frame; fewer than twice that: unsure
     std::uint32_t lost_frames_max = 30;     // predicted for at most so many frames
 };
 
@@ -121,7 +122,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("region.merge_distance_px", c.region.merge_distance_px, 0.0, 2047.0, "px", "groups nearer than this may merge");
     v("region.point_chi2_max", c.region.point_chi2_max, 0.1, 1000.0, "", "largest squared residual of a static point");
     v("region.group_points_min", c.region.group_points_min, 3.0, 1000.0, "", "smaller groups get no pose of their own");
-    v("region.margin_min", c.region.margin_min, 0.0, 1.0, "", "smaller margin of the choice makes a pose unsure");
+    v("region.margin_min", c.region.margin_min, -1.0, 1.0, "", "smaller margin of the choice makes a pose unsure");
+    v("region.score_min", c.region.score_min, 0.0, 1.0, "", "smaller score of the choice makes a pose unsure");
     v("pose.confidence", c.pose.confidence, 0.5, 0.9999, "", "of RANSAC's iteration rule");
     v("pose.coarse_iterations_max", c.pose.coarse_iterations_max, 1.0, 5000.0, "", "RANSAC iterations for one group");
     v("pose.final_iterations_max", c.pose.final_iterations_max, 1.0, 5000.0, "", "RANSAC iterations for the pose");

@@ -37,6 +37,10 @@ bool is_depth_step(const Correspondence& a, const Correspondence& b) noexcept {
 double badness(const Correspondence& c, const SE3& camera_from_world) noexcept {
     return std::max(chi2_of(c, camera_from_world), 0.5 * chi2_of_anchor(c, camera_from_world));
 }
+// What a feature stands for in square metres, up to a factor.
+double area_of(const Correspondence& c) noexcept {
+    return c.has_depth ? c.vote * c.p_camera.z() * c.p_camera.z() : 0.0;
+}
 constexpr double kBadnessMax = 16.0;  // beyond, it is just wrong
 
 constexpr double kArea_px2 = 0.5 / (kMeshUnitsPerPixel * kMeshUnitsPerPixel);
@@ -57,7 +61,7 @@ void StaticRegion::create(Arena& arena, const Limits& limits) noexcept {
     group_of_correspondence_ = arena.array<std::uint16_t>(n);
     edge_kept_ = arena.array<std::uint8_t>(mesh_edges_max(n));
     is_inlier_ = arena.array<std::uint8_t>(n);
-    is_explained_ = arena.array<std::uint8_t>(n);
+    explained_by_ = arena.array<std::uint16_t>(n);
     groups_ = arena.array<Group>(limits.groups_max);
 }
 
@@ -315,7 +319,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     chosen_.clear();
     all_.clear();
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
-        is_explained_[i] = 0;
+        explained_by_[i] = 0;
         if (correspondences[i].vote > 0) STILLMESH_CHECK(all_.push(static_cast<std::uint16_t>(i)));
     }
     const double chi2_max = parameters.region.point_chi2_max;
@@ -326,7 +330,10 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         Hypothesis h;
         h.pose = fit.is_valid ? fit.world_from_camera : pose;
         const Support support = support_of(correspondences, h.pose, parameters, context);
-        for (std::size_t i = 0; i < correspondences.size(); ++i) is_explained_[i] |= is_inlier_[i];
+        const std::size_t bit = hypotheses.size();
+        for (std::size_t i = 0; i < correspondences.size(); ++i) {
+            if (is_inlier_[i] != 0) explained_by_[i] = static_cast<std::uint16_t>(explained_by_[i] | 1U << bit);
+        }
         h.score = support.score;
         h.inliers = support.inliers;
         static_cast<void>(hypotheses.push(h));
@@ -360,7 +367,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         if (hypotheses.size() == kHypothesesMax || choice.iterations >= parameters.pose.coarse_total_max) break;
         members_.clear();
         for (const std::uint16_t i : all_) {
-            if (is_explained_[i] == 0) STILLMESH_CHECK(members_.push(i));
+            if (explained_by_[i] == 0) STILLMESH_CHECK(members_.push(i));
         }
         if (members_.size() < kLeftOverMin) break;
         options.iterations_max =
@@ -373,25 +380,34 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     }
     if (hypotheses.size() == 0) return choice;
     std::size_t explained = 0;
-    for (const std::uint16_t i : all_) explained += is_explained_[i];
+    for (const std::uint16_t i : all_) explained += explained_by_[i] != 0 ? 1U : 0U;
     choice.explained_share =
         static_cast<double>(explained) / static_cast<double>(std::max<std::size_t>(all_.size(), 1));
     std::size_t best = 0;
     for (std::size_t i = 1; i < hypotheses.size(); ++i) {
         if (hypotheses[i].score > hypotheses[best].score) best = i;
     }
-    double rival = 0;
+    // How sure: against every other motion, what only the choice explains, and what only the other one does; by area, as
+    // a feature stands for more of the room the farther away it is.
+    choice.margin = 1.0;
+    double area_all = 0;
+    for (const Correspondence& c : correspondences) area_all += area_of(c);
     for (std::size_t i = 0; i < hypotheses.size(); ++i) {
-        const SE3 off = hypotheses[best].pose.inverse() * hypotheses[i].pose;
-        constexpr double kSameMotion_m = 0.03;
-        constexpr double kSameMotion_rad = 0.03;
-        const bool is_same = off.translation.squaredNorm() < kSameMotion_m * kSameMotion_m &&
-                             rotation_angle(off.rotation) < kSameMotion_rad;
-        if (!is_same) rival = std::max(rival, hypotheses[i].score);
+        if (i == best) continue;
+        double ours = 0;
+        double theirs = 0;
+        for (std::size_t k = 0; k < correspondences.size(); ++k) {
+            const bool is_ours = (explained_by_[k] >> best & 1U) != 0;
+            const bool is_theirs = (explained_by_[k] >> i & 1U) != 0;
+            if (is_ours && !is_theirs) ours += area_of(correspondences[k]);
+            if (!is_ours && is_theirs) theirs += area_of(correspondences[k]);
+        }
+        constexpr double kRivalMin = 0.05;  // less is noise
+        if (theirs < kRivalMin * area_all) continue;
+        choice.margin = std::min(choice.margin, (ours - theirs) / (ours + theirs));
     }
     choice.world_from_camera = hypotheses[best].pose;
     choice.score = hypotheses[best].score;
-    choice.margin = choice.score > 0 ? (choice.score - rival) / choice.score : 0.0;
     static_cast<void>(support_of(correspondences, choice.world_from_camera, parameters, context));
     gather_inliers(correspondences, choice.world_from_camera, chi2_max, inliers_);
     for (const std::uint16_t i : inliers_) {

@@ -45,7 +45,7 @@ struct RegionContext {
 struct RegionChoice {
     SE3 world_from_camera;         // of the chosen hypothesis
     double score = 0;              // of the choice, [0, 1]
-    double margin = 0;             // to the best hypothesis that moves differently, relative to `score`
+    double margin = 0;             // over the strongest rival, of what only one of both explains; [-1, 1]
     double explained_share = 0;    // of the voters, by any hypothesis
     std::uint32_t iterations = 0;  // of RANSAC
     bool is_valid = false;
@@ -67,7 +67,7 @@ public:
         arena.array<std::uint16_t>(n);
         arena.array<std::uint8_t>(mesh_edges_max(n));
         arena.array<std::uint8_t>(n);
-        arena.array<std::uint8_t>(n);
+        arena.array<std::uint16_t>(n);
         arena.array<Group>(limits.groups_max);
     }
     void create(Arena& arena, const Limits& limits) noexcept;
@@ -125,7 +125,7 @@ private:
     std::span<std::uint16_t> group_of_correspondence_;
     std::span<std::uint8_t> edge_kept_;
     std::span<std::uint8_t> is_inlier_;     // scratch, by correspondence
-    std::span<std::uint8_t> is_explained_;  // scratch, by correspondence: inlier of some hypothesis
+    std::span<std::uint16_t> explained_by_;  // scratch, by correspondence: a bit for each hypothesis it agrees with
     std::span<Group> groups_;
     static constexpr std::uint32_t kFittedGroupsMax = 10;
     std::uint32_t groups_count_ = 0;

@@ -40,6 +40,12 @@ constexpr double kDriftMax_m = 0.02;
 constexpr double kNoisePixelMin = 0.06;
 constexpr double kNoiseDepthMin = 0.25;
 constexpr double kNoiseMax = 20.0;
+// How far a camera may have got while nothing was measured.
+constexpr double kReach_m = 0.1;
+constexpr double kReach_m_s = 1.5;
+constexpr double kReach_rad = 0.2;
+constexpr double kReach_rad_s = 2.0;
+constexpr std::uint32_t kSureFactor = 2;  // twice the fewest inliers that make a pose make a sure one
 constexpr std::uint32_t kNoiseYoungFrames = 6;
 constexpr double kNoisePixelStart = 0.1;
 constexpr double kNoiseDepthStart = 0.3;
@@ -383,6 +389,7 @@ void Tracking::start_map() noexcept {
     world_from_camera_ = SE3{};
     world_from_camera_previous_ = SE3{};
     has_map_ = true;
+    measured_time_ns_ = time_ns_;
     has_velocity_ = false;
     lost_frames_ = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
@@ -479,11 +486,14 @@ bool Tracking::estimate() noexcept {
     observe(Stage::kLocalMap, false);
 
     observe(Stage::kMapUpdate, true);
-    const bool is_sure = choice.margin >= configuration_.region.margin_min;
+    const bool is_sure = choice.margin >= configuration_.region.margin_min &&
+                         choice.score >= configuration_.region.score_min &&
+                         fit.inliers >= kSureFactor * configuration_.pose.inliers_min;
     world_from_camera_previous_ = world_from_camera_;
     world_from_camera_ = fit.world_from_camera;
     has_velocity_ = lost_frames_ == 0;
     lost_frames_ = 0;
+    measured_time_ns_ = time_ns_;
     if (is_sure) {
         adapt_noise(fit.world_from_camera, chosen_.span());
         ++noise_frames_;
@@ -527,8 +537,14 @@ bool Tracking::recover() noexcept {
     options.chi2_max = configuration_.region.point_chi2_max;
     const RansacResult result = ransac_pose(correspondences_.span(), chosen_.span(), nullptr, options, random_);
     // Descriptors alone found these, so that many which agree are no accident; estimate() has the last word.
-    if (!result.is_valid || 3 * result.inliers < 2 * configuration_.pose.inliers_min) return false;
+    if (!result.is_valid || result.inliers < configuration_.pose.inliers_min) return false;
     if (2 * result.inliers < chosen_.size()) return false;
+    // Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can.
+    const SE3 off = world_from_camera_.inverse() * result.world_from_camera;
+    const double away_s = seconds(measured_time_ns_, time_ns_);
+    const double reach_m = kReach_m + kReach_m_s * away_s;
+    if (off.translation.squaredNorm() > reach_m * reach_m) return false;
+    if (rotation_angle(off.rotation) > kReach_rad + kReach_rad_s * away_s) return false;
     predicted_ = result.world_from_camera;
     context_.world_from_camera_predicted = predicted_;
     const std::uint32_t lost_before = lost_frames_;

@@ -124,6 +124,7 @@ private:
     RegionContext context_;
     std::int64_t time_ns_ = 0;
     std::int64_t last_time_ns_ = 0;
+    std::int64_t measured_time_ns_ = 0;  // of the last pose that was measured
     std::int64_t previous_time_ns_ = 0;
     std::uint64_t frame_ = 0;
     std::uint64_t keyframe_frame_ = 0;
