@@ -26,8 +26,8 @@ constexpr std::size_t kLeftOverMin = 12;
 
 // Steeper than any surface that shows features on both ends for long.
 bool is_depth_step(const Correspondence& a, const Correspondence& b) noexcept {
-    constexpr double kStep_m = 0.15;
-    constexpr double kSlope = 3.0;
+    constexpr double kStep_m = 0.1;
+    constexpr double kSlope = 2.0;
     const double step = a.p_camera.z() - b.p_camera.z();
     const double across = (a.normalised - b.normalised).squaredNorm() * a.p_camera.z() * b.p_camera.z();
     return step * step > kStep_m * kStep_m && step * step > kSlope * kSlope * across;
@@ -56,8 +56,10 @@ void StaticRegion::create(Arena& arena, const Limits& limits) noexcept {
     chosen_.create(arena, n);
     all_.create(arena, n);
     inliers_.create(arena, n);
+    roots_.create(arena, mesh_triangles_max(n));
     first_of_vertex_ = arena.array<std::uint16_t>(n);
-    parent_ = arena.array<std::uint16_t>(n);
+    parent_ = arena.array<std::uint16_t>(mesh_triangles_max(n));
+    triangles_of_ = arena.array<std::uint16_t>(mesh_triangles_max(n));
     group_of_correspondence_ = arena.array<std::uint16_t>(n);
     edge_kept_ = arena.array<std::uint8_t>(mesh_edges_max(n));
     is_inlier_ = arena.array<std::uint8_t>(n);
@@ -107,21 +109,22 @@ void StaticRegion::cut_edges(std::span<const Correspondence> correspondences, co
     }
 }
 
-std::uint16_t StaticRegion::root_of(std::uint16_t vertex) noexcept {
-    while (parent_[vertex] != vertex) {
-        parent_[vertex] = parent_[parent_[vertex]];
-        vertex = parent_[vertex];
+std::uint16_t StaticRegion::root_of(std::uint16_t triangle) noexcept {
+    while (parent_[triangle] != triangle) {
+        parent_[triangle] = parent_[parent_[triangle]];
+        triangle = parent_[triangle];
     }
-    return vertex;
+    return triangle;
 }
 
 void StaticRegion::group_vertices(std::span<const Correspondence> correspondences,
                                   const RegionParameters& parameters) noexcept {
     const Mesh& mesh = delaunay_.mesh();
     const std::size_t vertices = mesh.vertices.size();
-    for (std::size_t i = 0; i < vertices; ++i) parent_[i] = static_cast<std::uint16_t>(i);
-    // One lucky edge must not join two bodies: only whole triangles connect (method.md 5), and none across a step in
-    // depth, where one body ends and another begins, whether they have moved against each other yet or not.
+    const std::size_t triangles = mesh.triangles.size();
+    // One lucky edge must not join two bodies: only whole triangles connect (method.md 5), through the edges they share,
+    // and none across a step in depth, where one body ends and another begins, whether they have moved against each
+    // other yet or not.
     const auto is_whole = [&](const MeshTriangle& t) {
         for (int k = 0; k < 3; ++k) {
             if (edge_kept_[t.edge[k]] == 0) return false;
@@ -133,44 +136,47 @@ void StaticRegion::group_vertices(std::span<const Correspondence> correspondence
         return true;
     };
     area_all_px2_ = 0;
-    for (const MeshTriangle& triangle : mesh.triangles) {
-        area_all_px2_ += twice_area(mesh, triangle) * kArea_px2;
-        if (!is_whole(triangle)) continue;
-        std::uint16_t root = root_of(static_cast<std::uint16_t>(triangle.vertex[0]));
-        for (int k = 1; k < 3; ++k) {
-            const std::uint16_t other = root_of(static_cast<std::uint16_t>(triangle.vertex[k]));
-            if (other == root) continue;
-            parent_[std::max(root, other)] = std::min(root, other);
-            root = std::min(root, other);
-        }
+    for (std::size_t i = 0; i < triangles; ++i) {
+        area_all_px2_ += twice_area(mesh, mesh.triangles[i]) * kArea_px2;
+        parent_[i] = is_whole(mesh.triangles[i]) ? static_cast<std::uint16_t>(i) : kNoGroup;
+        triangles_of_[i] = 0;
     }
-    // Members per root; `members_` serves as counters here, then as the number of each root's group.
-    members_.set_size(vertices);
-    for (std::size_t i = 0; i < vertices; ++i) members_[i] = 0;
-    for (const std::uint32_t vertex : mesh.vertex_of_point) ++members_[root_of(static_cast<std::uint16_t>(vertex))];
-    groups_count_ = 0;
-    inliers_.clear();  // roots of the groups, largest first, ties by the lower root
-    for (std::size_t i = 0; i < vertices; ++i) {
-        if (parent_[i] == i && members_[i] >= 2) STILLMESH_CHECK(inliers_.push(static_cast<std::uint16_t>(i)));
+    for (const MeshEdge& edge : mesh.edges) {
+        if (edge.left_triangle == kNoTriangle || edge.right_triangle == kNoTriangle) continue;
+        if (parent_[edge.left_triangle] == kNoGroup || parent_[edge.right_triangle] == kNoGroup) continue;
+        const std::uint16_t left = root_of(static_cast<std::uint16_t>(edge.left_triangle));
+        const std::uint16_t right = root_of(static_cast<std::uint16_t>(edge.right_triangle));
+        parent_[std::max(left, right)] = std::min(left, right);
     }
-    sort(inliers_.span(), [&](std::uint16_t a, std::uint16_t b) {
-        return members_[a] != members_[b] ? members_[a] > members_[b] : a < b;
+    roots_.clear();  // of the groups, largest first, ties by the lower root
+    for (std::size_t i = 0; i < triangles; ++i) {
+        if (parent_[i] == kNoGroup) continue;
+        const std::uint16_t root = root_of(static_cast<std::uint16_t>(i));
+        if (triangles_of_[root]++ == 0) STILLMESH_CHECK(roots_.push(root));
+    }
+    sort(roots_.span(), [&](std::uint16_t a, std::uint16_t b) {
+        return triangles_of_[a] != triangles_of_[b] ? triangles_of_[a] > triangles_of_[b] : a < b;
     });
-    groups_count_ = static_cast<std::uint32_t>(std::min(inliers_.size(), groups_.size()));
+    groups_count_ = static_cast<std::uint32_t>(std::min(roots_.size(), groups_.size()));
+    for (const std::uint16_t root : roots_) triangles_of_[root] = kNoGroup;  // from here on: the root's group
     for (std::uint32_t g = 0; g < groups_count_; ++g) {
         groups_[g] = Group{};
-        groups_[g].points = members_[inliers_[g]];
+        triangles_of_[roots_[g]] = static_cast<std::uint16_t>(g);
     }
+    // A vertex that several groups share belongs to the largest.
+    members_.set_size(vertices);
     for (std::size_t i = 0; i < vertices; ++i) members_[i] = kNoGroup;
-    for (std::uint32_t g = 0; g < groups_count_; ++g) members_[inliers_[g]] = static_cast<std::uint16_t>(g);
-    for (std::size_t i = 0; i < mesh.vertex_of_point.size(); ++i) {
-        const std::uint16_t root = root_of(static_cast<std::uint16_t>(mesh.vertex_of_point[i]));
-        group_of_correspondence_[correspondence_of_pixel_[i]] = members_[root];
+    for (std::size_t i = 0; i < triangles; ++i) {
+        if (parent_[i] == kNoGroup) continue;
+        const std::uint16_t g = triangles_of_[root_of(static_cast<std::uint16_t>(i))];
+        if (g == kNoGroup) continue;
+        groups_[g].area_px2 += twice_area(mesh, mesh.triangles[i]) * kArea_px2;
+        for (const std::uint32_t vertex : mesh.triangles[i].vertex) members_[vertex] = std::min(members_[vertex], g);
     }
-    for (const MeshTriangle& triangle : mesh.triangles) {
-        if (!is_whole(triangle)) continue;
-        const std::uint16_t g = members_[root_of(static_cast<std::uint16_t>(triangle.vertex[0]))];
-        if (g != kNoGroup) groups_[g].area_px2 += twice_area(mesh, triangle) * kArea_px2;
+    for (std::size_t i = 0; i < mesh.vertex_of_point.size(); ++i) {
+        const std::uint16_t g = members_[mesh.vertex_of_point[i]];
+        group_of_correspondence_[correspondence_of_pixel_[i]] = g;
+        if (g != kNoGroup) ++groups_[g].points;
     }
     const auto points_all = static_cast<double>(mesh.vertex_of_point.size());
     for (std::uint32_t g = 0; g < groups_count_; ++g) {  // Eq. 1
@@ -264,7 +270,6 @@ void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, c
     fitted_groups_ = 0;
     for (std::uint32_t g = 0; g < groups_count_ && g < kFittedGroupsMax; ++g) {
         Group& group = groups_[g];
-        if (group.points < parameters.region.group_points_min) break;
         if (choice.iterations >= parameters.pose.coarse_total_max) break;
         fitted_groups_ = g + 1;
         group.voters = 0;

@@ -62,8 +62,10 @@ public:
         FixedVector<std::uint16_t>::plan(arena, n);
         FixedVector<std::uint16_t>::plan(arena, n);
         FixedVector<std::uint16_t>::plan(arena, n);
+        FixedVector<std::uint16_t>::plan(arena, mesh_triangles_max(n));
         arena.array<std::uint16_t>(n);
-        arena.array<std::uint16_t>(n);
+        arena.array<std::uint16_t>(mesh_triangles_max(n));
+        arena.array<std::uint16_t>(mesh_triangles_max(n));
         arena.array<std::uint16_t>(n);
         arena.array<std::uint8_t>(mesh_edges_max(n));
         arena.array<std::uint8_t>(n);
@@ -111,7 +113,7 @@ private:
         const std::uint16_t g = group_of_correspondence_[correspondence];
         return g < fitted_groups_ ? groups_[g].agreement : 1.0;
     }
-    [[nodiscard]] std::uint16_t root_of(std::uint16_t vertex) noexcept;
+    [[nodiscard]] std::uint16_t root_of(std::uint16_t triangle) noexcept;
 
     Delaunay delaunay_;
     FixedVector<PixelPoint> pixels_;                      // of the correspondences with depth
@@ -121,7 +123,9 @@ private:
     FixedVector<std::uint16_t> all_;
     FixedVector<std::uint16_t> inliers_;        // scratch
     std::span<std::uint16_t> first_of_vertex_;  // correspondence that stands for a vertex
-    std::span<std::uint16_t> parent_;           // union-find over vertices
+    std::span<std::uint16_t> parent_;        // union-find over triangles; kNoGroup: not whole
+    std::span<std::uint16_t> triangles_of_;  // scratch, by root: how many triangles, then which group
+    FixedVector<std::uint16_t> roots_;       // scratch
     std::span<std::uint16_t> group_of_correspondence_;
     std::span<std::uint8_t> edge_kept_;
     std::span<std::uint8_t> is_inlier_;     // scratch, by correspondence
