@@ -91,6 +91,12 @@ public:
     }
     [[nodiscard]] std::uint32_t groups_count() const noexcept { return groups_count_; }
     [[nodiscard]] const Group& group(std::size_t i) const noexcept { return groups_[i]; }
+    // Those that vote, and for each the best motion of its own group; null when it has none.
+    [[nodiscard]] std::span<const std::uint16_t> voters() const noexcept { return all_.span(); }
+    [[nodiscard]] const SE3* own_motion(std::size_t correspondence) const noexcept {
+        const std::uint16_t g = group_of_correspondence_[correspondence];
+        return g < fitted_groups_ && groups_[g].is_fitted ? &groups_[g].motion : nullptr;
+    }
     // The correspondences that agree with the choice.
     [[nodiscard]] std::span<const std::uint16_t> chosen() const noexcept { return chosen_.span(); }
 

@@ -429,7 +429,7 @@ bool Tracking::estimate() noexcept {
         choose_again(choice);
     }
     if (is_young && choice.is_valid) {
-        adapt_noise(choice.world_from_camera, region_.chosen());
+        adapt_noise(choice.world_from_camera, region_.voters(), true);
         choose_again(choice);
     }
     observe(Stage::kRegion, false);
@@ -495,7 +495,7 @@ bool Tracking::estimate() noexcept {
     lost_frames_ = 0;
     measured_time_ns_ = time_ns_;
     if (is_sure) {
-        adapt_noise(fit.world_from_camera, chosen_.span());
+        if (!is_young) adapt_noise(fit.world_from_camera, chosen_.span(), false);
         ++noise_frames_;
     }
     judge(fit.world_from_camera, is_sure);
@@ -557,7 +557,8 @@ bool Tracking::recover() noexcept {
     return true;
 }
 
-void Tracking::adapt_noise(const SE3& world_from_camera, std::span<const std::uint16_t> chosen) noexcept {
+void Tracking::adapt_noise(const SE3& world_from_camera, std::span<const std::uint16_t> chosen,
+                           bool by_group) noexcept {
     const SE3 camera_from_world = world_from_camera.inverse();
     // Medians of squared normalised residuals over those of chi-square with two degrees of freedom and with one.
     constexpr double kMedian2 = 1.386;
@@ -570,7 +571,8 @@ void Tracking::adapt_noise(const SE3& world_from_camera, std::span<const std::ui
         residuals_.clear();
         for (const std::uint16_t i : chosen) {
             const Correspondence& c = correspondences_[i];
-            const Vector3 q = camera_from_world * c.p_world;
+            const SE3* const own = by_group ? region_.own_motion(i) : nullptr;
+            const Vector3 q = own != nullptr ? own->inverse() * c.p_world : camera_from_world * c.p_world;
             if (!c.has_depth || q.z() < kDepthMin_m) continue;
             const Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
             const double chi2 = is_depth ? r.z * r.z * r.info_z : r.x * r.x * r.info_x + r.y * r.y * r.info_y;

@@ -84,7 +84,8 @@ private:
     void choose_again(RegionChoice& choice) noexcept;
     void judge(const SE3& world_from_camera, bool is_sure) noexcept;
     // Follows how large residuals really are: real rooms and lenses differ from any noise model by factors.
-    void adapt_noise(const SE3& world_from_camera, std::span<const std::uint16_t> chosen) noexcept;
+    // `by_group`: each body under its own motion, which does not depend on what was chosen.
+    void adapt_noise(const SE3& world_from_camera, std::span<const std::uint16_t> chosen, bool by_group) noexcept;
     [[nodiscard]] bool wants_keyframe() const noexcept;
     void make_keyframe() noexcept;
     [[nodiscard]] bool lies_among_moving(std::size_t feature) const noexcept;
