@@ -205,9 +205,9 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
     double votes_all = 0;
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
         const Correspondence& c = correspondences[i];
-        votes_all += c.vote;
+        votes_all += area_of(c);
         if (is_inlier_[i] == 0) continue;
-        votes += c.vote * agreement_at(i);
+        votes += area_of(c) * agreement_at(i);
         ++support.inliers;
     }
     // Eq. 1 with votes: a point counts by what the past knows of it, a triangle when all of it agrees.
