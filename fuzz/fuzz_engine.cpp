@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "engine/base/arena.hpp"
+#include "engine/base/check.hpp"
 #include "engine/engine.hpp"
 #include "fuzz/fuzz.hpp"
 #include "fuzz/pictures.hpp"
@@ -20,6 +21,14 @@ namespace {
 using namespace stillmesh;
 
 constexpr std::uint32_t kFramesMax = 16;
+
+// A failed check says which before it stops.
+const bool kPrintsChecks = [] {
+    set_check_handler([](const char* expression, const char* file, std::int32_t line) noexcept {
+        std::fprintf(stderr, "check failed: %s (%s:%d)\n", expression, file, line);
+    });
+    return true;
+}();
 
 // A block of exactly the needed size, so that one byte too many is seen, full of `garbage`.
 class Block {

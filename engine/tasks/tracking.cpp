@@ -128,7 +128,12 @@ void Tracking::reset() noexcept {
     noise_frames_ = 0;
     pose_ = PoseEstimate{};
     world_from_camera_ = SE3{};
+    // What view() shows.
+    features_.clear();
     correspondences_.clear();
+    chosen_.clear();
+    frame_statistics_ = FrameStatistics{};
+    region_.build({}, features_.keypoints.span(), configuration_.region, context_);
 }
 
 GreyView Tracking::grey_of(const Frame& frame) noexcept {

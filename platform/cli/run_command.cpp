@@ -94,16 +94,18 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
 
 int replay(const RunArguments& arguments, std::int64_t begin_ns) {
     const SessionSizes sizes = session_sizes(arguments.session.limits);
-    ReplayCamera camera({.folder = arguments.replay,
+    std::string folder = arguments.replay;
+    while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+    ReplayCamera camera({.folder = folder,
                          .calibration = arguments.calibration,
                          .width_max = sizes.width_max,
                          .height_max = sizes.height_max});
     if (camera.open() != Status::kOk) return refuse(camera.message());
     RunRecord record;
-    record.input = arguments.replay;
+    record.input = folder;
     record.calibration = camera.calibration_source();
     // The truth is read before anything is tracked: a broken file is bad input, not a failed run.
-    const std::string truth_file = arguments.replay + "/groundtruth.txt";
+    const std::string truth_file = folder + "/groundtruth.txt";
     std::string message;
     std::error_code error;
     if (std::filesystem::exists(truth_file, error) &&
@@ -140,7 +142,10 @@ int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
     record.calibration = "the simulated camera's own";
     SimulatedCamera simulated(std::move(options));
     TruthfulCamera camera(simulated, record.truth);
+    const std::int64_t building_ns = monotonic_ns();
     if (camera.open() != Status::kOk) return refuse(simulated.message() + ".");
+    // Building the simulated world is no part of the program's start-up.
+    begin_ns += monotonic_ns() - building_ns;
     return track(
         camera, [&simulated] { return simulated.message(); }, simulated.frame_count(), arguments, begin_ns, record);
 }

@@ -48,9 +48,19 @@ public:
         std::vector<MeshSnapshot> chosen;
         const std::size_t wanted = std::min<std::size_t>(kept_.size(), count_max_);
         for (std::size_t i = 0; i < wanted; ++i) chosen.push_back(std::move(kept_[i * kept_.size() / wanted]));
-        const bool is_new = std::none_of(chosen.begin(), chosen.end(),
-                                         [this](const MeshSnapshot& s) { return s.frame == busiest_.frame; });
-        if (busiest_.width > 0 && is_new) chosen.push_back(std::move(busiest_));
+        const auto distance = [this](const MeshSnapshot& s) {
+            return s.frame > busiest_.frame ? s.frame - busiest_.frame : busiest_.frame - s.frame;
+        };
+        const auto nearest =
+            std::min_element(chosen.begin(), chosen.end(),
+                             [&](const MeshSnapshot& a, const MeshSnapshot& b) { return distance(a) < distance(b); });
+        if (busiest_.width > 0) {  // in place of the one nearest to it
+            if (nearest == chosen.end()) {
+                chosen.push_back(std::move(busiest_));
+            } else {
+                *nearest = std::move(busiest_);
+            }
+        }
         std::sort(chosen.begin(), chosen.end(),
                   [](const MeshSnapshot& a, const MeshSnapshot& b) { return a.frame < b.frame; });
         return chosen;
@@ -89,7 +99,10 @@ public:
             return;
         }
         ++lost_frames_;
-        ++faults_[static_cast<std::size_t>(diagnose(frame))];
+        const auto fault = static_cast<std::size_t>(diagnose(frame));
+        ++faults_[fault];
+        ++all_faults_[fault];
+        ++all_lost_frames_;
     }
     void finish() { end_of_loss(last_ns_); }
     [[nodiscard]] std::string sentence(std::int64_t lost_max_ns) const {
@@ -98,18 +111,25 @@ public:
                            static_cast<double>(longest_ns_) * 1e-9, longest_frames_,
                            static_cast<double>(longest_begin_ns_ - first_ns_) * 1e-9, fault_sentence(longest_fault_));
     }
+    // What most of the frames without a measured pose say, of the whole run.
+    [[nodiscard]] const char* fault() const { return fault_sentence(most_say(all_faults_, all_lost_frames_)); }
 
 private:
+    using Counts = std::array<std::uint64_t, 6>;
+    // What more than half of the frames say; else the general sentence.
+    [[nodiscard]] static FrameFault most_say(const Counts& faults, std::uint64_t frames) {
+        FrameFault fault = FrameFault::kNone;
+        for (std::size_t i = 0; i < faults.size(); ++i) {
+            if (faults[i] * 2 > frames) fault = static_cast<FrameFault>(i);
+        }
+        return fault;
+    }
     void end_of_loss(std::int64_t now_ns) {
         if (lost_frames_ > 0 && now_ns - last_measured_ns_ > longest_ns_) {
             longest_ns_ = now_ns - last_measured_ns_;
             longest_begin_ns_ = last_measured_ns_;
             longest_frames_ = lost_frames_;
-            // What more than half of the frames say; else the general sentence.
-            longest_fault_ = FrameFault::kNone;
-            for (std::size_t i = 0; i < faults_.size(); ++i) {
-                if (faults_[i] * 2 > lost_frames_) longest_fault_ = static_cast<FrameFault>(i);
-            }
+            longest_fault_ = most_say(faults_, lost_frames_);
         }
         lost_frames_ = 0;
         faults_ = {};
@@ -117,7 +137,8 @@ private:
 
     std::int64_t first_ns_ = -1, last_ns_ = 0, last_measured_ns_ = 0;
     std::uint64_t lost_frames_ = 0;
-    std::array<std::uint64_t, 6> faults_{};
+    Counts faults_{}, all_faults_{};
+    std::uint64_t all_lost_frames_ = 0;
     std::int64_t longest_ns_ = 0, longest_begin_ns_ = 0;
     std::uint64_t longest_frames_ = 0;
     FrameFault longest_fault_ = FrameFault::kNone;
@@ -253,8 +274,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.problems.push_back(sentence);
         if (code == kExitDone) code = kExitFailed;
     } else if (record.frames_total > 0 && record.coverage() < 0.5) {
-        record.problems.push_back(
-            fmt::format("only {:.0f} % of the frames have a measured pose.", 100.0 * record.coverage()));
+        record.problems.push_back(fmt::format("only {:.0f} % of the frames have a measured pose: {}.",
+                                              100.0 * record.coverage(), loss.fault()));
         if (code == kExitDone) code = kExitFailed;
     }
     if (gap_longest_ns > options.lost_ns) {

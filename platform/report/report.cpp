@@ -23,12 +23,12 @@ constexpr const char* kHead = R"HTML(<!DOCTYPE html>
 --truth:#8a94a3;--path:#5b9dff;--good:#3fc077;--unsure:#f0b03a;--bad:#f06a6a;--none:#6d7683}}
 *{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
 main{max-width:1120px;margin:0 auto;padding:32px 20px 60px}h1{font-size:28px;margin:0}h2{font-size:19px;margin:0}
-header p,.note{color:var(--soft);margin:4px 0 0}code{font-size:13px;overflow-wrap:anywhere}
+header p,.note{color:var(--soft);margin:4px 0 0}main>.note{margin-top:14px}code{font-size:13px;overflow-wrap:anywhere}
 section{background:var(--card);border:1px solid var(--line);border-radius:10px;padding:20px 22px;margin-top:18px}
 .cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(195px,1fr));gap:14px;margin-top:20px}
 .card{background:var(--card);border:1px solid var(--line);border-left:5px solid var(--none);border-radius:10px;padding:14px 16px}
 .card.good{border-left-color:var(--good)}.card.fair{border-left-color:var(--unsure)}.card.bad{border-left-color:var(--bad)}
-.card b{display:block;font-size:25px;line-height:1.25}.card span{color:var(--soft);font-size:13px;display:block}
+.card b{display:block;font-size:23px;line-height:1.4;white-space:nowrap}.card span{color:var(--soft);font-size:13px;display:block}
 .problem{border-left:5px solid var(--bad)}svg{display:block;width:100%;height:auto;margin-top:12px}
 svg text{fill:var(--soft);font:12px system-ui,sans-serif}.grid{stroke:var(--line);stroke-width:1}
 .legend{display:flex;flex-wrap:wrap;gap:6px 18px;margin-top:10px;color:var(--soft);font-size:13px}
@@ -143,6 +143,11 @@ struct TimeChart {
     return kColours[static_cast<std::size_t>(state)];
 }
 
+// Small numbers keep what is in them.
+[[nodiscard]] std::string short_number(double value) {
+    return value < 1 ? fmt::format("{:.2f}", value) : fmt::format("{:.1f}", value);
+}
+
 [[nodiscard]] std::string cards(const RunRecord& run) {
     std::string html = "<div class=\"cards\">";
     if (run.evaluation) {
@@ -150,28 +155,29 @@ struct TimeChart {
         html += card(e.ate_rmse_m < 0.05   ? "good"
                      : e.ate_rmse_m < 0.15 ? "fair"
                                            : "bad",
-                     fmt::format("{:.1f} cm", 100 * e.ate_rmse_m), "Error of the path (ATE RMSE)",
-                     "below 5 cm is good, above 15 cm it was led astray");
+                     fmt::format("{} cm", short_number(100 * e.ate_rmse_m)), "Error of the path, ATE",
+                     "root mean square; below 5 cm is good, above 15 cm it was led astray");
         if (e.rpe_pairs > 0) {
             html += card(e.rpe_translation_rmse_m < 0.05  ? "good"
                          : e.rpe_translation_rmse_m < 0.1 ? "fair"
                                                           : "bad",
-                         fmt::format("{:.1f} cm, {:.1f}&deg;", 100 * e.rpe_translation_rmse_m, e.rpe_rotation_rmse_deg),
-                         "Error of one second's motion (RPE)", "below 5 cm is good");
+                         fmt::format("{} cm, {}&deg;", short_number(100 * e.rpe_translation_rmse_m),
+                                     short_number(e.rpe_rotation_rmse_deg)),
+                         "Error of a second's motion", "RPE over 1 s; below 5 cm is good");
         }
     }
     html += card(
         run.coverage() >= 0.98  ? "good"
         : run.coverage() >= 0.9 ? "fair"
                                 : "bad",
-        fmt::format("{:.1f} %", 100 * run.coverage()), "Frames with a measured pose",
+        fmt::format("{:.1f} %", 100 * run.coverage()), "Frames with a pose",
         fmt::format("{} frames, {:.1f} % sure; 98 % is good", run.frames_total, 100 * run.share(PoseState::kTracked)));
     html += card(run.frame_ms.p99() <= 33 ? "good" : "bad",
-                 fmt::format("{:.1f} / {:.1f} ms", run.frame_ms.median(), run.frame_ms.p99()),
-                 "Time per frame, median / 99 %", "a camera at 30 frames/s leaves 33 ms");
+                 fmt::format("{:.1f} / {:.1f} ms", run.frame_ms.median(), run.frame_ms.p99()), "Time per frame",
+                 "median / 99 %; a camera at 30 frames/s leaves 33 ms");
     html += card(run.peak_resident_bytes <= std::size_t{80} * 1024 * 1024 ? "good" : "fair",
-                 fmt::format("{:.1f} MiB", mib(run.peak_resident_bytes)), "Memory of the whole program",
-                 fmt::format("engine: one block of {:.1f} MiB, never more", mib(run.block_bytes)));
+                 fmt::format("{:.1f} MiB", mib(run.peak_resident_bytes)), "Memory",
+                 fmt::format("of the program; the engine's one block is {:.1f} MiB of it", mib(run.block_bytes)));
     return html + "</div>";
 }
 
@@ -430,8 +436,8 @@ struct TimeChart {
     for (std::size_t i = 0; i < groups.size(); ++i) dots(groups[i], kGroups[i]);
     dots(chosen, "#2f8bff");
     return fmt::format(
-        "<figure>{}</g></svg><figcaption>frame {} at {:.1f} s, {}: {} of {} edges kept, {:.0f} % of the "
-        "features moving</figcaption></figure>",
+        "<figure>{}</g></svg><figcaption>frame {}, {:.1f} s, {}: {} of {} edges kept, {:.0f} % of the matches "
+        "move</figcaption></figure>",
         svg, snapshot.frame, seconds_of(run, snapshot.time_ns), pose_state_name(snapshot.state), kept_count,
         snapshot.edges.size(), 100 * snapshot.dynamic_share);
 }
@@ -468,6 +474,7 @@ std::string report_html(const RunRecord& run) {
     for (const std::string& problem : run.problems) {
         html += "<section class=\"problem\">" + escaped(problem) + "</section>";
     }
+    for (const std::string& note : run.notes) html += "<p class=\"note\">Note: " + escaped(note) + "</p>";
     if (run.frames.empty()) return html + "<section>No frame was tracked.</section>" + kTail;
     html += cards(run) + path_section(run) + frames_section(run) + error_section(run) + share_section(run) +
             time_section(run) + memory_section(run);
