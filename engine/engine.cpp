@@ -3,6 +3,7 @@
 #include <new>
 
 #include "engine/base/arena.hpp"
+#include "engine/frame/pyramid.hpp"
 #include "engine/geometry/camera.hpp"
 #include "engine/tasks/tracking.hpp"
 
@@ -85,6 +86,7 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
                                FeatureExtractor* extractor) noexcept {
     if (!is_usable(limits) || stillmesh::validate(configuration, limits).key != nullptr) return Status::kInvalid;
     if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
+    if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
     if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
     if (block.size() < planned_bytes(limits)) return Status::kFull;
     Arena arena(block);

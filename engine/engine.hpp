@@ -125,7 +125,8 @@ class STILLMESH_API Engine {
 public:
     // The engine lies inside `block` (at least bytes_needed(limits), aligned to kArenaAlignment), which must outlive
     // it; so must `kernels` and `extractor` (nullptr: the engine's own).
-    //   kInvalid  camera larger than the limits or not usable, or a configuration that validate() refuses
+    //   kInvalid  camera larger than the limits, below 33x33 px or not usable, or a configuration that validate()
+    //             refuses
     //   kFull     block too small
     [[nodiscard]] static Result<Engine*> create(std::span<std::byte> block, const Limits& limits,
                                                 const Configuration& configuration, const CameraModel& camera,

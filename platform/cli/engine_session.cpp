@@ -150,7 +150,7 @@ public:
         if (!engine.is_ok()) {
             message = fmt::format(
                 "the engine refuses this camera ({}x{} pixels, fx {}, fy {}, cx {}, cy {}): its size must be at least "
-                "64x64 and at most {}x{}, and its distortion must not fold over inside the image; check the camera "
+                "33x33 and at most {}x{}, and its distortion must not fold over inside the image; check the camera "
                 "file.",
                 camera.model.width, camera.model.height, camera.model.fx, camera.model.fy, camera.model.cx,
                 camera.model.cy, limits_.image_width_max, limits_.image_height_max);

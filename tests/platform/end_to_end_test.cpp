@@ -231,13 +231,13 @@ TEST(EndToEnd, RefusesBadInput) {
          "the images are 700x500, the limits allow 640x480"},
         {"smaller than the engine takes",
          [](const Recording& r) {
-             test::write_colour(r.path("rgb/0.png"), 40, 40, false, 0);
-             test::write_depth(r.path("depth/0.png"), 40, 40, 0);
+             test::write_colour(r.path("rgb/0.png"), 32, 32, false, 0);
+             test::write_depth(r.path("depth/0.png"), 32, 32, 0);
              test::write_text(
                  r.path("camera.toml"),
-                 "width = 40\nheight = 40\nfx = 40\nfy = 40\ncx = 20\ncy = 20\ndepth_units_per_m = 5000\n");
+                 "width = 32\nheight = 32\nfx = 32\nfy = 32\ncx = 16\ncy = 16\ndepth_units_per_m = 5000\n");
          },
-         "at least 64x64"},
+         "at least 33x33"},
         {"depth factor 0", [](const Recording& r) { r.replace("camera.toml", "= 5000", "= 0"); }, "depth_units_per_m"},
         {"NaN", [](const Recording& r) { r.replace("camera.toml", "fx = 264.000", "fx = nan"); }, "'fx'"},
         {"unknown key", [](const Recording& r) { r.replace("camera.toml", "cx =", "ccx ="); }, "did you mean 'cx'"},
