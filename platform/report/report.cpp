@@ -28,7 +28,7 @@ section{background:var(--card);border:1px solid var(--line);border-radius:10px;p
 .cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(195px,1fr));gap:14px;margin-top:20px}
 .card{background:var(--card);border:1px solid var(--line);border-left:5px solid var(--none);border-radius:10px;padding:14px 16px}
 .card.good{border-left-color:var(--good)}.card.fair{border-left-color:var(--unsure)}.card.bad{border-left-color:var(--bad)}
-.card b{display:block;font-size:23px;line-height:1.4;white-space:nowrap}.card span{color:var(--soft);font-size:13px;display:block}
+.card b{display:block;font-size:21px;line-height:1.4;white-space:nowrap}.card span{color:var(--soft);font-size:13px;display:block}
 .problem{border-left:5px solid var(--bad)}svg{display:block;width:100%;height:auto;margin-top:12px}
 svg text{fill:var(--soft);font:12px system-ui,sans-serif}.grid{stroke:var(--line);stroke-width:1}
 .legend{display:flex;flex-wrap:wrap;gap:6px 18px;margin-top:10px;color:var(--soft);font-size:13px}
@@ -163,7 +163,7 @@ struct TimeChart {
                                                           : "bad",
                          fmt::format("{} cm, {}&deg;", short_number(100 * e.rpe_translation_rmse_m),
                                      short_number(e.rpe_rotation_rmse_deg)),
-                         "Error of a second's motion", "RPE over 1 s; below 5 cm is good");
+                         "Error over a second", "RPE over 1 s; below 5 cm is good");
         }
     }
     html += card(
@@ -436,8 +436,8 @@ struct TimeChart {
     for (std::size_t i = 0; i < groups.size(); ++i) dots(groups[i], kGroups[i]);
     dots(chosen, "#2f8bff");
     return fmt::format(
-        "<figure>{}</g></svg><figcaption>frame {}, {:.1f} s, {}: {} of {} edges kept, {:.0f} % of the matches "
-        "move</figcaption></figure>",
+        "<figure>{}</g></svg><figcaption>frame {}, {:.1f} s, {}: {} of {} edges kept, {:.0f} % "
+        "moving</figcaption></figure>",
         svg, snapshot.frame, seconds_of(run, snapshot.time_ns), pose_state_name(snapshot.state), kept_count,
         snapshot.edges.size(), 100 * snapshot.dynamic_share);
 }
