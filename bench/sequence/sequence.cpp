@@ -156,7 +156,9 @@ int measure(const std::string& folder, const SessionOptions& options) {
         fmt::print("a whole frame takes {:.2f} times cv::ORB (medians)\n", record.frame_ms.median() / orb.median());
     }
 #endif
-    return heap_calls == 0 ? 0 : complain(folder + ": the engine called the heap.");
+    // cv::ORB calls the heap on every image; the engine never does.
+    const bool is_good = heap_calls == 0 || options.features != "native";
+    return is_good ? 0 : complain(folder + ": the engine called the heap.");
 }
 
 }  // namespace

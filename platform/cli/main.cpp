@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "hal/simulated/simulated_camera.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
@@ -67,29 +68,61 @@ int program(int argc, char** argv) {
     RunArguments arguments;
     std::vector<std::string> later;  // switches of what is not in this build
     CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
-    run_app->add_option("--replay", arguments.replay, "recording in the TUM layout")->type_name("DIR");
-    run_app->add_option("--simulate", arguments.simulate, "simulated camera")->type_name("SCENE[:SEED]");
-    run_app->add_option("--config", arguments.session.configuration, "parameters, TOML")->type_name("FILE");
-    run_app->add_option("--set", arguments.session.assignments, "one parameter, such as region.is_enabled=false")
-        ->type_name("KEY=VALUE");
-    run_app->add_flag("--print-config", arguments.print_config, "print every parameter with its range, and end");
-    run_app->add_option("--scene", arguments.session.scene, "thresholds: indoor or outdoor")
-        ->check(CLI::IsMember({"indoor", "outdoor"}));
-    run_app->add_option("--limits", arguments.session.limits, "memory: room or pocket")
-        ->check(CLI::IsMember({"room", "pocket"}));
-    run_app->add_option("--calibration", arguments.calibration, "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect")
-        ->type_name("FILE|NAME");
-    run_app->add_option("--trajectory", arguments.loop.trajectory, "each pose as it was given out")->type_name("FILE");
-    run_app->add_option("--trajectory-final", arguments.loop.trajectory_final, "each pose as it is known at the end")
-        ->type_name("FILE");
-    run_app->add_option("--state-hashes", arguments.loop.state_hashes, "a line per frame: time and state hash")
-        ->type_name("FILE");
-    run_app->add_option("--report", arguments.report, "write a page to look at: DIR/index.html")->type_name("DIR");
+    run_app->add_option("--replay", arguments.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
+        ->type_name("DIR")
+        ->group("Camera (one of the first two)");
+    run_app
+        ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
+        ->type_name("SCENE[:SEED]")
+        ->group("Camera (one of the first two)");
+    run_app
+        ->add_option("--calibration", arguments.calibration,
+                     "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect; the recording's own if not given")
+        ->type_name("FILE|NAME")
+        ->group("Camera (one of the first two)");
     run_app->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
-        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U));
-    run_app->add_option("--features", arguments.session.features, "native or opencv (cv::ORB)")
-        ->check(CLI::IsMember({"native", "opencv"}));
-    run_app->add_flag("--json", arguments.is_json, "the summary as JSON");
+        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
+        ->type_name("N")
+        ->group("Camera (one of the first two)");
+    run_app->add_option("--report", arguments.report, "a page to look at: DIR/index.html")
+        ->type_name("DIR")
+        ->group("What comes out");
+    run_app->add_option("--trajectory", arguments.loop.trajectory, "each pose as it was given out, TUM format")
+        ->type_name("FILE")
+        ->group("What comes out");
+    run_app->add_option("--trajectory-final", arguments.loop.trajectory_final, "each pose as it is known at the end")
+        ->type_name("FILE")
+        ->group("What comes out");
+    run_app->add_option("--state-hashes", arguments.loop.state_hashes, "a line per frame: time and state hash")
+        ->type_name("FILE")
+        ->group("What comes out");
+    run_app->add_flag("--json", arguments.is_json, "the summary as JSON, no progress")->group("What comes out");
+    run_app->add_option("--scene", arguments.session.scene, "thresholds: indoor (default) or outdoor")
+        ->check(CLI::IsMember({"indoor", "outdoor"}).description(""))
+        ->type_name("NAME")
+        ->group("Engine");
+    run_app->add_option("--limits", arguments.session.limits, "memory: room (default) or pocket (a small board)")
+        ->check(CLI::IsMember({"room", "pocket"}).description(""))
+        ->type_name("NAME")
+        ->group("Engine");
+    run_app->add_option("--features", arguments.session.features, "native (default) or opencv (cv::ORB)")
+        ->check(CLI::IsMember({"native", "opencv"}).description(""))
+        ->type_name("NAME")
+        ->group("Engine");
+    run_app->add_option("--config", arguments.session.configuration, "parameters, TOML")
+        ->type_name("FILE")
+        ->group("Engine");
+    run_app->add_option("--set", arguments.session.assignments, "one parameter over the file's; may be repeated")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false)
+        ->group("Engine");
+    run_app->add_flag("--print-config", arguments.print_config, "print every parameter with its range, and end")
+        ->group("Engine");
+    run_app->footer(
+        "Examples:\n"
+        "  stillmesh run --simulate walking_xyz:1 --report out\n"
+        "  stillmesh run --replay rgbd_dataset_freiburg3_walking_xyz --calibration tum-fr3 --trajectory path.txt\n"
+        "  stillmesh run --replay DIR --set region.is_enabled=false     (what the static region is worth)");
     // Not in this build: parsed all the same, without a place in the help.
     for (const char* name : kLaterOptions) {
         run_app
@@ -112,10 +145,16 @@ int program(int argc, char** argv) {
     SimulateOptions simulation;
     CLI::App* const simulate_command =
         app.add_subcommand("simulate", "write a simulated recording with ground truth and dynamic masks");
-    simulate_command->add_option("scene", simulation.scene, "such as walking_xyz")->required();
-    simulate_command->add_option("--seed", simulation.seed, "another world");
-    simulate_command->add_option("--frames", simulation.frames, "how many; the scene's own length if not given");
+    simulate_command->add_option("scene", simulation.scene, "such as walking_xyz")->required()->type_name("NAME");
+    simulate_command->add_option("--seed", simulation.seed, "another world; 1 if not given")->type_name("N");
+    simulate_command->add_option("--frames", simulation.frames, "how many; the scene's own length if not given")
+        ->type_name("N");
     simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");
+    std::string scenes = "Scenes, at 30 frames/s:\n";
+    for (const SimulatedScene& scene : simulated_scenes()) {
+        scenes += std::string("  ") + scene.name + ", " + std::to_string(scene.frames) + " frames\n";
+    }
+    simulate_command->footer(scenes);
     simulate_command->add_flag("--json", simulation.is_json, "summary as JSON");
 
     std::vector<CLI::App*> later_commands;

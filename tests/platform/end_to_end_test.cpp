@@ -188,8 +188,38 @@ TEST(EndToEnd, SimulatedIsReplayed) {
     EXPECT_NE(text.out.find("report        " + folder.path() + "/report/index.html\n"), std::string::npos) << text.out;
 }
 
+// Promise: real recordings are tracked through the same door, within 80 MiB, with every frame's pose measured or
+// nearly.
+TEST(EndToEnd, RealRecordings) {
+    const char* const data = std::getenv("STILLMESH_TEST_DATA");
+    const char* const ci = std::getenv("CI");
+    if (data == nullptr || !std::filesystem::exists(data)) {
+        if (ci != nullptr && std::string(ci) == "true") FAIL() << "STILLMESH_TEST_DATA must name the recordings in CI";
+        GTEST_SKIP() << "SKIPPED: no real recordings here; set STILLMESH_TEST_DATA to their folder";
+    }
+    for (const char* name : {"fr1_rpy_a", "fr1_rpy_a_walking"}) {
+        const test::TemporaryFolder folder;
+        const std::string replay = std::string(data) + "/" + name;
+        const Answer answer =
+            stillmesh_says("run --json --replay " + replay + " --trajectory " + folder.path() + "/t.txt");
+        ASSERT_EQ(answer.code, 0) << name << ": " << answer.error;
+        EXPECT_GE(answer.json()["coverage"].get<double>(), 0.98) << name;
+#ifndef STILLMESH_IS_SANITIZED
+        EXPECT_LE(answer.json()["peak_resident_bytes"].get<double>(), 80.0 * 1024 * 1024) << name;
+#endif
+        const Answer eval = stillmesh_says("eval --json --groundtruth " + replay + "/groundtruth.txt --trajectory " +
+                                           folder.path() + "/t.txt");
+        EXPECT_NEAR(eval.json()["ate_rmse_m"].get<double>(), answer.json()["evaluation"]["ate_rmse_m"].get<double>(),
+                    1e-8);
+        EXPECT_NE(answer.out.find("4 of 360 colour images have no depth image"), std::string::npos) << answer.out;
+    }
+}
+
 // Promise: at most 80 MiB for 640x480, and a longer recording takes no more.
 TEST(EndToEnd, MemoryStaysBounded) {
+#ifdef STILLMESH_IS_SANITIZED
+    GTEST_SKIP() << "SKIPPED: sanitizers take memory of their own";
+#endif
     const Recording recording(20, nullptr, 640, 480, 10);
     const Answer part = recording.run("--frames 60");
     ASSERT_EQ(part.code, 0) << part.error;
