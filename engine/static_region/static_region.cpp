@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/base/sort.hpp"
 #include "engine/base/numbers.hpp"
+#include "engine/base/sort.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/pose/ransac.hpp"
 #include "engine/pose/residual.hpp"
@@ -122,9 +122,9 @@ void StaticRegion::group_vertices(std::span<const Correspondence> correspondence
     const Mesh& mesh = delaunay_.mesh();
     const std::size_t vertices = mesh.vertices.size();
     const std::size_t triangles = mesh.triangles.size();
-    // One lucky edge must not join two bodies: only whole triangles connect (method.md 5), through the edges they share,
-    // and none across a step in depth, where one body ends and another begins, whether they have moved against each
-    // other yet or not.
+    // One lucky edge must not join two bodies: only whole triangles connect (method.md 5), through the edges they
+    // share, and none across a step in depth, where one body ends and another begins, whether they have moved against
+    // each other yet or not.
     const auto is_whole = [&](const MeshTriangle& t) {
         for (int k = 0; k < 3; ++k) {
             if (edge_kept_[t.edge[k]] == 0) return false;
@@ -392,8 +392,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     for (std::size_t i = 1; i < hypotheses.size(); ++i) {
         if (hypotheses[i].score > hypotheses[best].score) best = i;
     }
-    // How sure: against every other motion, what only the choice explains, and what only the other one does; by area, as
-    // a feature stands for more of the room the farther away it is.
+    // How sure: against every other motion, what only the choice explains, and what only the other one does; by area,
+    // as a feature stands for more of the room the farther away it is.
     choice.margin = 1.0;
     double area_all = 0;
     for (const Correspondence& c : correspondences) area_all += area_of(c);

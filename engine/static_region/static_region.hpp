@@ -129,12 +129,12 @@ private:
     FixedVector<std::uint16_t> all_;
     FixedVector<std::uint16_t> inliers_;        // scratch
     std::span<std::uint16_t> first_of_vertex_;  // correspondence that stands for a vertex
-    std::span<std::uint16_t> parent_;        // union-find over triangles; kNoGroup: not whole
-    std::span<std::uint16_t> triangles_of_;  // scratch, by root: how many triangles, then which group
-    FixedVector<std::uint16_t> roots_;       // scratch
+    std::span<std::uint16_t> parent_;           // union-find over triangles; kNoGroup: not whole
+    std::span<std::uint16_t> triangles_of_;     // scratch, by root: how many triangles, then which group
+    FixedVector<std::uint16_t> roots_;          // scratch
     std::span<std::uint16_t> group_of_correspondence_;
     std::span<std::uint8_t> edge_kept_;
-    std::span<std::uint8_t> is_inlier_;     // scratch, by correspondence
+    std::span<std::uint8_t> is_inlier_;      // scratch, by correspondence
     std::span<std::uint16_t> explained_by_;  // scratch, by correspondence: a bit for each hypothesis it agrees with
     std::span<Group> groups_;
     static constexpr std::uint32_t kFittedGroupsMax = 10;

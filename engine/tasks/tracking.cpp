@@ -361,7 +361,7 @@ void Tracking::track(const Frame& frame) noexcept {
             if (!is_predicted) ++statistics_.frames_lost;
             world_from_camera_previous_ = world_from_camera_;
             if (is_predicted) world_from_camera_ = predicted_;
-            give_out(is_predicted ? PoseState::kPredicted : PoseState::kNone, Matrix6::Zero(), 0);
+            give_out(is_predicted ? PoseState::kPredicted : PoseState::kNone, Matrix6::Zero());
         }
     }
     previous_time_ns_ = last_time_ns_;
@@ -388,7 +388,7 @@ void Tracking::start_map() noexcept {
     for (const MeasuredFeature& m : measured_) usable += m.var_z >= 0 ? 1U : 0U;
     region_.build({}, features_.keypoints.span(), configuration_.region, context_);
     if (usable < 2 * configuration_.pose.inliers_min) {  // nothing to start from: say so, try the next frame
-        give_out(PoseState::kNone, Matrix6::Zero(), 0);
+        give_out(PoseState::kNone, Matrix6::Zero());
         return;
     }
     world_from_camera_ = SE3{};
@@ -403,7 +403,11 @@ void Tracking::start_map() noexcept {
     }
     make_keyframe();
     keyframe_tracked_ = usable;
-    give_out(PoseState::kTracked, Matrix6::Identity() * 1e10, 1.0);
+    map_covariance_ = Matrix6::Zero();
+    covariance_ = Matrix6::Zero();
+    renewed_share_ = 0;
+    give_out(PoseState::kTracked, Matrix6::Identity() * 1e10);  // where the odometry begins is no measurement
+    renewed_share_ = 1;
 }
 
 bool Tracking::estimate() noexcept {
@@ -505,7 +509,7 @@ bool Tracking::estimate() noexcept {
     }
     judge(fit.world_from_camera, is_sure);
     if (wants_keyframe()) make_keyframe();
-    give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information, fit.mean_chi2);
+    give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information);
     observe(Stage::kMapUpdate, false);
     return true;
 }
@@ -717,6 +721,7 @@ void Tracking::make_keyframe() noexcept {
     }
     keyframe_frame_ = frame_;
     keyframe_tracked_ = static_count_ + added / 2;
+    renewed_share_ = static_cast<double>(added) / static_cast<double>(std::max(static_count_ + added, 1U));
     frame_statistics_.is_keyframe = true;
     ++statistics_.keyframes_made;
 }
@@ -762,14 +767,33 @@ void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::ui
     map_.add_observation(keyframe, {taken.value(), keypoint.x, keypoint.y});
 }
 
-void Tracking::give_out(PoseState state, const Matrix6& information, double mean_chi2) noexcept {
-    static_cast<void>(mean_chi2);
+// How sure the pose is: what this frame measured, and what the map that it was measured against has drifted by.
+void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
     pose_.time_ns = time_ns_;
     pose_.state = state;
     pose_.odom_from_camera = transform_of(world_from_camera_);
-    Matrix6 covariance = Matrix6::Zero();
-    if (!invert_spd(information, covariance)) covariance = Matrix6::Identity();
-    for (int i = 0; i < 36; ++i) pose_.covariance[i] = covariance(i / 6, i % 6);
+    Matrix6 measured = Matrix6::Zero();
+    if ((state == PoseState::kTracked || state == PoseState::kUnsure) && invert_spd(information, measured)) {
+        // Points that a keyframe adds carry the error of its pose for good: the local map drifts by as much as it is
+        // renewed.
+        const Matrix6 to_world = se3_adjoint(world_from_camera_);
+        Matrix6 half;
+        half.noalias() = to_world * measured;
+        Matrix6 added;
+        added.noalias() = half * to_world.transpose();
+        map_covariance_ += added * renewed_share_;
+        renewed_share_ = 0;
+        const Matrix6 to_camera = se3_adjoint(world_from_camera_.inverse());
+        half.noalias() = to_camera * map_covariance_;
+        covariance_.noalias() = half * to_camera.transpose();
+        covariance_ += measured;
+    } else {
+        for (int i = 0; i < 6; ++i) {
+            const double sigma = i < 3 ? context_.prediction_sigma_m : context_.prediction_sigma_rad;
+            covariance_(i, i) += sigma * sigma * std::max(lost_frames_, 1U);
+        }
+    }
+    for (int i = 0; i < 36; ++i) pose_.covariance[i] = covariance_(i / 6, i % 6);
 }
 
 void Tracking::fill(EngineStatistics& statistics) const noexcept {

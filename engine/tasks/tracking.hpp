@@ -90,7 +90,7 @@ private:
     void make_keyframe() noexcept;
     [[nodiscard]] bool lies_among_moving(std::size_t feature) const noexcept;
     void add_point(std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths) noexcept;
-    void give_out(PoseState state, const Matrix6& information, double mean_chi2) noexcept;
+    void give_out(PoseState state, const Matrix6& information) noexcept;
     void observe(Stage stage, bool is_begin) const noexcept {
         if (observer_.on_stage != nullptr) observer_.on_stage(observer_.user, stage, is_begin);
     }
@@ -129,7 +129,10 @@ private:
     std::int64_t previous_time_ns_ = 0;
     std::uint64_t frame_ = 0;
     std::uint64_t keyframe_frame_ = 0;
-    std::uint32_t keyframe_tracked_ = 0;  // static points right after the last keyframe
+    Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
+    Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
+    double renewed_share_ = 0;                  // of the local map that the last keyframe added
+    std::uint32_t keyframe_tracked_ = 0;        // static points right after the last keyframe
     std::uint32_t lost_frames_ = 0;
     std::uint32_t static_count_ = 0;
     std::uint32_t new_points_possible_ = 0;
