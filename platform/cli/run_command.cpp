@@ -70,7 +70,8 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
     RunLoopOptions loop = arguments.loop;
     loop.frames_expected = loop.frames_max > 0 && loop.frames_max < frames ? loop.frames_max : frames;
     loop.snapshots_max = arguments.report.empty() ? 0 : 6;
-    loop.keep_trajectory = true;
+    // 64 bytes a frame, for the error and the report only.
+    loop.keep_trajectory = !arguments.report.empty() || !record.truth.empty() || !arguments.simulate.empty();
     loop.show_progress = !arguments.is_json;
     int code = run_loop(camera, camera_message, *session, loop, record);
     session.reset();  // its memory is free for the evaluation

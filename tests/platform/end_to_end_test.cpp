@@ -164,6 +164,22 @@ TEST(EndToEnd, TracksTwiceTheSame) {
     EXPECT_EQ(first.json()["state_hash"], second.json()["state_hash"]);
 }
 
+// Promise: colour pictures whose three channels are one grey are tracked to the same bits as the grey ones.
+TEST(EndToEnd, ColourIsGrey) {
+    const Recording grey(12);
+    const Recording colour(12);
+    const Recording again(12, [&colour](Picture& p) {
+        std::vector<std::uint8_t> rgb;
+        for (const std::uint8_t value : p.grey) rgb.insert(rgb.end(), 3, value);
+        test::write_bytes(colour.path("rgb/" + std::to_string(p.index) + ".png"),
+                          test::encode_png(p.width, p.height, SPNG_COLOR_TYPE_TRUECOLOR, 8, rgb));
+    });
+    const Answer expected = grey.run();
+    const Answer answer = colour.run();
+    ASSERT_EQ(answer.code, 0) << answer.error;
+    EXPECT_EQ(answer.json()["state_hash"], expected.json()["state_hash"]);
+}
+
 // Promise: a scene tracked as it is rendered is the scene written to disk and replayed, bit for bit; the error against
 // the simulation's truth is told, and the report is written.
 TEST(EndToEnd, SimulatedIsReplayed) {
