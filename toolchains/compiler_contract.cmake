@@ -36,6 +36,8 @@ add_library(stillmesh_engine_contract INTERFACE)
 target_link_libraries(stillmesh_engine_contract INTERFACE stillmesh_contract)
 target_compile_options(stillmesh_engine_contract INTERFACE -fno-exceptions -fno-rtti -fno-threadsafe-statics
     -fvisibility=hidden -fvisibility-inlines-hidden -ffunction-sections -fdata-sections -fno-asynchronous-unwind-tables
+    # Unique symbols are global and stay so whatever objcopy is told (engine/CMakeLists.txt).
+    $<$<CXX_COMPILER_ID:GNU>:-fno-gnu-unique>
     # One .su file beside each object: tests/house holds every frame against a limit.
     $<$<CXX_COMPILER_ID:GNU>:-fstack-usage>)
 
