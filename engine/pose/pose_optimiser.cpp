@@ -7,15 +7,16 @@
 namespace stillmesh {
 namespace {
 
-// Lower triangle L with L L^T = a; false when a pivot is not positive.
+// Lower triangle L with L L^T = a; false when a pivot is not positive, or nothing but what rounding left of it.
 bool cholesky(const Matrix6& a, Matrix6& l) noexcept {
+    constexpr double kRounding = 1e-11;
     l.setZero();
     for (int i = 0; i < 6; ++i) {
         for (int j = 0; j <= i; ++j) {
             double sum = a(i, j);
             for (int k = 0; k < j; ++k) sum -= l(i, k) * l(j, k);
             if (i == j) {
-                if (!(sum > 1e-12)) return false;
+                if (!(sum > 1e-12 && sum > kRounding * a(i, i))) return false;
                 l(i, i) = std::sqrt(sum);
             } else {
                 l(i, j) = sum / l(j, j);
@@ -47,6 +48,9 @@ void accumulate(const double row[6], double r, double weight, Matrix6& h, Vector
     }
 }
 
+// The most that one point costs, in thresholds; a point behind the camera costs it.
+constexpr double kCostMax = 15.0;
+
 struct System {
     Matrix6 h = Matrix6::Zero();
     Vector6 g = Vector6::Zero();
@@ -64,12 +68,13 @@ System linearise(std::span<const Correspondence> correspondences, std::span<cons
         const Vector3 q = camera_from_world * c.p_world;
         const double vote = c.vote * vote_scale;
         if (q.z() < kDepthMin_m) {
-            s.cost += vote * chi2_max;
+            s.cost += vote * kCostMax * chi2_max;
             continue;
         }
         const Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
         const double chi2 = r.chi2();
-        // Huber, then nothing at all far beyond the threshold: a gross outlier has no say.
+        // Huber, then nothing at all far beyond the threshold: a gross outlier has no say. The cost is what these
+        // weights integrate to, up to kCostMax chi2_max: were it Huber's, one outlier could veto every step.
         double robust = 1.0;
         if (chi2 <= chi2_max) {
             s.cost += vote * chi2;
@@ -77,9 +82,13 @@ System linearise(std::span<const Correspondence> correspondences, std::span<cons
             s.inlier_chi2 += chi2;
         } else {
             const double ratio = std::sqrt(chi2_max / chi2);
-            s.cost += vote * (2.0 * chi2_max / ratio - chi2_max);
             robust = ratio;
-            if (chi2 > 16.0 * chi2_max) robust *= 16.0 * chi2_max / chi2;
+            if (chi2 <= 16.0 * chi2_max) {
+                s.cost += vote * chi2_max * (2.0 / ratio - 1.0);
+            } else {
+                s.cost += vote * chi2_max * (kCostMax - 32.0 * ratio);
+                robust *= 16.0 * chi2_max / chi2;
+            }
         }
         // d q / d xi for T * exp(xi): q' = exp(-xi) q, so dq = -v + [q]x w.
         const double iz = 1.0 / q.z();
@@ -164,7 +173,8 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
     fit.information = system.h;
     fit.inliers = system.inliers;
     fit.mean_chi2 = system.inliers > 0 ? system.inlier_chi2 / system.inliers : 0.0;
-    fit.is_valid = system.inliers >= 3;
+    Matrix6 l;
+    fit.is_valid = system.inliers >= 3 && cholesky(fit.information, l);
     return fit;
 }
 
