@@ -9,8 +9,7 @@ namespace stillmesh {
 void Map::create(Arena& arena, const Limits& limits) noexcept {
     points_.create(arena, limits.map_points_max);
     keyframes_.create(arena, limits.keyframes_max);
-    observations_ =
-        arena.array<Observation>(static_cast<std::size_t>(limits.keyframes_max) * limits.features_max);
+    observations_ = arena.array<Observation>(static_cast<std::size_t>(limits.keyframes_max) * limits.features_max);
     by_age_ = arena.array<std::uint64_t>(limits.map_points_max);
     features_max_ = limits.features_max;
 }
@@ -30,13 +29,25 @@ void Map::make_room_for_points(std::uint32_t count, std::uint64_t frame) noexcep
     }
     const std::size_t going = std::min<std::size_t>(count, candidates);
     const auto begin = by_age_.begin();
-    std::nth_element(begin, begin + static_cast<std::ptrdiff_t>(going), begin + static_cast<std::ptrdiff_t>(candidates));
+    std::nth_element(begin, begin + static_cast<std::ptrdiff_t>(going),
+                     begin + static_cast<std::ptrdiff_t>(candidates));
     // Release in slot order, so that the free list does not depend on how the library partitions.
     sort(by_age_.first(going));
     for (std::size_t i = 0; i < going; ++i) {
         points_.release(points_.handle_of(static_cast<std::uint32_t>(by_age_[i] & 0xffffffU)));
     }
     points_forgotten_ += going;
+}
+
+void Map::cull_points(std::uint64_t frame) noexcept {
+    for (std::uint32_t slot = 0; slot < points_.slots_count(); ++slot) {
+        if (!points_.is_taken(slot)) continue;
+        const MapPoint& point = points_.at(slot);
+        if (point.last_seen_frame + kCullAfter_frames >= frame) continue;
+        if (!point.is_suspect && point.seen >= kSeenMin) continue;
+        points_.release(points_.handle_of(slot));
+        ++points_forgotten_;
+    }
 }
 
 Handle<Keyframe> Map::add_keyframe() noexcept {

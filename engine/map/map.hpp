@@ -14,9 +14,9 @@
 namespace stillmesh {
 
 struct MapPoint {
-    double world[3] = {};   // m; best estimate. Of a moving point: where it was last seen
-    double anchor[3] = {};  // m; where it was first seen (of a moving point: about a second ago)
-    double var_z = 0, var_lateral = 0;                // of `world`, along and across the ray, m^2
+    double world[3] = {};               // m; best estimate. Of a moving point: where it was last seen
+    double anchor[3] = {};              // m; where it was first seen (of a moving point: about a second ago)
+    double var_z = 0, var_lateral = 0;  // of `world`, along and across the ray, m^2
     double anchor_var_z = 0, anchor_var_lateral = 0;  // of `anchor`
     Descriptor descriptor;
     std::int64_t created_ns = 0;
@@ -44,6 +44,9 @@ struct Observation {
 
 class Map {
 public:
+    static constexpr std::uint64_t kCullAfter_frames = 30;
+    static constexpr std::uint16_t kSeenMin = 3;
+
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         Pool<MapPoint>::plan(arena, limits.map_points_max);
         Pool<Keyframe>::plan(arena, limits.keyframes_max);
@@ -55,6 +58,8 @@ public:
 
     // Forgets the `count` points least recently seen (ties: the lower slot). Those seen in `frame` stay.
     void make_room_for_points(std::uint32_t count, std::uint64_t frame) noexcept;
+    // Forgets what is not worth keeping: unseen for a second, and moving or hardly ever seen before.
+    void cull_points(std::uint64_t frame) noexcept;
     // The new keyframe is the newest; when the pool is full the oldest goes first.
     [[nodiscard]] Handle<Keyframe> add_keyframe() noexcept;
     void add_observation(Handle<Keyframe> keyframe, const Observation& observation) noexcept;

@@ -180,12 +180,16 @@ void Tracking::predict(std::int64_t time_ns) noexcept {
         double factor = std::min(dt / before, 3.0);
         for (std::uint32_t i = 0; i < std::min(lost_frames_, 20U); ++i) factor *= 0.8;
         xi *= factor;
+        // Nobody slides on for long either; a turn goes on longer.
+        if (pose_.state != PoseState::kTracked) {
+            for (int i = 0; i < 3; ++i) xi(i) *= 0.7;
+        }
         predicted_ = world_from_camera_ * se3_exp(xi);
     }
     // Hands and wheels accelerate by some m/s^2 and some tens of rad/s^2, and the last velocity is itself measured.
     // Without one, the camera may have been moving already when it was switched on.
-    context_.prediction_sigma_m = has_velocity_ ? 0.005 + 0.1 * dt : 0.01 + 0.8 * dt;
-    context_.prediction_sigma_rad = has_velocity_ ? 0.008 + 0.4 * dt : 0.01 + 1.2 * dt;
+    context_.prediction_sigma_m = has_velocity_ ? 0.004 + 0.06 * dt : 0.01 + 0.8 * dt;
+    context_.prediction_sigma_rad = has_velocity_ ? 0.01 + 0.5 * dt : 0.01 + 1.2 * dt;
     context_.world_from_camera_predicted = predicted_;
     context_.has_prediction = true;
     context_.inlier_ratio = inlier_ratio_;
@@ -414,7 +418,9 @@ bool Tracking::estimate() noexcept {
     observe(Stage::kMatching, true);
     match_by_projection(predicted_, configuration_.matching.radius_px, false);
     gather_correspondences();
-    if (correspondences_.size() < configuration_.matching.matches_min) {
+    std::uint32_t voters = 0;
+    for (const Correspondence& c : correspondences_) voters += c.vote > 0 ? 1U : 0U;
+    if (voters < configuration_.matching.matches_min) {
         match_by_projection(predicted_, configuration_.matching.radius_wide_px, false);
         gather_correspondences();
         context_.prediction_sigma_m *= 3.0;
@@ -698,6 +704,7 @@ bool Tracking::wants_keyframe() const noexcept {
 
 void Tracking::make_keyframe() noexcept {
     // Room for every feature that might become a point, plus what is culled on the way.
+    map_.cull_points(frame_);
     Pool<MapPoint>& points = map_.points();
     const std::size_t free = points.capacity() - points.size();
     if (free < features_.size()) {
