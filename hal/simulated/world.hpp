@@ -54,6 +54,10 @@ private:
     void add_chair(double x, double y, double yaw_rad);
     void add_people(std::uint32_t count);
     void add_trolley();
+    void place_trolley();
+    void draw_trolley(Renderer& renderer, double time_s) const;
+    // The largest share of the picture it holds in the first 10 s, were nothing before it.
+    [[nodiscard]] double trolley_peak() const;
     [[nodiscard]] static float light_at(const Vec3& p, const Vec3& normal) noexcept;
     [[nodiscard]] Rigid trolley_at(double time_s) const noexcept;
 
@@ -69,6 +73,7 @@ private:
     std::vector<Person> people_;
     double trolley_direction_ = 1;
     double trolley_pace_ = 1;
+    double trolley_distance_m_ = 1.12;  // of its lane from the camera's mean place
 };
 
 }  // namespace stillmesh::simulated
