@@ -103,7 +103,9 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
 Status Engine::submit(const Frame& frame) noexcept {
     EngineState& state = state_of(this);
     const std::uint32_t channels = channels_of(frame.format);
-    const bool is_valid = frame.colour.data != nullptr && frame.depth.data != nullptr &&
+    const bool is_known = frame.format == PixelFormat::kGrey8 || frame.format == PixelFormat::kRgb8 ||
+                          frame.format == PixelFormat::kBgr8;
+    const bool is_valid = is_known && frame.colour.data != nullptr && frame.depth.data != nullptr &&
                           frame.colour.width == state.camera.width && frame.colour.height == state.camera.height &&
                           frame.depth.width == state.camera.width && frame.depth.height == state.camera.height &&
                           frame.colour.stride >= static_cast<std::size_t>(frame.colour.width) * channels &&
@@ -138,6 +140,7 @@ void Engine::set_stage_observer(StageObserver observer) noexcept { state_of(this
 void Engine::reset() noexcept {
     EngineState& state = state_of(this);
     state.has_time = false;
+    state.frames_refused = 0;
     state.tracking.reset();
 }
 

@@ -145,7 +145,8 @@ public:
     // Over everything that has been decided so far: equal on every build, frame by frame.
     [[nodiscard]] std::uint64_t state_hash() const noexcept;
     void set_stage_observer(StageObserver observer) noexcept;
-    // Forgets the map and starts anew with the next frame.
+    // Forgets everything: from here on it does what a new engine would do, bit by bit, hash and counters included. Only
+    // the pools' high-water marks stay.
     void reset() noexcept;
 
 protected:

@@ -17,6 +17,8 @@ void Map::create(Arena& arena, const Limits& limits) noexcept {
 void Map::reset() noexcept {
     points_.reset();
     keyframes_.reset();
+    keyframes_forgotten_ = 0;
+    points_forgotten_ = 0;
 }
 
 void Map::make_room_for_points(std::uint32_t count, std::uint64_t frame) noexcept {

@@ -54,6 +54,7 @@ public:
         arena.array<std::uint64_t>(limits.map_points_max);
     }
     void create(Arena& arena, const Limits& limits) noexcept;
+    // Forgets all of it, what was counted too.
     void reset() noexcept;
 
     // Forgets the `count` points least recently seen (ties: the lower slot). Those seen in `frame` stay.

@@ -128,6 +128,12 @@ void Tracking::reset() noexcept {
     noise_frames_ = 0;
     pose_ = PoseEstimate{};
     world_from_camera_ = SE3{};
+    covariance_ = Matrix6::Zero();
+    context_ = RegionContext{};
+    random_ = Random(configuration_.seed);
+    hash_ = StateHash{};
+    statistics_ = EngineStatistics{};
+    frame_ = 0;
     // What view() shows.
     features_.clear();
     correspondences_.clear();
@@ -361,6 +367,11 @@ void Tracking::track(const Frame& frame) noexcept {
             chosen_.clear();
             static_count_ = 0;
             region_.build({}, features_.keypoints.span(), configuration_.region, context_);
+            // Nothing was measured: what is shown of this frame says so.
+            std::fill_n(groups_.begin(), features_.size(), kNoGroup);
+            frame_statistics_.mesh_edges = 0;
+            frame_statistics_.mesh_edges_kept = 0;
+            frame_statistics_.groups = 0;
             const bool is_predicted = lost_frames_ <= configuration_.pose.lost_frames_max;
             if (!is_predicted) ++statistics_.frames_lost;
             world_from_camera_previous_ = world_from_camera_;
@@ -703,13 +714,15 @@ bool Tracking::wants_keyframe() const noexcept {
 }
 
 void Tracking::make_keyframe() noexcept {
-    // Room for every feature that might become a point, plus what is culled on the way.
+    // Room for every feature that becomes a point, and no more: what need not go stays.
     map_.cull_points(frame_);
     Pool<MapPoint>& points = map_.points();
-    const std::size_t free = points.capacity() - points.size();
-    if (free < features_.size()) {
-        map_.make_room_for_points(static_cast<std::uint32_t>(features_.size() - free), frame_);
+    std::size_t wanted = 0;
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        if (claims_[i].point_slot_plus_one == 0 && measured_[i].var_z >= 0) ++wanted;
     }
+    const std::size_t free = points.capacity() - points.size();
+    if (free < wanted) map_.make_room_for_points(static_cast<std::uint32_t>(wanted - free), frame_);
     const Handle<Keyframe> handle = map_.add_keyframe();
     Keyframe& keyframe = *map_.keyframes().find(handle);
     keyframe.world_from_camera = world_from_camera_;

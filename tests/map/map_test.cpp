@@ -182,6 +182,7 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
             map->reset();
             model.points.clear();
             model.keyframes.clear();
+            model.points_forgotten = model.keyframes_forgotten = 0;
         }
         // All of it, seen from outside.
         EXPECT_EQ(map->points().size(), model.points.size());
