@@ -111,6 +111,7 @@ struct Model {
     struct Point {
         std::uint64_t last_seen = 0;
         std::uint64_t name = 0;
+        bool is_worth_keeping = false;
     };
     struct Frame {
         Handle<Keyframe> handle;
@@ -137,11 +138,12 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
             if (taken.is_ok()) {
                 MapPoint& point = *map->points().find(taken.value());
                 EXPECT_EQ(point.seen, 0U) << "something of the tenant before";
-                point.seen = 1;
                 point.last_seen_frame = frame;
                 point.created_ns = static_cast<std::int64_t>(name);
                 EXPECT_EQ(model.points.count(taken.value().slot()), 0U);
-                model.points[taken.value().slot()] = {frame, name};
+                point.seen = static_cast<std::uint16_t>(random.below(2 * Map::kSeenMin + 1));
+                point.is_suspect = random.below(4) == 0;
+                model.points[taken.value().slot()] = {frame, name, point.seen >= Map::kSeenMin && !point.is_suspect};
                 handles[name++] = taken.value();
                 hash.add(taken.value().slot_plus_one);
             }
@@ -178,7 +180,15 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
                 model.keyframes.pop_back();
                 ++model.keyframes_forgotten;
             }
-        } else if (what < 91) {
+        } else if (what < 95) {
+            frame += random.below(2 * Map::kCullAfter_frames);
+            map->cull_points(frame);
+            for (auto i = model.points.begin(); i != model.points.end();) {
+                const bool goes = !i->second.is_worth_keeping && frame - i->second.last_seen > Map::kCullAfter_frames;
+                model.points_forgotten += goes ? 1U : 0U;
+                i = goes ? model.points.erase(i) : std::next(i);
+            }
+        } else if (what < 96) {
             map->reset();
             model.points.clear();
             model.keyframes.clear();
