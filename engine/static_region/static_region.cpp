@@ -37,6 +37,10 @@ bool is_depth_step(const Correspondence& a, const Correspondence& b) noexcept {
 double badness(const Correspondence& c, const SE3& camera_from_world) noexcept {
     return std::max(chi2_of(c, camera_from_world), 0.5 * chi2_of_anchor(c, camera_from_world));
 }
+// Closer than this nobody minds which of two motions it was.
+constexpr double kSameMotion_m = 0.005;
+constexpr double kSameMotion_rad = 0.005;
+
 // What a feature stands for in square metres, up to a factor.
 double area_of(const Correspondence& c) noexcept {
     return c.has_depth ? c.vote * c.p_camera.z() * c.p_camera.z() : 0.0;
@@ -245,7 +249,8 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
         score += kPriorWeight / (1.0 + d2 / 9.0);
         weight_sum += kPriorWeight;
         // No camera on a robot or in a hand jumps: a motion far off the prediction needs far more support.
-        score /= 1.0 + d2 / 25.0;
+        support.plausibility = 1.0 / (1.0 + d2 / 25.0);
+        score *= support.plausibility;
     }
     support.score = weight_sum > 0 ? score / weight_sum : 0.0;
     return support;
@@ -316,6 +321,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     struct Hypothesis {
         SE3 pose;
         double score = 0;
+        double plausibility = 1;
         std::uint32_t inliers = 0;
     };
     constexpr std::size_t kHypothesesMax = 14;
@@ -340,6 +346,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
             if (is_inlier_[i] != 0) explained_by_[i] = static_cast<std::uint16_t>(explained_by_[i] | 1U << bit);
         }
         h.score = support.score;
+        h.plausibility = support.plausibility;
         h.inliers = support.inliers;
         static_cast<void>(hypotheses.push(h));
     };
@@ -399,6 +406,11 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     for (const Correspondence& c : correspondences) area_all += area_of(c);
     for (std::size_t i = 0; i < hypotheses.size(); ++i) {
         if (i == best) continue;
+        const SE3 off = hypotheses[best].pose.inverse() * hypotheses[i].pose;
+        if (off.translation.squaredNorm() < kSameMotion_m * kSameMotion_m &&
+            rotation_angle(off.rotation) < kSameMotion_rad) {
+            continue;
+        }
         double ours = 0;
         double theirs = 0;
         for (std::size_t k = 0; k < correspondences.size(); ++k) {
@@ -407,6 +419,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
             if (is_ours && !is_theirs) ours += area_of(correspondences[k]);
             if (!is_ours && is_theirs) theirs += area_of(correspondences[k]);
         }
+        theirs *= std::min(hypotheses[i].plausibility / hypotheses[best].plausibility, 1.0);
         constexpr double kRivalMin = 0.05;  // less is noise
         if (theirs < kRivalMin * area_all) continue;
         choice.margin = std::min(choice.margin, (ours - theirs) / (ours + theirs));

@@ -103,6 +103,7 @@ public:
 private:
     struct Support {
         double score = 0;
+        double plausibility = 1;  // of the motion, beside the expected one
         std::uint32_t inliers = 0;
     };
     [[nodiscard]] Support support_of(std::span<const Correspondence> correspondences, const SE3& world_from_camera,
