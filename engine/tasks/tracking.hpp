@@ -59,6 +59,7 @@ public:
     void fill(EngineStatistics& statistics) const noexcept;
     [[nodiscard]] TrackingView view() noexcept;
     [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_.value(); }
+    [[nodiscard]] const Map& map() const noexcept { return map_; }
     void set_observer(StageObserver observer) noexcept { observer_ = observer; }
 
 private:

@@ -309,7 +309,8 @@ TEST(Engine, ResetEqualsANewEngine) {
         expect_same_pose(used->pose().odom_from_camera, RigidTransform{});
         EXPECT_TRUE(used->tracking_view().features.empty());
         EXPECT_TRUE(used->tracking_view().edges.empty());
-        for (const KeptFrame& kept : sequence.frames) {
+        for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+            const KeptFrame kept = i < 2 ? flat(sequence.frames[i], 0, 0) : sequence.frames[i];
             ASSERT_EQ(used->submit(kept.frame()), Status::kOk) << "times start anew";
             ASSERT_EQ(fresh->submit(kept.frame()), Status::kOk);
             ASSERT_EQ(used->state_hash(), fresh->state_hash()) << "history " << history;

@@ -1,0 +1,319 @@
+#include "engine/tasks/tracking.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "platform/linux/cpu_kernels.hpp"
+#include "tests/support/frames.hpp"
+#include "tests/support/memory.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::DrawnScene;
+using test::KeptFrame;
+
+constexpr Limits kLimits{320, 240, 4, 300, 12, 1500, 32};
+
+Configuration fitting() {
+    Configuration out;
+    out.features.count = kLimits.features_max;
+    out.features.levels = kLimits.pyramid_levels_max;
+    return out;
+}
+
+// Tracking alone, with its map open to the eye.
+class Rig {
+public:
+    explicit Rig(const CameraModel& camera, const Configuration& configuration) : memory_(planned()) {
+        Arena arena(memory_.span());
+        tracking_.create(arena, kLimits, configuration, camera, cpu_kernels(), nullptr);
+        EXPECT_EQ(arena.used_bytes(), memory_.span().size());
+    }
+    [[nodiscard]] Tracking* operator->() { return &tracking_; }
+    [[nodiscard]] const Map& map() const { return tracking_.map(); }
+
+private:
+    static std::size_t planned() {
+        ArenaPlan plan;
+        Tracking::plan(plan, kLimits);
+        return plan.used_bytes();
+    }
+    test::Memory memory_;
+    Tracking tracking_;
+};
+
+bool is_of_board(const DrawnScene& scene, const MapPoint& point) {
+    return point.world[2] < 0.5 * (scene.wall_m + scene.board_m);
+}
+
+struct Seen {
+    std::uint32_t generation = 0;
+    std::uint32_t weight = 0;
+};
+
+std::map<std::uint32_t, Seen> weights_of(const Map& map) {
+    std::map<std::uint32_t, Seen> out;
+    for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
+        if (!map.points().is_taken(slot)) continue;
+        out[slot] = {map.points().handle_of(slot).generation, map.points().at(slot).weight_tenths};
+    }
+    return out;
+}
+
+// Promise: static weights (Algorithm 2): new points start at 1 (0.9 beside what moves), a frame adds or takes theta at
+// most, within [0, 2]; what stands still rises, what moves falls and loses its vote.
+TEST(Tracking, WeightsRiseAndFall) {
+    for (const auto& [step, max] : {std::pair{1U, 20U}, std::pair{3U, 16U}}) {
+        const DrawnScene scene;
+        Configuration configuration = fitting();
+        configuration.weights.step = step;
+        configuration.weights.max = max;
+        Rig rig(scene.camera(), configuration);
+        std::map<std::uint32_t, Seen> before;
+        std::uint32_t rises = 0, falls = 0;
+        for (std::uint32_t i = 0; i < 60; ++i) {
+            const KeptFrame kept = scene.draw(i);
+            rig->track(kept.frame());
+            const auto now = weights_of(rig.map());
+            for (const auto& [slot, seen] : now) {
+                ASSERT_LE(seen.weight, max);
+                const auto known = before.find(slot);
+                if (known == before.end() || known->second.generation != seen.generation) {
+                    ASSERT_TRUE(seen.weight == configuration.weights.start ||
+                                seen.weight == configuration.weights.suspicious)
+                        << seen.weight;
+                    continue;
+                }
+                const auto change =
+                    static_cast<std::int32_t>(seen.weight) - static_cast<std::int32_t>(known->second.weight);
+                ASSERT_LE(std::abs(change), static_cast<std::int32_t>(step));
+                if (rig->pose().state != PoseState::kTracked) {
+                    ASSERT_EQ(change, 0);
+                }
+                rises += change > 0;
+                falls += change < 0;
+            }
+            before = now;
+        }
+        EXPECT_EQ(rig->pose().state, PoseState::kTracked);
+        EXPECT_GT(rises, 1000U);
+        EXPECT_GT(falls, 100U);
+        std::uint32_t still = 0, still_high = 0, moving = 0, moving_low = 0, moving_mute = 0;
+        for (std::uint32_t slot = 0; slot < rig.map().points().slots_count(); ++slot) {
+            if (!rig.map().points().is_taken(slot)) continue;
+            const MapPoint& point = rig.map().points().at(slot);
+            if (point.seen < 25) continue;
+            if (is_of_board(scene, point)) {
+                ++moving;
+                moving_low += point.weight_tenths < configuration.weights.eligible;
+                moving_mute += point.is_suspect;
+            } else {
+                ++still;
+                still_high += point.weight_tenths >= max - 2 * step;
+            }
+        }
+        ASSERT_GT(still, 50U);
+        ASSERT_GT(moving, 10U);
+        EXPECT_GE(still_high, still * 95 / 100);
+        EXPECT_GE(moving_low, moving * 9 / 10);
+        EXPECT_GE(moving_mute, moving * 9 / 10);
+    }
+}
+
+// Promise: a frame whose choice was unsure changes no weight, and neither does a run without region extraction.
+TEST(Tracking, UnsureFramesChangeNoWeight) {
+    const DrawnScene scene;
+    for (const bool is_enabled : {true, false}) {
+        Configuration configuration = fitting();
+        configuration.region.is_enabled = is_enabled;
+        if (is_enabled) configuration.region.score_min = 1.0;  // nothing is ever sure
+        Rig rig(scene.camera(), configuration);
+        for (std::uint32_t i = 0; i < 30; ++i) {
+            const KeptFrame kept = scene.draw(i);
+            rig->track(kept.frame());
+            if (i > 0 && is_enabled) {
+                EXPECT_EQ(rig->pose().state, PoseState::kUnsure) << i;
+            }
+            for (const auto& [slot, seen] : weights_of(rig.map())) {
+                ASSERT_TRUE(seen.weight == configuration.weights.start ||
+                            seen.weight == configuration.weights.suspicious);
+            }
+        }
+        EXPECT_GT(rig->frame_statistics().matches, 100U);
+    }
+}
+
+// Promise: the camera's way comes out, the wall's points lie on the wall, and nearly nothing on the board that slides
+// through the view votes.
+TEST(Tracking, FollowsTheWallNotTheBoard) {
+    for (const std::int32_t board_speed : {-4, 2, 3, 5}) {
+        DrawnScene scene;
+        scene.board_px_per_frame = board_speed;
+        scene.board_left = board_speed > 0 ? 10 : 200;
+        Rig rig(scene.camera(), fitting());
+        std::uint32_t wrong = 0, votes = 0, board = 0;
+        for (std::uint32_t i = 0; i < 50; ++i) {
+            const KeptFrame kept = scene.draw(i);
+            rig->track(kept.frame());
+            ASSERT_GE(rig->pose().state, PoseState::kUnsure) << "speed " << board_speed << " frame " << i;
+            // Who moves is not known from two frames.
+            EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[0], scene.travelled_m(i), i < 5 ? 0.02 : 0.01)
+                << "speed " << board_speed << " frame " << i;
+            EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[1], 0, 0.01);
+            EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[2], 0, 0.01);
+            const double left = scene.board_left + static_cast<double>(i) * board_speed;
+            for (const TrackedFeature& f : rig->view().features) {
+                const bool is_board =
+                    static_cast<double>(f.x) > left + 8 && static_cast<double>(f.x) < left + 92 && f.y > 48;
+                if (i < 15 || !f.is_matched) continue;
+                board += is_board;
+                wrong += f.is_static && is_board;
+                votes += f.is_static && !is_board;
+            }
+        }
+        EXPECT_GT(votes, 2000U);
+        EXPECT_GT(board, 300U) << "the board must stay matched, lest it breeds new points";
+        EXPECT_LE(wrong, board / 50) << "speed " << board_speed;
+        std::uint32_t off = 0, all = 0;
+        for (std::uint32_t slot = 0; slot < rig.map().points().slots_count(); ++slot) {
+            if (!rig.map().points().is_taken(slot)) continue;
+            const MapPoint& point = rig.map().points().at(slot);
+            if (point.weight_tenths < 15 || is_of_board(scene, point)) continue;
+            ++all;
+            off += std::abs(point.world[2] - scene.wall_m) > 0.02;
+        }
+        EXPECT_GT(all, 80U);
+        EXPECT_LE(off, all / 50);
+    }
+}
+
+// Promise: a board that keeps its place in the world, nearer than the wall and hence faster in the image, is no mover.
+TEST(Tracking, AcceptsABoardThatStandsStill) {
+    DrawnScene scene;
+    scene.board_px_per_frame = -2;  // half the wall's distance, twice its speed
+    scene.board_left = 150;
+    Rig rig(scene.camera(), fitting());
+    std::uint32_t moving = 0, all = 0;
+    for (std::uint32_t i = 0; i < 50; ++i) {
+        const KeptFrame kept = scene.draw(i);
+        rig->track(kept.frame());
+        ASSERT_GE(rig->pose().state, PoseState::kUnsure);
+        EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[0], scene.travelled_m(i), 0.01) << i;
+        if (i < 5) continue;
+        all += rig->frame_statistics().matches;
+        moving += rig->frame_statistics().dynamic_matches;
+    }
+    EXPECT_GT(all, 5000U);
+    EXPECT_LE(moving, all / 5) << "what comes out from behind its edge is no corner of either";
+}
+
+struct KeyframeLog {
+    std::vector<std::uint32_t> frames;
+};
+
+KeyframeLog log_of(const DrawnScene& scene, const Configuration& configuration, std::uint32_t frames) {
+    Rig rig(scene.camera(), configuration);
+    KeyframeLog log;
+    for (std::uint32_t i = 0; i < frames; ++i) {
+        const KeptFrame kept = scene.draw(i);
+        rig->track(kept.frame());
+        const Map& map = rig.map();
+        EXPECT_EQ(rig->frame_statistics().is_keyframe,
+                  map.recent_keyframe(0).is_null() ? false : map.keyframes().find(map.recent_keyframe(0))->frame == i);
+        if (!rig->frame_statistics().is_keyframe) continue;
+        log.frames.push_back(i);
+        // What a keyframe keeps is what was given out and seen.
+        const Keyframe& keyframe = *map.keyframes().find(map.recent_keyframe(0));
+        EXPECT_EQ(keyframe.time_ns, kept.time_ns);
+        for (int k = 0; k < 3; ++k) {
+            EXPECT_EQ(keyframe.world_from_camera.translation(k), rig->pose().odom_from_camera.translation_m[k]);
+        }
+        const auto observations = map.observations(map.recent_keyframe(0));
+        EXPECT_GT(observations.size(), 50U);
+        EXPECT_LE(observations.size(), kLimits.features_max);
+        for (const Observation& o : observations) {
+            const MapPoint* const point = map.points().find(o.point);
+            EXPECT_NE(point, nullptr) << "the newest keyframe sees what is not there";
+            if (point != nullptr) {
+                EXPECT_EQ(point->last_seen_frame, i);
+            }
+            EXPECT_TRUE(o.x >= 0 && o.x < 320 && o.y >= 0 && o.y < 240);
+        }
+    }
+    return log;
+}
+
+// Promise: keyframes (method.md 8): never without new points, never while enough is tracked, at least the gap apart
+// unless tracks run out, and then two frames apart.
+TEST(Tracking, KeyframesKeepTheirConditions) {
+    DrawnScene scene;
+    scene.wall_px_per_frame = 4;  // new wall comes into view quickly
+    scene.has_board = false;
+    Configuration configuration = fitting();
+    configuration.keyframes.tracked_share_urgent = 0;
+    configuration.keyframes.tracked_urgent = 0;
+    configuration.keyframes.tracked_share_max = 1.0;
+    configuration.keyframes.new_points_min = 1;
+    for (const std::uint32_t gap : {3U, 10U}) {
+        configuration.keyframes.gap_min = gap;
+        const KeyframeLog log = log_of(scene, configuration, 45);
+        ASSERT_GT(log.frames.size(), 45 / gap / 3);
+        EXPECT_EQ(log.frames[0], 0U);
+        for (std::size_t i = 1; i < log.frames.size(); ++i) EXPECT_GE(log.frames[i] - log.frames[i - 1], gap);
+    }
+    configuration.keyframes.tracked_share_max = 0;
+    EXPECT_EQ(log_of(scene, configuration, 20).frames.size(), 1U) << "nothing is ever too little";
+    configuration.keyframes.tracked_share_max = 1.0;
+    configuration.keyframes.new_points_min = 4000;
+    configuration.keyframes.tracked_urgent = 4000;
+    EXPECT_EQ(log_of(scene, configuration, 20).frames.size(), 1U) << "never so many new points";
+    configuration.keyframes.new_points_min = 0;
+    configuration.keyframes.gap_min = 300;
+    const KeyframeLog urgent = log_of(scene, configuration, 21);
+    ASSERT_EQ(urgent.frames.size(), 11U);
+    for (std::size_t i = 1; i < urgent.frames.size(); ++i) EXPECT_EQ(urgent.frames[i] - urgent.frames[i - 1], 2U);
+}
+
+// Promise: a point that stands still keeps the place where it was first seen; its estimate only gets surer.
+TEST(Tracking, AnchorsOfStillPointsStay) {
+    DrawnScene scene;
+    scene.has_board = false;
+    Rig rig(scene.camera(), fitting());
+    std::map<std::uint32_t, std::pair<std::uint32_t, MapPoint>> before;
+    std::uint32_t checked = 0;
+    for (std::uint32_t i = 0; i < 40; ++i) {
+        const KeptFrame kept = scene.draw(i);
+        rig->track(kept.frame());
+        std::map<std::uint32_t, std::pair<std::uint32_t, MapPoint>> now;
+        for (std::uint32_t slot = 0; slot < rig.map().points().slots_count(); ++slot) {
+            if (!rig.map().points().is_taken(slot)) continue;
+            const MapPoint& point = rig.map().points().at(slot);
+            const std::uint32_t generation = rig.map().points().handle_of(slot).generation;
+            now[slot] = {generation, point};
+            EXPECT_LE(point.last_seen_frame, i);
+            EXPECT_GT(point.var_z, 0);
+            EXPECT_GT(point.var_lateral, 0);
+            const auto known = before.find(slot);
+            if (known == before.end() || known->second.first != generation || point.is_suspect ||
+                known->second.second.is_suspect) {
+                continue;
+            }
+            ++checked;
+            for (int k = 0; k < 3; ++k) ASSERT_EQ(point.anchor[k], known->second.second.anchor[k]);
+            ASSERT_EQ(point.anchor_ns, known->second.second.anchor_ns);
+            ASSERT_LE(point.var_z, known->second.second.var_z * 1.5);
+            ASSERT_GE(point.seen, known->second.second.seen);
+        }
+        before = now;
+    }
+    EXPECT_GT(checked, 3000U);
+}
+
+}  // namespace
+}  // namespace stillmesh
