@@ -3,6 +3,7 @@
 #include <bit>
 #include <cstring>
 
+#include "engine/base/numbers.hpp"
 #include "engine/features/orb_pattern.hpp"
 #include "engine/geometry/trig.hpp"
 
@@ -87,8 +88,9 @@ Offset peak_of_strength(const Kernels& kernels, const std::uint8_t* centre, std:
 // The nearest of the pattern's turns, ties upward; pattern and angle both run from x towards y.
 std::uint32_t turn_of(double angle_rad) noexcept {
     constexpr double kTurnsPerRad = kPatternTurns / 6.283185307179586477;
-    // In (0.5, kPatternTurns * 1.5 + 0.5]: positive, so that the cast rounds down.
-    return static_cast<std::uint32_t>(angle_rad * kTurnsPerRad + (kPatternTurns + 0.5)) % kPatternTurns;
+    // In (0.5, kPatternTurns * 1.5 + 0.5].
+    const std::int32_t turn = floor_clamped(angle_rad * kTurnsPerRad + (kPatternTurns + 0.5), 0, 2 * kPatternTurns);
+    return static_cast<std::uint32_t>(turn) % kPatternTurns;
 }
 
 // 256 tests: a bit is set when the first pixel is darker than the second. The first test is the highest bit of word 0.
@@ -125,7 +127,7 @@ void OrbExtractor::create(Arena& arena, const Limits& limits, const OrbOptions& 
     STILLMESH_CHECK(options.fast_threshold_low >= 1 && options.fast_threshold_low <= options.fast_threshold);
     options_ = options;
     kernels_ = &kernels;
-    const std::uint32_t permille = static_cast<std::uint32_t>(options.scale_factor * 1000.0 + 0.5);
+    const auto permille = static_cast<std::uint32_t>(round_clamped(options.scale_factor * 1000.0));
     pyramid_.create(arena, limits, options.levels, permille, kernels);
     const std::uint32_t width = limits.image_width_max;
     const std::uint32_t height = limits.image_height_max;

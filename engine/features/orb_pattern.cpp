@@ -1,15 +1,13 @@
 #include "engine/features/orb_pattern.hpp"
 
+#include "engine/base/numbers.hpp"
+
 namespace stillmesh {
 namespace {
 
 constexpr std::int8_t kTests[kDescriptorTests][4] = {
 #include "engine/features/orb_pattern_table.inc"
 };
-
-constexpr std::int32_t rounded(double value) noexcept {
-    return value < 0 ? -static_cast<std::int32_t>(0.5 - value) : static_cast<std::int32_t>(value + 0.5);
-}
 
 constexpr TurnedPattern turn_pattern() noexcept {
     // cos and sin of one turn, 2 pi / 64; the others by repeated rotation (the error stays below 1e-14).
@@ -23,8 +21,8 @@ constexpr TurnedPattern turn_pattern() noexcept {
             for (std::uint32_t k = 0; k < 2; ++k) {
                 const double x = kTests[i][2 * k];
                 const double y = kTests[i][2 * k + 1];
-                const std::int32_t u = rounded(c * x - s * y);
-                const std::int32_t v = rounded(s * x + c * y);
+                const std::int32_t u = round_clamped(c * x - s * y);
+                const std::int32_t v = round_clamped(s * x + c * y);
                 turned.offsets[t][2 * i + k] = static_cast<std::int16_t>(v * kPatternPatchStride + u);
             }
         }
