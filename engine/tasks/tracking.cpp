@@ -389,10 +389,15 @@ void Tracking::track(const Frame& frame) noexcept {
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
         const Correspondence& c = correspondences_[i];
         hash_.add(static_cast<std::uint64_t>(c.feature) << 32U | c.point_slot);
-        hash_.add(static_cast<std::uint64_t>(c.distance_bits) << 32U |
-                  static_cast<std::uint64_t>(
-                      map_.points().is_taken(c.point_slot) ? map_.points().at(c.point_slot).weight_tenths : 0U));
+        const bool is_there = map_.points().is_taken(c.point_slot);
+        const std::uint64_t weight = is_there ? map_.points().at(c.point_slot).weight_tenths : 0U;
+        hash_.add(static_cast<std::uint64_t>(c.distance_bits) << 40U | std::uint64_t{groups_[c.feature]} << 16U |
+                  weight << 8U | verdicts_[c.feature]);
+        if (is_there) hash_.add(map_.points().at(c.point_slot).world[2]);
     }
+    for (const double number : pose_.covariance) hash_.add(number);
+    hash_.add(frame_statistics_.is_keyframe ? 1U : 0U);
+    hash_.add(map_.points_forgotten());
     hash_.add(frame_statistics_.mesh_edges_kept);
     hash_.add(static_cast<std::uint32_t>(map_.points().size()));
     ++frame_;

@@ -60,6 +60,9 @@ public:
     [[nodiscard]] TrackingView view() noexcept;
     [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_.value(); }
     [[nodiscard]] const Map& map() const noexcept { return map_; }
+    // Of the last frame: which feature was matched to which point.
+    [[nodiscard]] std::span<const Correspondence> correspondences() const noexcept { return correspondences_.span(); }
+    [[nodiscard]] const FeatureSet& features() const noexcept { return features_; }
     void set_observer(StageObserver observer) noexcept { observer_ = observer; }
 
 private:

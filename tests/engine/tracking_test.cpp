@@ -292,6 +292,27 @@ TEST(Engine, TwoSideBySideGiveTheSameBits) {
     ASSERT_NE(a->state_hash(), disturber->state_hash());
 }
 
+// Promise: the state hash sees decisions that poses do not show: another start weight of new points, the same poses,
+// another hash.
+TEST(Engine, HashSeesMoreThanPoses) {
+    const Sequence sequence = tiny_sequence("static_xyz", 4);
+    Configuration configuration = fitting(Limits::tiny());
+    const EngineRig a(Limits::tiny(), sequence.camera, configuration);
+    configuration.weights.start = 12;
+    const EngineRig b(Limits::tiny(), sequence.camera, configuration);
+    std::uint32_t same_poses = 0, same_hashes = 0;
+    for (const KeptFrame& kept : sequence.frames) {
+        ASSERT_EQ(a->submit(kept.frame()), Status::kOk);
+        ASSERT_EQ(b->submit(kept.frame()), Status::kOk);
+        const auto& s = a->pose().odom_from_camera.translation_m;
+        const auto& t = b->pose().odom_from_camera.translation_m;
+        same_poses += s[0] == t[0] && s[1] == t[1] && s[2] == t[2] ? 1U : 0U;
+        same_hashes += a->state_hash() == b->state_hash() ? 1U : 0U;
+    }
+    EXPECT_GE(same_poses, 1U);
+    EXPECT_LE(same_hashes, 1U) << "only the first frame has no match to tell by";
+}
+
 // Promise: after reset() everything is as in a new engine, bit by bit, wherever it was before: lost, full, or new.
 TEST(Engine, ResetEqualsANewEngine) {
     const Sequence sequence = tiny_sequence("walking_xyz", 40), before = tiny_sequence("static_loop", 120);

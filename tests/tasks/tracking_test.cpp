@@ -2,12 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <utility>
 #include <vector>
 
+#include "engine/matching/hamming.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/frames.hpp"
 #include "tests/support/memory.hpp"
@@ -278,6 +281,85 @@ TEST(Tracking, KeyframesKeepTheirConditions) {
     const KeyframeLog urgent = log_of(scene, configuration, 21);
     ASSERT_EQ(urgent.frames.size(), 11U);
     for (std::size_t i = 1; i < urgent.frames.size(); ++i) EXPECT_EQ(urgent.frames[i] - urgent.frames[i - 1], 2U);
+}
+
+// Promise: matches are one to one, of live points, within the descriptor distance; the limit and the ratio bite.
+TEST(Tracking, MatchesAreOneToOne) {
+    const DrawnScene scene;
+    std::uint32_t matches_of[3] = {};
+    for (int variant = 0; variant < 3; ++variant) {
+        Configuration configuration = fitting();
+        configuration.matching.hamming_max = variant == 1 ? 4 : 64;
+        configuration.matching.ratio_max = variant == 2 ? 0.1 : 0.85;
+        Rig rig(scene.camera(), configuration);
+        for (std::uint32_t i = 0; i < 30; ++i) {
+            KeptFrame kept = scene.draw(i);
+            Random noise(i);
+            for (std::uint8_t& grey : kept.colour) {
+                grey = static_cast<std::uint8_t>(std::clamp(static_cast<int>(grey + noise.below(25)) - 12, 0, 255));
+            }
+            std::map<std::uint32_t, Descriptor> before;
+            for (std::uint32_t slot = 0; slot < rig.map().points().slots_count(); ++slot) {
+                if (rig.map().points().is_taken(slot)) before[slot] = rig.map().points().at(slot).descriptor;
+            }
+            rig->track(kept.frame());
+            std::set<std::uint32_t> features, points;
+            for (const Correspondence& c : rig->correspondences()) {
+                ASSERT_LT(c.feature, rig->features().size());
+                EXPECT_TRUE(features.insert(c.feature).second) << "a feature of two points";
+                EXPECT_TRUE(points.insert(c.point_slot).second) << "a point in two places";
+                ASSERT_EQ(before.count(c.point_slot), 1U) << "matched to what was not in the map";
+                EXPECT_LE(c.distance_bits, configuration.matching.hamming_max);
+                EXPECT_EQ(c.distance_bits,
+                          hamming_distance(before[c.point_slot], rig->features().descriptors[c.feature]));
+            }
+            matches_of[variant] += static_cast<std::uint32_t>(features.size());
+        }
+    }
+    EXPECT_GT(matches_of[0], 3000U);
+    EXPECT_LT(matches_of[1], matches_of[0] * 9 / 10) << "the distance";
+    EXPECT_LT(matches_of[2], matches_of[0] * 95 / 100) << "the ratio";
+}
+
+// Promise: nobody is found again farther away than a camera can have got; with time enough the same picture is
+// believed.
+TEST(Tracking, RecoversNoFartherThanACameraGets) {
+    DrawnScene scene;
+    scene.has_board = false;
+    Configuration configuration = fitting();
+    configuration.pose.lost_frames_max = 1;
+    for (const bool has_time : {false, true}) {
+        Rig rig(scene.camera(), configuration);
+        std::uint32_t i = 0;
+        for (; i < 60; ++i) {
+            const KeptFrame kept = scene.draw(i);
+            rig->track(kept.frame());
+        }
+        const double away_m = scene.travelled_m(59);
+        ASSERT_NEAR(rig->pose().odom_from_camera.translation_m[0], away_m, 0.01);
+        ASSERT_GT(away_m, 0.5);
+        const auto show = [&](std::uint32_t at, bool is_dark) {
+            KeptFrame kept = scene.draw(at);
+            if (is_dark) std::fill(kept.colour.begin(), kept.colour.end(), std::uint8_t{0});
+            kept.time_ns = std::int64_t{i++} * test::kFrameGap_ns;
+            rig->track(kept.frame());
+        };
+        for (int k = 0; k < (has_time ? 60 : 3); ++k) show(0, true);
+        ASSERT_EQ(rig->pose().state, PoseState::kNone);
+        // Back where it all began, 0.6 m away: in 2 s one can be there, not in 0.1 s.
+        for (int k = 0; k < 4; ++k) show(0, false);
+        EngineStatistics statistics;
+        rig->fill(statistics);
+        if (has_time) {
+            EXPECT_GE(rig->pose().state, PoseState::kUnsure);
+            EXPECT_EQ(statistics.recoveries, 1U);
+            EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[0], 0, 0.02);
+        } else {
+            EXPECT_EQ(rig->pose().state, PoseState::kNone);
+            EXPECT_EQ(statistics.recoveries, 0U);
+            EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[0], away_m, 0.1);
+        }
+    }
 }
 
 // Promise: a point that stands still keeps the place where it was first seen; its estimate only gets surer.
