@@ -75,6 +75,9 @@ ConfigurationProblem validate(const Configuration& configuration, const Limits& 
     if (configuration.weights.start > configuration.weights.max) {
         return {"weights.start", "is above weights.max"};
     }
+    if (configuration.weights.suspicious > configuration.weights.max) {
+        return {"weights.suspicious", "is above weights.max"};
+    }
     if (configuration.weights.eligible > configuration.weights.max) {
         return {"weights.eligible", "is above weights.max"};
     }

@@ -1,9 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <limits>
+#include <string>
+#include <type_traits>
 #include <vector>
 
 #include "engine/base/random.hpp"
@@ -163,6 +166,54 @@ TEST(Memory, EveryParameterHasItsRange) {
             }
         }
     }
+}
+
+// Promise: what contradicts itself is refused by the name of a key.
+TEST(Memory, ContradictionsAreRefused) {
+    const Limits limits = Limits::room();
+    const auto key_of = [&](auto&& change) {
+        Configuration configuration;
+        change(configuration);
+        const char* const key = validate(configuration, limits).key;
+        return std::string(key != nullptr ? key : "none");
+    };
+    EXPECT_EQ(key_of([](Configuration&) {}), "none");
+    EXPECT_EQ(key_of([](Configuration& c) { c.features.count = 1001; }), "features.count");
+    EXPECT_EQ(key_of([](Configuration& c) { c.features.levels = 9; }), "features.levels");
+    EXPECT_EQ(key_of([](Configuration& c) { c.features.fast_threshold_low = 21; }), "features.fast_threshold_low");
+    EXPECT_EQ(key_of([](Configuration& c) { c.depth.z_min_m = 4, c.depth.z_max_m = 4; }), "depth.z_min_m");
+    EXPECT_EQ(key_of([](Configuration& c) { c.weights.start = 21; }), "weights.start");
+    EXPECT_EQ(key_of([](Configuration& c) { c.weights.suspicious = 21; }), "weights.suspicious");
+    EXPECT_EQ(key_of([](Configuration& c) { c.weights.eligible = 21; }), "weights.eligible");
+}
+
+// Promise: every parameter at either end of its range: the engine runs, poses are finite, pools keep their limits.
+TEST(Memory, EveryParameterAtItsEnds) {
+    const test::Sequence sequence = test::rendered("sitting_xyz", 14, 160, 120);
+    Configuration names;
+    std::uint32_t count = 0;
+    visit_parameters(names, [&](const char*, auto&, double, double, const char*, const char*) { ++count; });
+    std::uint32_t runs = 0;
+    for (std::uint32_t which = 0; which < 2 * count; ++which) {
+        Configuration configuration = fitting(Limits::tiny());
+        std::uint32_t index = 0;
+        const char* name = nullptr;
+        visit_parameters(configuration,
+                         [&](const char* key, auto& value, double min, double max, const char*, const char*) {
+                             if (index++ != which / 2) return;
+                             value = static_cast<std::remove_reference_t<decltype(value)>>(which % 2 == 0 ? min : max);
+                             name = key;
+                         });
+        if (validate(configuration, Limits::tiny()).key != nullptr) continue;
+        const EngineRig engine(Limits::tiny(), sequence.camera, configuration);
+        ASSERT_EQ(engine.status(), Status::kOk) << name;
+        for (const KeptFrame& kept : sequence.frames) ASSERT_EQ(engine->submit(kept.frame()), Status::kOk) << name;
+        for (const double t : engine->pose().odom_from_camera.translation_m) EXPECT_TRUE(std::isfinite(t)) << name;
+        for (const double c : engine->pose().covariance) EXPECT_TRUE(std::isfinite(c)) << name;
+        EXPECT_LE(engine->statistics().map_points.size, Limits::tiny().map_points_max) << name;
+        ++runs;
+    }
+    EXPECT_GT(runs, count);
 }
 
 // Promise: after create the engine calls the heap never: not for frames, lost ones included, not for reset, statistics
