@@ -125,6 +125,9 @@ Status finish(const Draft& draft, const std::string& file, CameraInfo& info, std
                     "the principal point (" + number_text(draft.cx) + ", " + number_text(draft.cy) +
                         ") lies outside the image; is this the file of another camera or image size?");
     }
+    // A zero has no sign: "-0" would be another camera after it was written and read.
+    for (double* const value : {&draft.cx, &draft.cy, &draft.k1, &draft.k2, &draft.p1, &draft.p2, &draft.k3})
+        *value += 0.0;
     info.model = {static_cast<std::uint32_t>(draft.width),
                   static_cast<std::uint32_t>(draft.height),
                   draft.fx,
