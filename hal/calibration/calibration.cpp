@@ -125,9 +125,6 @@ Status finish(const Draft& draft, const std::string& file, CameraInfo& info, std
                     "the principal point (" + number_text(draft.cx) + ", " + number_text(draft.cy) +
                         ") lies outside the image; is this the file of another camera or image size?");
     }
-    // A zero has no sign: "-0" would be another camera after it was written and read.
-    for (double* const value : {&draft.cx, &draft.cy, &draft.k1, &draft.k2, &draft.p1, &draft.p2, &draft.k3})
-        *value += 0.0;
     info.model = {static_cast<std::uint32_t>(draft.width),
                   static_cast<std::uint32_t>(draft.height),
                   draft.fx,
@@ -139,6 +136,9 @@ Status finish(const Draft& draft, const std::string& file, CameraInfo& info, std
                   draft.p1,
                   draft.p2,
                   draft.k3};
+    // A zero has no sign: "-0" would be another camera after it was written and read.
+    CameraModel& m = info.model;
+    for (double* const value : {&m.cx, &m.cy, &m.k1, &m.k2, &m.p1, &m.p2, &m.k3}) *value += 0.0;
     info.depth_units_per_m = draft.depth_units_per_m;
     info.frames_per_s = draft.frames_per_s;
     return Status::kOk;
