@@ -27,8 +27,8 @@ struct MatchingParameters {
     std::uint32_t hamming_max = 64;
     std::uint32_t hamming_wide_max = 48;  // without a prediction to narrow the search
     double ratio_max = 0.85;
-    double radius_px = 12.0;       // around the projection, at level 0, times the level's scale
-    double radius_wide_px = 40.0;  // second try, when the prediction was poor
+    double radius_px = 12.0;         // around the projection, at level 0, times the level's scale
+    double radius_wide_px = 40.0;    // second try, when the prediction was poor
     std::uint32_t matches_min = 60;  // fewer: the second try
 };
 
@@ -40,7 +40,6 @@ struct RegionParameters {
     double colour_depth_lag_s = 0.010;   // between colour and depth, unless the frame tells
     double score_points = 0.5;           // W1, Eq. 1
     double score_area = 1.0;             // W2
-    double merge_distance_px = 10.0;
     double point_chi2_max = 11.34;       // 3 degrees of freedom, 99 %
     std::uint32_t group_points_min = 6;  // smaller groups get no pose of their own
     double margin_min = 0.0;             // of the choice, below: unsure
@@ -67,9 +66,9 @@ struct WeightParameters {
 struct KeyframeParameters {
     double tracked_share_max = 0.8;
     std::uint32_t new_points_min = 40;
-    std::uint32_t gap_min = 8;              // frames
-    double tracked_share_urgent = 0.4;      // below: the gap does not count
-    std::uint32_t tracked_urgent = 120;     // static points, below: the gap does not count
+    std::uint32_t gap_min = 8;           // frames
+    double tracked_share_urgent = 0.4;   // below: the gap does not count
+    std::uint32_t tracked_urgent = 120;  // static points, below: the gap does not count
 };
 
 struct Configuration {
@@ -119,7 +118,6 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("region.colour_depth_lag_s", c.region.colour_depth_lag_s, 0.0, 0.1, "s", "between colour and depth images");
     v("region.score_points", c.region.score_points, 0.0, 100.0, "", "W1 of Eq. 1");
     v("region.score_area", c.region.score_area, 0.0, 100.0, "", "W2 of Eq. 1");
-    v("region.merge_distance_px", c.region.merge_distance_px, 0.0, 2047.0, "px", "groups nearer than this may merge");
     v("region.point_chi2_max", c.region.point_chi2_max, 0.1, 1000.0, "", "largest squared residual of a static point");
     v("region.group_points_min", c.region.group_points_min, 3.0, 1000.0, "", "smaller groups get no pose of their own");
     v("region.margin_min", c.region.margin_min, -1.0, 1.0, "", "smaller margin of the choice makes a pose unsure");

@@ -35,8 +35,12 @@ static_assert(planned_bytes(Limits::tiny()) <= std::size_t{512} << 10U);
 // So that no difference of times overflows.
 constexpr std::int64_t kTimeMax_ns = (std::int64_t{1} << 62U) - 1;
 
-EngineState& state_of(Engine* engine) noexcept { return *static_cast<EngineState*>(engine); }
-const EngineState& state_of(const Engine* engine) noexcept { return *static_cast<const EngineState*>(engine); }
+EngineState& state_of(Engine* engine) noexcept {
+    return *static_cast<EngineState*>(engine);
+}
+const EngineState& state_of(const Engine* engine) noexcept {
+    return *static_cast<const EngineState*>(engine);
+}
 
 bool is_usable(const Limits& limits) noexcept {
     return limits.image_width_max >= 64 && limits.image_width_max <= 2047 && limits.image_height_max >= 64 &&
@@ -48,7 +52,9 @@ bool is_usable(const Limits& limits) noexcept {
 
 }  // namespace
 
-std::size_t bytes_needed(const Limits& limits) noexcept { return planned_bytes(limits); }
+std::size_t bytes_needed(const Limits& limits) noexcept {
+    return planned_bytes(limits);
+}
 
 ConfigurationProblem validate(const Configuration& configuration, const Limits& limits) noexcept {
     ConfigurationProblem problem;
@@ -106,8 +112,8 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
 Status Engine::submit(const Frame& frame) noexcept {
     EngineState& state = state_of(this);
     const std::uint32_t channels = channels_of(frame.format);
-    const bool is_known = frame.format == PixelFormat::kGrey8 || frame.format == PixelFormat::kRgb8 ||
-                          frame.format == PixelFormat::kBgr8;
+    const bool is_known =
+        frame.format == PixelFormat::kGrey8 || frame.format == PixelFormat::kRgb8 || frame.format == PixelFormat::kBgr8;
     const bool is_valid = is_known && frame.colour.data != nullptr && frame.depth.data != nullptr &&
                           frame.colour.width == state.camera.width && frame.colour.height == state.camera.height &&
                           frame.depth.width == state.camera.width && frame.depth.height == state.camera.height &&
@@ -125,7 +131,9 @@ Status Engine::submit(const Frame& frame) noexcept {
     return Status::kOk;
 }
 
-const PoseEstimate& Engine::pose() const noexcept { return state_of(this).tracking.pose(); }
+const PoseEstimate& Engine::pose() const noexcept {
+    return state_of(this).tracking.pose();
+}
 const FrameStatistics& Engine::frame_statistics() const noexcept {
     return state_of(this).tracking.frame_statistics();
 }
@@ -137,9 +145,15 @@ EngineStatistics Engine::statistics() const noexcept {
     out.arena_used_bytes = state.arena_used_bytes;
     return out;
 }
-TrackingView Engine::tracking_view() noexcept { return state_of(this).tracking.view(); }
-std::uint64_t Engine::state_hash() const noexcept { return state_of(this).tracking.state_hash(); }
-void Engine::set_stage_observer(StageObserver observer) noexcept { state_of(this).tracking.set_observer(observer); }
+TrackingView Engine::tracking_view() noexcept {
+    return state_of(this).tracking.view();
+}
+std::uint64_t Engine::state_hash() const noexcept {
+    return state_of(this).tracking.state_hash();
+}
+void Engine::set_stage_observer(StageObserver observer) noexcept {
+    state_of(this).tracking.set_observer(observer);
+}
 void Engine::reset() noexcept {
     EngineState& state = state_of(this);
     state.has_time = false;

@@ -135,7 +135,8 @@ public:
     // Tracks one frame to completion; its pixels are borrowed until the call returns.
     //   kOk       pose() is for this frame, whatever its state
     //   kInvalid  size, stride or format other than the camera's, time not after the last frame's, negative or above
-    //             2^62 ns (146 years), or a depth factor that is not positive: the frame is refused and counted, nothing else changed
+    //             2^62 ns (146 years), or a depth factor that is not positive: the frame is refused and counted,
+    //             nothing else changed
     [[nodiscard]] Status submit(const Frame& frame) noexcept;
 
     [[nodiscard]] const PoseEstimate& pose() const noexcept;

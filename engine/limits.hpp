@@ -6,13 +6,13 @@
 namespace stillmesh {
 
 struct Limits {
-    std::uint32_t image_width_max = 640;    // px, at most 2047 (exact mesh predicates)
-    std::uint32_t image_height_max = 480;   // px, at most 2047
-    std::uint32_t pyramid_levels_max = 8;   // at most 12
-    std::uint32_t features_max = 1000;      // per frame; more are never kept
-    std::uint32_t keyframes_max = 256;      // full: the oldest is forgotten (sliding set)
-    std::uint32_t map_points_max = 20000;   // full: the least recently seen are forgotten
-    std::uint32_t groups_max = 128;         // of the mesh; smaller ones beyond it stay without a vote
+    std::uint32_t image_width_max = 640;   // px, at most 2047 (exact mesh predicates)
+    std::uint32_t image_height_max = 480;  // px, at most 2047
+    std::uint32_t pyramid_levels_max = 8;  // at most 12
+    std::uint32_t features_max = 1000;     // per frame; more are never kept
+    std::uint32_t keyframes_max = 256;     // full: the oldest is forgotten (sliding set)
+    std::uint32_t map_points_max = 20000;  // full: the least recently seen are forgotten
+    std::uint32_t groups_max = 128;        // of the mesh; smaller ones beyond it stay without a vote
 
     // The desk and the robot with memory to spare: at most 48 MiB.
     [[nodiscard]] static constexpr Limits room() noexcept { return {}; }

@@ -14,7 +14,7 @@ namespace stillmesh {
 
 // What a camera knows about itself once it is open.
 struct CameraInfo {
-    CameraModel model;                 // intrinsics and distortion of the colour image, size in px
+    CameraModel model;  // intrinsics and distortion of the colour image, size in px
     double depth_units_per_m = 5000.0;
     double frames_per_s = 30.0;
 };
@@ -28,10 +28,11 @@ public:
     [[nodiscard]] virtual const CameraInfo& info() const noexcept {
         check_failed("DepthCamera::info not implemented", __FILE__, __LINE__);
     }
-    // Fills `frame` with the newest complete frame, without waiting. Its pixels stay valid until the next poll or close.
+    // Fills `frame` with the newest complete frame, without waiting. Its pixels stay valid until the next poll or
+    // close.
     //   kOk        newer than the last one       kUnavailable  device gone; open() may be tried again
-    //   kTimedOut  nothing new yet               kCorrupt      wrong size or bytes; `frame` is untouched, poll may go on
-    //   kEnd       the recording is over
+    //   kTimedOut  nothing new yet               kCorrupt      wrong size or bytes; `frame` is untouched, poll may go
+    //   on kEnd       the recording is over
     [[nodiscard]] virtual Status poll(Frame& frame) noexcept {
         static_cast<void>(frame);
         return not_implemented();

@@ -23,12 +23,16 @@ struct MapPoint {
     std::int64_t anchor_ns = 0;
     std::uint64_t last_seen_frame = 0;
     float distance_m = 0;             // from the camera that made it
+    float angle_rad = 0;              // of its feature, (-pi, pi]
     std::uint16_t seen = 0;           // frames that matched it
-    std::uint16_t missed = 0;         // frames in a row that should have seen it and did not
     std::uint8_t level = 0;           // pyramid level of its feature
     std::uint8_t weight_tenths = 10;  // static weight, Algorithm 2
     bool is_suspect = false;          // has no vote: seen to move, or new beside something that moves
 };
+
+[[nodiscard]] inline Vector3 vector_of(const double (&p)[3]) noexcept {
+    return {p[0], p[1], p[2]};
+}
 
 struct Keyframe {
     SE3 world_from_camera;

@@ -11,8 +11,8 @@
 namespace stillmesh {
 
 struct Correspondence {
-    std::uint32_t feature = 0;     // index in the frame's features
-    std::uint32_t point_slot = 0;  // in the map's pool
+    std::uint32_t feature = 0;             // index in the frame's features
+    std::uint32_t point_slot = 0;          // in the map's pool
     Vector2 normalised = Vector2::Zero();  // undistorted (x/z, y/z)
     Vector3 p_camera = Vector3::Zero();    // measured, m; valid iff has_depth
     Vector3 p_world = Vector3::Zero();     // the map's estimate, m
@@ -23,10 +23,10 @@ struct Correspondence {
     double map_var_lateral = 0;            // of p_world across it, m^2
     double anchor_var_z = 0;               // of p_anchor, m^2
     double anchor_var_lateral = 0;
-    double vote = 1;                       // what the past says: 0 moves, 1 is known to stand still
-    std::uint32_t distance_bits = 0;       // Hamming
+    double vote = 1;                  // what the past says: 0 moves, 1 is known to stand still
+    std::uint32_t distance_bits = 0;  // Hamming
     bool has_depth = false;
-    bool is_dynamic = false;               // lost its vote in earlier frames
+    bool is_dynamic = false;  // lost its vote in earlier frames
 };
 
 }  // namespace stillmesh

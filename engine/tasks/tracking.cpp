@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "engine/base/numbers.hpp"
-#include "engine/matching/hamming.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/pose/ransac.hpp"
 #include "engine/pose/residual.hpp"
@@ -14,9 +13,6 @@ namespace {
 
 constexpr double kSecond_ns = 1e9;
 
-Vector3 vector_of(const double (&p)[3]) noexcept {
-    return {p[0], p[1], p[2]};
-}
 void store(const Vector3& v, double (&p)[3]) noexcept {
     p[0] = v.x();
     p[1] = v.y();
@@ -89,13 +85,18 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     orb_.create(arena, limits, options, kernels);
     extractor_ = extractor != nullptr ? extractor : &orb_;
     features_.create(arena, limits.features_max);
-    grid_.create(arena, limits);
+    double scale = 1.0;
+    for (double& s : scale_) {
+        s = scale;
+        scale *= configuration.features.scale_factor;
+    }
+    matcher_.create(arena, limits, configuration.matching, camera,
+                    std::span<const double>(scale_).first(configuration.features.levels));
     region_.create(arena, limits);
     map_.create(arena, limits);
     grey_ = arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
     measured_.create(arena, limits.features_max);
     correspondences_.create(arena, limits.features_max);
-    claims_ = arena.array<Claim>(limits.features_max);
     chosen_.create(arena, limits.features_max);
     residuals_.create(arena, limits.features_max);
     verdicts_ = arena.array<std::uint8_t>(limits.features_max);
@@ -107,11 +108,6 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     noise_.z_min_m = configuration.depth.z_min_m;
     noise_.z_max_m = configuration.depth.z_max_m;
     noise_.sigma_max_m = configuration.depth.sigma_max_m;
-    double scale = 1.0;
-    for (double& s : scale_) {
-        s = scale;
-        scale *= configuration.features.scale_factor;
-    }
     random_ = Random(configuration.seed);
     noise_pixel_ = kNoisePixelStart;
     noise_depth_ = kNoiseDepthStart;
@@ -201,105 +197,16 @@ void Tracking::predict(std::int64_t time_ns) noexcept {
     context_.inlier_ratio = inlier_ratio_;
 }
 
-void Tracking::match_by_projection(const SE3& world_from_camera, double radius_px, bool is_more) noexcept {
-    if (!is_more) {
-        for (std::size_t i = 0; i < features_.size(); ++i) claims_[i] = Claim{};
-    }
-    const SE3 camera_from_world = world_from_camera.inverse();
-    const double width = camera_.width;
-    const double height = camera_.height;
-    const double margin_x = 0.6 * width / camera_.fx + 0.2;  // quick reject before distortion is computed
-    const double margin_y = 0.6 * height / camera_.fy + 0.2;
-    const auto levels = static_cast<std::int32_t>(configuration_.features.levels);
-    Pool<MapPoint>& points = map_.points();
-    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
-        if (!points.is_taken(slot)) continue;
-        MapPoint& point = points.at(slot);
-        if (is_more && point.last_seen_frame == frame_) continue;
-        const Vector3 q = camera_from_world * vector_of(point.world);
-        if (q.z() < 0.1) continue;
-        const Vector2 n(q.x() / q.z(), q.y() / q.z());
-        if (n.x() > margin_x || n.x() < -margin_x || n.y() > margin_y || n.y() < -margin_y) continue;
-        const Vector2 pixel = distort_to_pixel(camera_, n);
-        if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < width && pixel.y() < height)) continue;
-        // A point twice as far is seen on the level whose scale is half: which level to expect.
-        const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_[point.level];
-        std::int32_t level = 0;
-        while (level + 1 < levels && scale_[level] * 1.095 < ratio) ++level;
-        const double radius = radius_px * scale_[level];
-        std::uint32_t best = configuration_.matching.hamming_max + 1;
-        std::uint32_t second = 257;
-        std::uint32_t best_feature = 0;
-        std::int32_t best_level = 0;
-        std::int32_t second_level = -1;
-        grid_.visit_near(pixel.x(), pixel.y(), radius, [&](std::uint32_t i) {
-            const Keypoint& keypoint = features_.keypoints[i];
-            const std::int32_t off = static_cast<std::int32_t>(keypoint.level) - level;
-            if (off < -1 || off > 1) return;
-            const double dx = static_cast<double>(keypoint.x) - pixel.x();
-            const double dy = static_cast<double>(keypoint.y) - pixel.y();
-            if (dx * dx + dy * dy > radius * radius) return;
-            if (is_more && claims_[i].point_slot_plus_one != 0) return;
-            const std::uint32_t distance = hamming_distance(features_.descriptors[i], point.descriptor);
-            if (distance < best) {
-                second = best;
-                second_level = best_level;
-                best = distance;
-                best_feature = i;
-                best_level = keypoint.level;
-            } else if (distance < second) {
-                second = distance;
-                second_level = keypoint.level;
-            }
-        });
-        if (best > configuration_.matching.hamming_max) continue;
-        // Neighbours on other levels are often the same corner; only rivals on the same level count.
-        if (second_level == best_level && second <= 256 &&
-            static_cast<double>(best) > configuration_.matching.ratio_max * static_cast<double>(second)) {
-            continue;
-        }
-        Claim& claim = claims_[best_feature];
-        if (claim.point_slot_plus_one == 0 || best < claim.distance_bits) claim = {slot + 1, best};
-    }
-}
-
-void Tracking::match_by_descriptor(Handle<Keyframe> keyframe) noexcept {
-    for (std::size_t i = 0; i < features_.size(); ++i) claims_[i] = Claim{};
-    for (const Observation& observation : map_.observations(keyframe)) {
-        const MapPoint* const point = map_.points().find(observation.point);
-        if (point == nullptr) continue;
-        std::uint32_t best = configuration_.matching.hamming_wide_max + 1;
-        std::uint32_t second = 257;
-        std::uint32_t best_feature = 0;
-        for (std::size_t i = 0; i < features_.size(); ++i) {
-            const std::uint32_t distance = hamming_distance(features_.descriptors[i], point->descriptor);
-            if (distance < best) {
-                second = best;
-                best = distance;
-                best_feature = static_cast<std::uint32_t>(i);
-            } else if (distance < second) {
-                second = distance;
-            }
-        }
-        if (best > configuration_.matching.hamming_wide_max) continue;
-        if (static_cast<double>(best) > configuration_.matching.ratio_max * static_cast<double>(second)) continue;
-        Claim& claim = claims_[best_feature];
-        if (claim.point_slot_plus_one == 0 || best < claim.distance_bits) {
-            claim = {observation.point.slot() + 1, best};
-        }
-    }
-}
-
 void Tracking::gather_correspondences() noexcept {
     correspondences_.clear();
     const bool is_plain = !configuration_.region.is_enabled;
     for (std::size_t i = 0; i < features_.size(); ++i) {
-        if (claims_[i].point_slot_plus_one == 0) continue;
-        MapPoint& point = map_.points().at(claims_[i].point_slot_plus_one - 1);
+        if (matcher_.claim(i).is_free()) continue;
+        MapPoint& point = map_.points().at(matcher_.claim(i).point_slot());
         const MeasuredFeature& m = measured_[i];
         Correspondence c;
         c.feature = static_cast<std::uint32_t>(i);
-        c.point_slot = claims_[i].point_slot_plus_one - 1;
+        c.point_slot = matcher_.claim(i).point_slot();
         c.normalised = m.normalised;
         c.has_depth = m.var_z >= 0;
         if (c.has_depth) {
@@ -315,7 +222,7 @@ void Tracking::gather_correspondences() noexcept {
         const double drift = std::min(kDrift_m + kDriftPerSecond_m * seconds(point.anchor_ns, time_ns_), kDriftMax_m);
         c.anchor_var_z = point.anchor_var_z * noise_depth_ + drift * drift;
         c.anchor_var_lateral = point.anchor_var_lateral * noise_pixel_ + drift * drift;
-        c.distance_bits = claims_[i].distance_bits;
+        c.distance_bits = matcher_.claim(i).distance_bits;
         c.is_dynamic = !is_plain && point.is_suspect;
         if (is_plain) {
             c.vote = 1.0;
@@ -351,7 +258,7 @@ void Tracking::track(const Frame& frame) noexcept {
     std::fill_n(groups_.begin(), features_.size(), kNoGroup);
     frame_statistics_.features = static_cast<std::uint32_t>(features_.size());
     measure(frame);
-    grid_.build(camera_.width, camera_.height, features_.keypoints.span());
+    matcher_.begin(features_);
     observe(Stage::kFeatures, false);
 
     if (!has_map_) {
@@ -418,7 +325,6 @@ void Tracking::start_map() noexcept {
     has_velocity_ = false;
     lost_frames_ = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
-        claims_[i] = Claim{};
         verdicts_[i] = 0;
     }
     make_keyframe();
@@ -432,12 +338,12 @@ void Tracking::start_map() noexcept {
 
 bool Tracking::estimate() noexcept {
     observe(Stage::kMatching, true);
-    match_by_projection(predicted_, configuration_.matching.radius_px, false);
+    matcher_.by_projection(map_, predicted_, configuration_.matching.radius_px);
     gather_correspondences();
     std::uint32_t voters = 0;
     for (const Correspondence& c : correspondences_) voters += c.vote > 0 ? 1U : 0U;
     if (voters < configuration_.matching.matches_min) {
-        match_by_projection(predicted_, configuration_.matching.radius_wide_px, false);
+        matcher_.by_projection(map_, predicted_, configuration_.matching.radius_wide_px);
         gather_correspondences();
         context_.prediction_sigma_m *= 3.0;
         context_.prediction_sigma_rad *= 3.0;
@@ -500,7 +406,7 @@ bool Tracking::estimate() noexcept {
     // More of the map, where this pose says that it is.
     observe(Stage::kLocalMap, true);
     for (const Correspondence& c : correspondences_) map_.points().at(c.point_slot).last_seen_frame = frame_;
-    match_by_projection(fit.world_from_camera, 0.5 * configuration_.matching.radius_px, true);
+    matcher_.more_by_projection(map_, fit.world_from_camera, 0.5 * configuration_.matching.radius_px, frame_);
     gather_correspondences();
     chosen_.clear();
     const SE3 camera_from_world = fit.world_from_camera.inverse();
@@ -553,7 +459,7 @@ bool Tracking::recover() noexcept {
     const auto count = static_cast<std::uint32_t>(map_.keyframes().size());
     if (count == 0) return false;
     const std::uint32_t turn = lost_frames_ % std::min(count, 16U);
-    match_by_descriptor(map_.recent_keyframe(turn));
+    matcher_.by_descriptor(map_, map_.recent_keyframe(turn));
     gather_correspondences();
     chosen_.clear();
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
@@ -631,7 +537,6 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
         Correspondence& c = correspondences_[i];
         MapPoint& point = map_.points().at(c.point_slot);
         point.last_seen_frame = frame_;
-        point.missed = 0;
         if (point.seen < 0xffffU) ++point.seen;
         const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
         const bool is_still = c.is_dynamic
@@ -685,6 +590,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
             point.var_z = measured_[c.feature].var_z;
             point.var_lateral = measured_[c.feature].var_pixel * c.p_camera.z() * c.p_camera.z();
             point.descriptor = features_.descriptors[c.feature];
+            point.angle_rad = features_.keypoints[c.feature].angle_rad;
             point.distance_m = static_cast<float>(c.p_camera.z());
             point.level = features_.keypoints[c.feature].level;
             if (!c.is_dynamic || seconds(point.anchor_ns, time_ns_) > kAnchorAge_s) {
@@ -702,7 +608,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
     inlier_ratio_ = std::clamp(share, 0.3, 1.0);
     new_points_possible_ = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
-        if (claims_[i].point_slot_plus_one == 0 && measured_[i].var_z >= 0) ++new_points_possible_;
+        if (matcher_.claim(i).is_free() && measured_[i].var_z >= 0) ++new_points_possible_;
     }
     frame_statistics_.matches = static_cast<std::uint32_t>(correspondences_.size());
     frame_statistics_.static_matches = static_count_;
@@ -724,7 +630,7 @@ void Tracking::make_keyframe() noexcept {
     Pool<MapPoint>& points = map_.points();
     std::size_t wanted = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
-        if (claims_[i].point_slot_plus_one == 0 && measured_[i].var_z >= 0) ++wanted;
+        if (matcher_.claim(i).is_free() && measured_[i].var_z >= 0) ++wanted;
     }
     const std::size_t free = points.capacity() - points.size();
     if (free < wanted) map_.make_room_for_points(static_cast<std::uint32_t>(wanted - free), frame_);
@@ -739,7 +645,7 @@ void Tracking::make_keyframe() noexcept {
     }
     std::uint32_t added = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
-        if (claims_[i].point_slot_plus_one != 0 || measured_[i].var_z < 0) continue;
+        if (!matcher_.claim(i).is_free() || measured_[i].var_z < 0) continue;
         const bool is_suspicious = lies_among_moving(i);
         add_point(i, handle, is_suspicious ? configuration_.weights.suspicious : configuration_.weights.start);
         added += is_suspicious ? 0U : 1U;
@@ -759,12 +665,13 @@ bool Tracking::lies_among_moving(std::size_t feature) const noexcept {
     constexpr double kNear_px = 40.0;
     std::uint32_t moving = 0;
     std::uint32_t still = 0;
-    grid_.visit_near(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y), kNear_px, [&](std::uint32_t i) {
-        if (verdicts_[i] == 0 || measured_[i].var_z < 0) return;
-        const double dz = measured_[i].z_m - z;
-        if (dz * dz > 0.04 + 9.0 * (measured_[i].var_z + measured_[feature].var_z)) return;
-        ++(verdicts_[i] == 1 ? still : moving);
-    });
+    matcher_.grid().visit_near(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y), kNear_px,
+                               [&](std::uint32_t i) {
+                                   if (verdicts_[i] == 0 || measured_[i].var_z < 0) return;
+                                   const double dz = measured_[i].z_m - z;
+                                   if (dz * dz > 0.04 + 9.0 * (measured_[i].var_z + measured_[feature].var_z)) return;
+                                   ++(verdicts_[i] == 1 ? still : moving);
+                               });
     return moving > still;
 }
 
@@ -780,6 +687,7 @@ void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::ui
     point.anchor_var_z = point.var_z;
     point.anchor_var_lateral = point.var_lateral;
     point.descriptor = features_.descriptors[feature];
+    point.angle_rad = features_.keypoints[feature].angle_rad;
     point.created_ns = time_ns_;
     point.anchor_ns = time_ns_;
     point.last_seen_frame = frame_;

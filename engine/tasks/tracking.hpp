@@ -15,7 +15,7 @@
 #include "engine/geometry/depth_noise.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
-#include "engine/matching/feature_grid.hpp"
+#include "engine/matching/map_matcher.hpp"
 #include "engine/static_region/static_region.hpp"
 
 namespace stillmesh {
@@ -33,13 +33,12 @@ public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         OrbExtractor::plan(arena, limits);
         FeatureSet::plan(arena, limits.features_max);
-        FeatureGrid::plan(arena, limits);
+        MapMatcher::plan(arena, limits);
         StaticRegion::plan(arena, limits);
         Map::plan(arena, limits);
         arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
         FixedVector<MeasuredFeature>::plan(arena, limits.features_max);
         FixedVector<Correspondence>::plan(arena, limits.features_max);
-        arena.array<Claim>(limits.features_max);
         FixedVector<std::uint16_t>::plan(arena, limits.features_max);
         arena.array<std::uint8_t>(limits.features_max);
         arena.array<std::uint16_t>(limits.features_max);
@@ -66,19 +65,9 @@ public:
     void set_observer(StageObserver observer) noexcept { observer_ = observer; }
 
 private:
-    // A map point's claim to a feature while matching.
-    struct Claim {
-        std::uint32_t point_slot_plus_one = 0;
-        std::uint32_t distance_bits = 0;
-    };
-
     [[nodiscard]] GreyView grey_of(const Frame& frame) noexcept;
     void measure(const Frame& frame) noexcept;
     void predict(std::int64_t time_ns) noexcept;
-    // Claims features for map points projected with `world_from_camera`; keeps the claims there are when `is_more`.
-    void match_by_projection(const SE3& world_from_camera, double radius_px, bool is_more) noexcept;
-    // Claims features for the points of a keyframe by descriptor alone.
-    void match_by_descriptor(Handle<Keyframe> keyframe) noexcept;
     void gather_correspondences() noexcept;
     void start_map() noexcept;
     [[nodiscard]] bool estimate() noexcept;
@@ -106,14 +95,13 @@ private:
     StageObserver observer_;
     OrbExtractor orb_;
     FeatureSet features_;
-    FeatureGrid grid_;
+    MapMatcher matcher_;
     StaticRegion region_;
     Map map_;
     DepthNoise noise_;
     std::span<std::uint8_t> grey_;
     FixedVector<MeasuredFeature> measured_;
     FixedVector<Correspondence> correspondences_;
-    std::span<Claim> claims_;            // by feature
     FixedVector<std::uint16_t> chosen_;  // correspondences that vote for the pose
     FixedVector<float> residuals_;       // scratch of adapt_noise
     std::span<std::uint8_t> verdicts_;   // by feature: 0 not matched, 1 still, 2 moving

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "hal/simulated/simulated_camera.hpp"
+#include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
@@ -16,15 +17,6 @@
 
 namespace stillmesh {
 namespace {
-
-void complain(const std::string& sentence) {
-    std::fprintf(stderr, "stillmesh: %s\n", sentence.c_str());
-}
-
-int refuse(const std::string& sentence) {
-    complain(sentence);
-    return kExitUsage;
-}
 
 // The switches of design.md that have nothing behind them yet: known, so that the answer is a sentence.
 constexpr const char* kLaterOptions[] = {"--camera", "--inject",  "--record",    "--record-frames", "--cloud",

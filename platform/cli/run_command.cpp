@@ -10,6 +10,7 @@
 
 #include "hal/replay/replay_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
+#include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
@@ -17,15 +18,6 @@
 
 namespace stillmesh {
 namespace {
-
-void complain(const std::string& sentence) {
-    std::fprintf(stderr, "stillmesh: %s\n", sentence.c_str());
-}
-
-int refuse(const std::string& sentence) {
-    complain(sentence);
-    return kExitUsage;
-}
 
 // A simulated camera that writes down where it truly was.
 class TruthfulCamera final : public DepthCamera {

@@ -1,0 +1,169 @@
+#include "engine/matching/map_matcher.hpp"
+
+#include <algorithm>
+
+#include "engine/base/numbers.hpp"
+#include "engine/geometry/camera.hpp"
+#include "engine/matching/hamming.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::uint32_t kNoDistance = 257;  // more than any two descriptors have
+
+// Turns of the picture are counted in bins of 12 degrees; those of the three fullest agree.
+constexpr std::int32_t kTurnBins = 30;
+constexpr double kTwoPi = 6.283185307179586;
+
+std::int32_t turn_bin(float from_rad, float to_rad) noexcept {
+    const double turn = (static_cast<double>(to_rad) - static_cast<double>(from_rad)) / kTwoPi;
+    const std::int32_t bin = floor_clamped((turn + 2.0) * kTurnBins + 0.5, 0, 4 * kTurnBins);
+    return bin % kTurnBins;
+}
+
+}  // namespace
+
+void MapMatcher::create(Arena& arena, const Limits& limits, const MatchingParameters& parameters,
+                        const CameraModel& camera, std::span<const double> scale_of_level) noexcept {
+    parameters_ = parameters;
+    camera_ = camera;
+    scale_of_level_ = scale_of_level;
+    grid_.create(arena, limits);
+    claims_ = arena.array<Claim>(limits.features_max);
+}
+
+void MapMatcher::begin(const FeatureSet& features) noexcept {
+    features_ = &features;
+    grid_.build(camera_.width, camera_.height, features.keypoints.span());
+    clear();
+}
+
+void MapMatcher::clear() noexcept {
+    for (std::size_t i = 0; i < features_->size(); ++i) claims_[i] = Claim{};
+}
+
+void MapMatcher::by_projection(const Map& map, const SE3& world_from_camera, double radius_px) noexcept {
+    clear();
+    project(map, world_from_camera, radius_px, nullptr);
+}
+
+void MapMatcher::more_by_projection(const Map& map, const SE3& world_from_camera, double radius_px,
+                                    std::uint64_t frame) noexcept {
+    project(map, world_from_camera, radius_px, &frame);
+}
+
+void MapMatcher::project(const Map& map, const SE3& world_from_camera, double radius_px,
+                         const std::uint64_t* seen_frame) noexcept {
+    const bool is_more = seen_frame != nullptr;
+    const SE3 camera_from_world = world_from_camera.inverse();
+    const double width = camera_.width;
+    const double height = camera_.height;
+    const double margin_x = 0.6 * width / camera_.fx + 0.2;  // quick reject before distortion is computed
+    const double margin_y = 0.6 * height / camera_.fy + 0.2;
+    const auto levels = static_cast<std::int32_t>(scale_of_level_.size());
+    const Pool<MapPoint>& points = map.points();
+    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+        if (!points.is_taken(slot)) continue;
+        const MapPoint& point = points.at(slot);
+        if (is_more && point.last_seen_frame == *seen_frame) continue;
+        const Vector3 q = camera_from_world * vector_of(point.world);
+        if (q.z() < 0.1) continue;
+        const Vector2 n(q.x() / q.z(), q.y() / q.z());
+        if (n.x() > margin_x || n.x() < -margin_x || n.y() > margin_y || n.y() < -margin_y) continue;
+        const Vector2 pixel = distort_to_pixel(camera_, n);
+        if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < width && pixel.y() < height)) continue;
+        // A point twice as far is seen on the level whose scale is half: which level to expect.
+        const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_of_level_[point.level];
+        std::int32_t level = 0;
+        while (level + 1 < levels && scale_of_level_[static_cast<std::size_t>(level)] * 1.095 < ratio) ++level;
+        const double radius = radius_px * scale_of_level_[static_cast<std::size_t>(level)];
+        std::uint32_t best = parameters_.hamming_max + 1;
+        std::uint32_t second = kNoDistance;
+        std::uint32_t best_feature = 0;
+        std::int32_t best_level = 0;
+        std::int32_t second_level = -1;
+        grid_.visit_near(pixel.x(), pixel.y(), radius, [&](std::uint32_t i) {
+            const Keypoint& keypoint = features_->keypoints[i];
+            const std::int32_t off = static_cast<std::int32_t>(keypoint.level) - level;
+            if (off < -1 || off > 1) return;
+            const double dx = static_cast<double>(keypoint.x) - pixel.x();
+            const double dy = static_cast<double>(keypoint.y) - pixel.y();
+            if (dx * dx + dy * dy > radius * radius) return;
+            if (is_more && !claims_[i].is_free()) return;
+            const std::uint32_t distance = hamming_distance(features_->descriptors[i], point.descriptor);
+            if (distance < best) {
+                second = best;
+                second_level = best_level;
+                best = distance;
+                best_feature = i;
+                best_level = keypoint.level;
+            } else if (distance < second) {
+                second = distance;
+                second_level = keypoint.level;
+            }
+        });
+        if (best > parameters_.hamming_max) continue;
+        // Neighbours on other levels are often the same corner; only rivals on the same level count.
+        if (second_level == best_level &&
+            second<kNoDistance&& static_cast<double>(best)> parameters_.ratio_max * static_cast<double>(second)) {
+            continue;
+        }
+        Claim& claim = claims_[best_feature];
+        if (claim.is_free() || best < claim.distance_bits) claim = {slot + 1, best};
+    }
+}
+
+void MapMatcher::by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexcept {
+    clear();
+    for (const Observation& observation : map.observations(keyframe)) {
+        const MapPoint* const point = map.points().find(observation.point);
+        if (point == nullptr) continue;
+        std::uint32_t best = parameters_.hamming_wide_max + 1;
+        std::uint32_t second = kNoDistance;
+        std::uint32_t best_feature = 0;
+        for (std::size_t i = 0; i < features_->size(); ++i) {
+            const std::uint32_t distance = hamming_distance(features_->descriptors[i], point->descriptor);
+            if (distance < best) {
+                second = best;
+                best = distance;
+                best_feature = static_cast<std::uint32_t>(i);
+            } else if (distance < second) {
+                second = distance;
+            }
+        }
+        if (best > parameters_.hamming_wide_max) continue;
+        if (static_cast<double>(best) > parameters_.ratio_max * static_cast<double>(second)) continue;
+        Claim& claim = claims_[best_feature];
+        if (claim.is_free() || best < claim.distance_bits) claim = {observation.point.slot() + 1, best};
+    }
+    keep_common_turn(map);
+}
+
+// A camera that rolls turns all descriptors alike: matches that turn otherwise are look-alikes.
+void MapMatcher::keep_common_turn(const Map& map) noexcept {
+    std::uint32_t counts[kTurnBins] = {};
+    const auto bin_of = [&](std::size_t feature) {
+        return turn_bin(map.points().at(claims_[feature].point_slot()).angle_rad,
+                        features_->keypoints[feature].angle_rad);
+    };
+    for (std::size_t i = 0; i < features_->size(); ++i) {
+        if (!claims_[i].is_free()) ++counts[bin_of(i)];
+    }
+    bool is_kept[kTurnBins] = {};
+    std::uint32_t fullest = 0;
+    for (int rank = 0; rank < 3; ++rank) {
+        std::int32_t best = -1;
+        for (std::int32_t bin = 0; bin < kTurnBins; ++bin) {
+            if (!is_kept[bin] && counts[bin] > 0 && (best < 0 || counts[bin] > counts[best])) best = bin;
+        }
+        if (best < 0) break;
+        if (rank == 0) fullest = counts[best];
+        if (10 * counts[best] < fullest) break;  // far from the fullest it is an accident
+        is_kept[best] = true;
+    }
+    for (std::size_t i = 0; i < features_->size(); ++i) {
+        if (!claims_[i].is_free() && !is_kept[bin_of(i)]) claims_[i] = Claim{};
+    }
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,64 @@
+// Which map point each feature of a frame shows: by projection around where a pose puts the points, or by descriptor
+// alone against one keyframe when there is no pose to trust (the vocabulary's direct index will narrow that search).
+// One point per feature; the nearer descriptor wins, ties go to the lower slot. Limit: features_max features. Cost: one
+// pass over the map for a projection, features times observations for a keyframe.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/configuration.hpp"
+#include "engine/features/features.hpp"
+#include "engine/geometry/camera_model.hpp"
+#include "engine/geometry/se3.hpp"
+#include "engine/limits.hpp"
+#include "engine/map/map.hpp"
+#include "engine/matching/feature_grid.hpp"
+
+namespace stillmesh {
+
+// A map point's claim to a feature.
+struct Claim {
+    std::uint32_t point_slot_plus_one = 0;
+    std::uint32_t distance_bits = 0;  // Hamming
+    [[nodiscard]] bool is_free() const noexcept { return point_slot_plus_one == 0; }
+    [[nodiscard]] std::uint32_t point_slot() const noexcept { return point_slot_plus_one - 1; }
+};
+
+class MapMatcher {
+public:
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        FeatureGrid::plan(arena, limits);
+        arena.array<Claim>(limits.features_max);
+    }
+    void create(Arena& arena, const Limits& limits, const MatchingParameters& parameters, const CameraModel& camera,
+                std::span<const double> scale_of_level) noexcept;
+
+    // The features of a new frame, borrowed until the next; no claims.
+    void begin(const FeatureSet& features) noexcept;
+    void clear() noexcept;
+    // Points around their projections. The first search claims anew and starts without claims...
+    void by_projection(const Map& map, const SE3& world_from_camera, double radius_px) noexcept;
+    // ... a further one leaves them as they are, and passes over points that were seen in `frame`.
+    void more_by_projection(const Map& map, const SE3& world_from_camera, double radius_px,
+                            std::uint64_t frame) noexcept;
+    // The points of a keyframe by ratio test and by agreement on one turn of the picture.
+    void by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexcept;
+
+    [[nodiscard]] const Claim& claim(std::size_t feature) const noexcept { return claims_[feature]; }
+    [[nodiscard]] const FeatureGrid& grid() const noexcept { return grid_; }
+
+private:
+    void project(const Map& map, const SE3& world_from_camera, double radius_px,
+                 const std::uint64_t* seen_frame) noexcept;
+    void keep_common_turn(const Map& map) noexcept;
+
+    MatchingParameters parameters_;
+    CameraModel camera_;
+    std::span<const double> scale_of_level_;  // as many as the pyramid has levels
+    const FeatureSet* features_ = nullptr;
+    FeatureGrid grid_;
+    std::span<Claim> claims_;  // by feature
+};
+
+}  // namespace stillmesh
