@@ -71,6 +71,12 @@ struct KeyframeParameters {
     std::uint32_t tracked_urgent = 120;  // static points, below: the gap does not count
 };
 
+// Background work in work units (engine/schedule/task.hpp).
+struct ScheduleParameters {
+    std::uint32_t units_per_frame = 20000;  // granted after each frame by replay and simulation
+    std::uint32_t slice_units = 2000;       // the most one task gets before the one above it is asked again
+};
+
 struct Configuration {
     FeatureParameters features;
     DepthParameters depth;
@@ -79,6 +85,7 @@ struct Configuration {
     PoseParameters pose;
     WeightParameters weights;
     KeyframeParameters keyframes;
+    ScheduleParameters schedule;
     std::uint64_t seed = 1;  // of RANSAC
 
     [[nodiscard]] static constexpr Configuration indoor() noexcept { return {}; }
@@ -138,6 +145,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("keyframes.gap_min", c.keyframes.gap_min, 1.0, 300.0, "frames", "from one keyframe to the next");
     v("keyframes.tracked_share_urgent", c.keyframes.tracked_share_urgent, 0.0, 1.0, "", "below: the gap is ignored");
     v("keyframes.tracked_urgent", c.keyframes.tracked_urgent, 0.0, 4000.0, "", "below: the gap is ignored");
+    v("schedule.units_per_frame", c.schedule.units_per_frame, 1.0, 1e9, "units", "background work after each frame");
+    v("schedule.slice_units", c.schedule.slice_units, 1.0, 1e9, "units", "background work in one piece");
     v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 

@@ -15,6 +15,7 @@ struct EngineState final : Engine {
     Limits limits;
     CameraModel camera;
     Tracking tracking;
+    Scheduler scheduler;  // of the background tasks, in the order of add() in create()
     std::uint64_t frames_refused = 0;
     std::size_t arena_used_bytes = 0;
     std::int64_t last_time_ns = 0;
@@ -103,6 +104,7 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     state.limits = limits;
     state.camera = camera;
     state.tracking.create(arena, limits, configuration, camera, kernels, extractor);
+    state.scheduler.create(configuration.schedule.slice_units);
     arena.seal();
     state.arena_used_bytes = arena.used_bytes();
     STILLMESH_CHECK(state.arena_used_bytes == planned_bytes(limits));
@@ -131,6 +133,10 @@ Status Engine::submit(const Frame& frame) noexcept {
     return Status::kOk;
 }
 
+Progress Engine::step(std::uint32_t units) noexcept {
+    return state_of(this).scheduler.step(units);
+}
+
 const PoseEstimate& Engine::pose() const noexcept {
     return state_of(this).tracking.pose();
 }
@@ -141,6 +147,7 @@ EngineStatistics Engine::statistics() const noexcept {
     EngineStatistics out;
     const EngineState& state = state_of(this);
     state.tracking.fill(out);
+    out.schedule = state.scheduler.statistics();
     out.frames_refused = state.frames_refused;
     out.arena_used_bytes = state.arena_used_bytes;
     return out;
@@ -149,7 +156,11 @@ TrackingView Engine::tracking_view() noexcept {
     return state_of(this).tracking.view();
 }
 std::uint64_t Engine::state_hash() const noexcept {
-    return state_of(this).tracking.state_hash();
+    const EngineState& state = state_of(this);
+    StateHash hash;
+    hash.add(state.tracking.state_hash());
+    state.scheduler.add_to(hash);
+    return hash.value();
 }
 void Engine::set_stage_observer(StageObserver observer) noexcept {
     state_of(this).tracking.set_observer(observer);
@@ -159,6 +170,7 @@ void Engine::reset() noexcept {
     state.has_time = false;
     state.frames_refused = 0;
     state.tracking.reset();
+    state.scheduler.reset();
 }
 
 }  // namespace stillmesh

@@ -4,6 +4,7 @@
 //   std::span<std::byte> block = ...;                        // bytes_needed(limits), aligned to kArenaAlignment
 //   auto engine = Engine::create(block, limits, configuration, camera, kernels);
 //   engine.value()->submit(frame);                           // tracks the frame
+//   engine.value()->step(units);                             // background work, in the time that is left
 //   const PoseEstimate& pose = engine.value()->pose();
 #pragma once
 
@@ -19,6 +20,7 @@
 #include "engine/frame/kernels.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/limits.hpp"
+#include "engine/schedule/scheduler.hpp"
 
 namespace stillmesh {
 
@@ -87,9 +89,12 @@ struct EngineStatistics {
     std::uint64_t keyframes_made = 0;
     std::uint64_t keyframes_forgotten = 0;
     std::uint64_t points_forgotten = 0;
-    std::uint64_t frames_lost = 0;  // state none after the first pose
-    std::uint64_t recoveries = 0;   // back from lost against a keyframe
+    std::uint64_t frames_lost = 0;        // state none after the first pose
+    std::uint64_t recoveries = 0;         // back from lost against a keyframe
+    std::uint64_t keyframes_refused = 0;  // mapping was behind: its queue had no room
     PoolStatistics keyframes, map_points;
+    PoolStatistics keyframe_queue;  // waiting for mapping
+    ScheduleStatistics schedule;
     std::size_t arena_used_bytes = 0;
 };
 
@@ -138,6 +143,12 @@ public:
     //             2^62 ns (146 years), or a depth factor that is not positive: the frame is refused and counted,
     //             nothing else changed
     [[nodiscard]] Status submit(const Frame& frame) noexcept;
+    // Background work (mapping, then loop closing) for so many work units, to be called between frames: any number of
+    // times, 0 included. Without it tracking still tracks. The same submit and step calls give the same bits, however
+    // fast the machine is; step(a), step(b) is step(a + b). Rule and bounds: engine/schedule/scheduler.hpp.
+    //   kIdle     nothing was waiting: no step is needed before the next submit
+    //   kWorking  the units ended first              kDone  finished all that was waiting
+    Progress step(std::uint32_t units) noexcept;
 
     [[nodiscard]] const PoseEstimate& pose() const noexcept;
     [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept;

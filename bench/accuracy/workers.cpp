@@ -69,9 +69,9 @@ void tell_failed_check(const char* expression, const char* file, std::int32_t li
     ::_exit(is_good ? 0 : 1);
 }
 
-class Progress {
+class ProgressLine {
 public:
-    explicit Progress(std::size_t runs) : runs_(runs), is_terminal_(isatty(STDERR_FILENO) == 1) {}
+    explicit ProgressLine(std::size_t runs) : runs_(runs), is_terminal_(isatty(STDERR_FILENO) == 1) {}
     void show(std::size_t done, std::uint64_t frames) {
         const std::int64_t now_ns = monotonic_ns();
         if (!is_terminal_ || now_ns - shown_ns_ < 200'000'000) return;
@@ -107,7 +107,7 @@ Outcome run_all(const std::vector<Input>& inputs, const std::vector<Variant>& va
     std::size_t next = 0;
     std::size_t done = 0;
     std::uint64_t frames = 0;
-    Progress progress(inputs.size());
+    ProgressLine progress(inputs.size());
     while ((next < inputs.size() || !workers.empty()) && stop_signal() == 0) {
         while (workers.size() < jobs && next < inputs.size()) {
             int ends[2];

@@ -157,6 +157,7 @@ public:
             return Status::kInvalid;
         }
         engine_ = engine.value();
+        units_per_frame_ = configuration.schedule.units_per_frame;
         engine_->set_stage_observer({on_stage, this});
         for (std::uint32_t i = 0; i < kStages; ++i) stages_[i].name = stage_name(static_cast<Stage>(i));
         return Status::kOk;
@@ -181,6 +182,7 @@ public:
         out.features = count16(statistics.features);
         out.static_features = count16(statistics.static_matches);
         out.dynamic_features = count16(statistics.dynamic_matches);
+        static_cast<void>(engine_->step(units_per_frame_));
         out.state_hash = engine_->state_hash();
         return Status::kOk;
     }
@@ -224,6 +226,7 @@ private:
     Limits limits_;
     MemoryBlock block_;
     Engine* engine_ = nullptr;
+    std::uint32_t units_per_frame_ = 0;
     std::array<StageRecord, kStages> stages_;
     std::array<std::int64_t, kStages> begin_ns_{};
     std::array<std::int64_t, kStages> spent_ns_{};

@@ -8,10 +8,10 @@
 
 namespace stillmesh {
 
-Progress::Progress(bool is_shown, std::uint64_t frames_expected)
+ProgressLine::ProgressLine(bool is_shown, std::uint64_t frames_expected)
     : is_shown_(is_shown), is_terminal_(::isatty(STDERR_FILENO) == 1), frames_expected_(frames_expected) {}
 
-void Progress::frame(std::uint64_t count, PoseState state, std::int64_t now_ns) {
+void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_ns) {
     if (!is_shown_) return;
     if (begin_ns_ == 0) begin_ns_ = last_ns_ = now_ns;
     const std::int64_t interval_ns = is_terminal_ ? 100'000'000 : 5'000'000'000;
@@ -30,7 +30,7 @@ void Progress::frame(std::uint64_t count, PoseState state, std::int64_t now_ns) 
     static_cast<void>(std::fflush(stderr));
 }
 
-void Progress::finish() {
+void ProgressLine::finish() {
     if (is_line_open_) std::fprintf(stderr, "\r%60s\r", "");
     is_line_open_ = false;
 }

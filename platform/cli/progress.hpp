@@ -8,9 +8,9 @@
 
 namespace stillmesh {
 
-class Progress {
+class ProgressLine {
 public:
-    Progress(bool is_shown, std::uint64_t frames_expected);
+    ProgressLine(bool is_shown, std::uint64_t frames_expected);
     void frame(std::uint64_t count, PoseState state, std::int64_t now_ns);
     // Ends the rewritten line.
     void finish();

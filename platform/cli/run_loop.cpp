@@ -169,7 +169,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     }
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
 
-    Progress progress(options.show_progress, options.frames_expected);
+    ProgressLine progress(options.show_progress, options.frames_expected);
     SnapshotKeeper snapshots(options.snapshots_max);
     LossWatch loss;
     std::string final_lines = options.trajectory_final.empty() ? "" : kHeader;

@@ -1,0 +1,71 @@
+// Background work in the shadow of tracking, on the same thread: a few tasks in order of priority (mapping before loop
+// closing), given work units by whoever runs the engine. Tracking itself is no task: it runs to completion in
+// Engine::submit, before any of this.
+//
+// The rule. A grant goes to the first task that has work, in slices of at most slice_units; after each slice the search
+// begins at the first task again. What a task overdraws (at most the ceiling of one of its steps) is a debt, taken from
+// the next grants; what nobody needs is lost. Hence
+//   - the same steps are done whether units are granted at once or in any parts: step(a), step(b) is step(a + b), as
+//     long as nothing new arrives between the two;
+//   - a job of J units, with nothing of higher priority, is finished once J units have been granted since it came, plus
+//     the debt it found (less than one step's ceiling): no task starves while units are granted, however tracking is
+//     loaded. With units_per_frame granted after each frame that is at most ceil((J + ceiling) / units_per_frame)
+//     frames.
+// Cost: nothing but the tasks' own; a few counters.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "engine/base/hash.hpp"
+#include "engine/schedule/task.hpp"
+
+namespace stillmesh {
+
+struct ScheduleStatistics {
+    std::uint64_t steps = 0;       // calls
+    std::uint64_t steps_idle = 0;  // of them, with nothing done because nothing was waiting
+    std::uint64_t slices = 0;      // times a task was given a budget and used it
+    std::uint64_t units_granted = 0;
+    std::uint64_t units_spent = 0;
+    std::uint64_t units_lost = 0;              // granted, and nobody had work
+    std::uint32_t largest_slice_units = 0;     // spent by one slice
+    std::uint32_t largest_overdraw_units = 0;  // beyond the budget of a slice
+};
+
+class Scheduler {
+public:
+    static constexpr std::uint32_t kTasksMax = 4;
+
+    // Forgets its tasks. `slice_units`: at least 1.
+    void create(std::uint32_t slice_units) noexcept;
+    // In order of priority, the first first. The task must outlive the scheduler.
+    void add(Task& task) noexcept;
+    // As after create and the same add() calls; the tasks are not touched.
+    void reset() noexcept;
+
+    // kIdle: nothing was waiting and nothing was done. kDone: all that was waiting has been finished.
+    // kWorking: the units ended first (0 units, or units that only pay a debt, say so too).
+    Progress step(std::uint32_t units) noexcept;
+
+    [[nodiscard]] const ScheduleStatistics& statistics() const noexcept { return statistics_; }
+    [[nodiscard]] std::uint64_t units_spent_by(std::uint32_t task) const noexcept;
+    // Units granted, spent by each task, and owed: how far the work has come, whatever its slices were.
+    void add_to(StateHash& hash) const noexcept;
+
+private:
+    struct Entry {
+        Task* task = nullptr;
+        std::uint64_t units_spent = 0;
+    };
+    // One slice for the first task that has work; 0: no task has.
+    [[nodiscard]] std::uint32_t slice(std::uint32_t units) noexcept;
+
+    std::array<Entry, kTasksMax> tasks_;
+    std::uint32_t tasks_count_ = 0;
+    std::uint32_t slice_units_ = 1;
+    std::uint64_t debt_units_ = 0;
+    ScheduleStatistics statistics_;
+};
+
+}  // namespace stillmesh
