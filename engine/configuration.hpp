@@ -77,6 +77,11 @@ struct ScheduleParameters {
     std::uint32_t slice_units = 2000;       // the most one task gets before the one above it is asked again
 };
 
+// The map in the shadow of tracking (engine/tasks/mapping.hpp).
+struct MappingParameters {
+    bool is_enabled = false;  // off: tracking alone, over a sliding set of keyframes (to measure what mapping earns)
+};
+
 struct Configuration {
     FeatureParameters features;
     DepthParameters depth;
@@ -86,6 +91,7 @@ struct Configuration {
     WeightParameters weights;
     KeyframeParameters keyframes;
     ScheduleParameters schedule;
+    MappingParameters mapping;
     std::uint64_t seed = 1;  // of RANSAC
 
     [[nodiscard]] static constexpr Configuration indoor() noexcept { return {}; }
@@ -147,6 +153,7 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("keyframes.tracked_urgent", c.keyframes.tracked_urgent, 0.0, 4000.0, "", "below: the gap is ignored");
     v("schedule.units_per_frame", c.schedule.units_per_frame, 1.0, 1e9, "units", "background work after each frame");
     v("schedule.slice_units", c.schedule.slice_units, 1.0, 1e9, "units", "background work in one piece");
+    v("mapping.is_enabled", c.mapping.is_enabled, 0.0, 1.0, "", "a map that is refined; off: tracking alone");
     v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 

@@ -47,8 +47,9 @@ bool is_usable(const Limits& limits) noexcept {
     return limits.image_width_max >= 64 && limits.image_width_max <= 2047 && limits.image_height_max >= 64 &&
            limits.image_height_max <= 2047 && limits.pyramid_levels_max >= 1 && limits.pyramid_levels_max <= 12 &&
            limits.features_max >= 50 && limits.features_max <= 16000 && limits.keyframes_max >= 2 &&
-           limits.keyframes_max <= 65535 && limits.map_points_max >= limits.features_max &&
-           limits.map_points_max < (1U << 24U) && limits.groups_max >= 1 && limits.groups_max <= 65534;
+           limits.keyframes_max <= 1024 && limits.map_points_max >= limits.features_max &&
+           limits.map_points_max < (1U << 24U) && limits.groups_max >= 1 && limits.groups_max <= 65534 && limits.local_points_max >= 1 &&
+           limits.local_points_max < (1U << 24U);
 }
 
 }  // namespace

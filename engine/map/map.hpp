@@ -1,17 +1,24 @@
 // The map: points in the world with their static weights, and keyframes with what they saw, in pools behind handles.
-// Full pools: the points least recently seen and the oldest keyframe are forgotten and counted. Cost: taking is O(1);
-// forgetting points is one pass over the pool, done for many at a time.
+// Covisibility is kept incrementally: each point has a bit per keyframe that observes it, each pair of keyframes the
+// number of points they share; every change costs as many steps as the point has observers. Keyframes form a spanning
+// tree. Points hold world coordinates and a reference keyframe whose corrections they follow (docs/decisions.md).
+// Full pools: tracking and mapping make room by the policy stated at evict_keyframe() and make_room_for_points();
+// what went is counted. Cost: taking and linking O(observers); forgetting points is one pass over the pool.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <span>
 
+#include "engine/base/hash.hpp"
 #include "engine/base/pool.hpp"
 #include "engine/features/features.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/limits.hpp"
 
 namespace stillmesh {
+
+struct Keyframe;
 
 struct MapPoint {
     double world[3] = {};               // m; best estimate. Of a moving point: where it was last seen
@@ -22,71 +29,193 @@ struct MapPoint {
     std::int64_t created_ns = 0;
     std::int64_t anchor_ns = 0;
     std::uint64_t last_seen_frame = 0;
+    Handle<Keyframe> reference;       // whose corrections it follows; null only while nobody observes it
     float distance_m = 0;             // from the camera that made it
     float angle_rad = 0;              // of its feature, (-pi, pi]
     std::uint16_t seen = 0;           // frames that matched it
+    std::uint16_t observers = 0;      // keyframes that observe it
     std::uint8_t level = 0;           // pyramid level of its feature
     std::uint8_t weight_tenths = 10;  // static weight, Algorithm 2
+    std::uint8_t empty_views = 0;     // views in a row, or nearly, in which its place was seen to be empty
     bool is_suspect = false;          // has no vote: seen to move, or new beside something that moves
 };
 
 [[nodiscard]] inline Vector3 vector_of(const double (&p)[3]) noexcept {
     return {p[0], p[1], p[2]};
 }
+inline void store(const Vector3& v, double (&p)[3]) noexcept {
+    p[0] = v.x();
+    p[1] = v.y();
+    p[2] = v.z();
+}
 
 struct Keyframe {
     SE3 world_from_camera;
+    SE3 parent_from_camera;   // when it was inserted, or given this parent
+    Handle<Keyframe> parent;  // in the spanning tree; null: the root
     std::int64_t time_ns = 0;
     std::uint64_t frame = 0;
+    std::uint64_t last_useful_frame = 0;  // tracking saw points of it
     std::uint32_t observations = 0;
 };
 
+// A feature of a keyframe.
 struct Observation {
-    Handle<MapPoint> point;
-    float x = 0, y = 0;  // px
+    Handle<MapPoint> point;                    // null or stale: none
+    float x = 0, y = 0;                        // px, raw
+    float normalised_x = 0, normalised_y = 0;  // undistorted (x/z, y/z)
+    float z_m = 0;                             // measured
+    float var_z = -1;                          // m^2; < 0: no depth
+    float angle_rad = 0;                       // (-pi, pi]
+    std::uint8_t level = 0;
+};
+
+// Points that must not go: those whose mark (by slot) is this one; no marks spare none.
+struct SparedPoints {
+    std::span<const std::uint32_t> marks;
+    std::uint32_t mark = 0;
+    [[nodiscard]] bool has(std::uint32_t slot) const noexcept { return !marks.empty() && marks[slot] == mark; }
+};
+
+struct MapStatistics {
+    std::uint64_t keyframes_evicted = 0;    // to make room
+    std::uint64_t keyframes_redundant = 0;  // nearly all they see is seen by others
+    std::uint64_t points_culled = 0;        // weak, or moving and not seen again
+    std::uint64_t points_emptied = 0;       // their place was seen to be empty
+    std::uint64_t points_fused = 0;
+    std::uint64_t points_evicted = 0;  // to make room, or with their last keyframe
 };
 
 class Map {
 public:
     static constexpr std::uint64_t kCullAfter_frames = 30;
     static constexpr std::uint16_t kSeenMin = 3;
+    static constexpr std::uint32_t kTwinCandidates = 16;
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         Pool<MapPoint>::plan(arena, limits.map_points_max);
         Pool<Keyframe>::plan(arena, limits.keyframes_max);
         arena.array<Observation>(static_cast<std::size_t>(limits.keyframes_max) * limits.features_max);
+        arena.array<Descriptor>(static_cast<std::size_t>(limits.keyframes_max) * limits.features_max);
+        arena.array<std::uint64_t>(static_cast<std::size_t>(limits.map_points_max) * words(limits.keyframes_max));
+        arena.array<std::uint16_t>(static_cast<std::size_t>(limits.keyframes_max) * limits.keyframes_max);
         arena.array<std::uint64_t>(limits.map_points_max);
     }
     void create(Arena& arena, const Limits& limits) noexcept;
     // Forgets all of it, what was counted too.
     void reset() noexcept;
 
-    // Forgets the `count` points least recently seen (ties: the lower slot). Those seen in `frame` stay.
-    void make_room_for_points(std::uint32_t count, std::uint64_t frame) noexcept;
-    // Forgets what is not worth keeping: unseen for a second, and moving or hardly ever seen before.
-    void cull_points(std::uint64_t frame) noexcept;
-    // The new keyframe is the newest; when the pool is full the oldest goes first.
+    // --- points
+    // kFull: nothing changed.
+    [[nodiscard]] Result<Handle<MapPoint>> add_point() noexcept;
+    // The handle must be alive. Observations of it become stale. Cost: observers^2.
+    void release_point(Handle<MapPoint> point) noexcept;
+    // Forgets the `count` points least recently seen (ties: the lower slot), those that one keyframe or none observes
+    // first. Those seen in `frame` or later stay, and the spared ones.
+    // Returns how many went.
+    std::uint32_t make_room_for_points(std::uint32_t count, std::uint64_t frame, const SparedPoints& spared) noexcept;
+    // Forgets what is not worth keeping: unseen for a second, and moving or hardly ever seen before. Slots from
+    // `first`, at most `count`; returns the slot to go on with, 0 when the pool is through.
+    std::uint32_t cull_points(std::uint64_t frame, std::uint32_t first, std::uint32_t count) noexcept;
+    void cull_points(std::uint64_t frame) noexcept { static_cast<void>(cull_points(frame, 0, points_.slots_count())); }
+    // `gone` becomes `kept`: its observations move over (or end, where `kept` is observed already), the static weight
+    // is that of the longer past. Both alive and different. Returns observations looked at.
+    std::uint32_t fuse(Handle<MapPoint> kept, Handle<MapPoint> gone) noexcept;
+    void count_culled() noexcept { ++statistics_.points_culled; }
+    void count_emptied() noexcept { ++statistics_.points_emptied; }
+
+    // --- keyframes
+    // Null: the pool is full, and nothing changed.
     [[nodiscard]] Handle<Keyframe> add_keyframe() noexcept;
-    void add_observation(Handle<Keyframe> keyframe, const Observation& observation) noexcept;
-    [[nodiscard]] std::span<const Observation> observations(Handle<Keyframe> keyframe) const noexcept;
+    // The keyframe must be alive; its points that nobody else observes go with it, children get their best covisible
+    // surviving keyframe as parent. Cost: its features, and the keyframes.
+    void release_keyframe(Handle<Keyframe> keyframe) noexcept;
+    // As a redundant one, counted so.
+    void release_redundant(Handle<Keyframe> keyframe) noexcept;
+    // Makes room for one keyframe: of those that are not `spared` (by slot; may be empty) nor the newest, the least
+    // recently useful; among the kTwinCandidates least useful one with a near twin first (the place stays known).
+    // False: there is none.
+    [[nodiscard]] bool evict_keyframe(std::span<const std::uint8_t> spared) noexcept;
+    // The oldest goes (sliding set).
+    void evict_oldest() noexcept;
     // The i-th newest keyframe, 0 is the newest; null when there are not so many.
     [[nodiscard]] Handle<Keyframe> recent_keyframe(std::uint32_t i) const noexcept;
+    // Parent of a new keyframe: of the older ones who shares most with it, the newest of equals.
+    void attach(Handle<Keyframe> keyframe) noexcept;
+    // At least nine tenths of its static points with at least three other observers at the same or a finer scale.
+    [[nodiscard]] bool is_redundant(Handle<Keyframe> keyframe) const noexcept;
+
+    // --- observations
+    void add_observation(Handle<Keyframe> keyframe, const Observation& observation,
+                         const Descriptor& descriptor = {}) noexcept;
+    [[nodiscard]] std::span<const Observation> observations(Handle<Keyframe> keyframe) const noexcept;
+    [[nodiscard]] std::span<const Descriptor> descriptors(Handle<Keyframe> keyframe) const noexcept;
+    // Lets feature `index` of a live keyframe show a live point. False: another feature of it does, or it shows a live
+    // point already; nothing changed.
+    bool link(Handle<Keyframe> keyframe, std::uint32_t index, Handle<MapPoint> point) noexcept;
+    // The feature shows nothing any more; a point without observers stays until somebody releases it.
+    void unlink(Handle<Keyframe> keyframe, std::uint32_t index) noexcept;
+    [[nodiscard]] bool is_observed_by(std::uint32_t point_slot, std::uint32_t keyframe_slot) const noexcept {
+        return (observers_[point_slot * words_ + keyframe_slot / 64] >> (keyframe_slot % 64) & 1U) != 0;
+    }
+    template <typename Visit>
+    void visit_observers(std::uint32_t point_slot, Visit&& visit) const noexcept {
+        for (std::size_t w = 0; w < words_; ++w) {
+            for (std::uint64_t bits = observers_[point_slot * words_ + w]; bits != 0; bits &= bits - 1) {
+                visit(static_cast<std::uint32_t>(64 * w) + static_cast<std::uint32_t>(std::countr_zero(bits)));
+            }
+        }
+    }
+    // Points that two keyframes share.
+    [[nodiscard]] std::uint32_t shared(std::uint32_t slot_a, std::uint32_t slot_b) const noexcept {
+        return shared_[static_cast<std::size_t>(slot_a) * keyframes_.slots_count() + slot_b];
+    }
+    // The `best.size()` keyframes that share most with this one, most first (ties: the lower slot); how many there are.
+    std::uint32_t best_covisible(std::uint32_t slot, std::span<std::uint32_t> best,
+                                 std::uint32_t shared_min = 1) const noexcept;
+
+    // Everything that is kept incrementally, computed anew: nullptr, or what is wrong. For tests; slow.
+    [[nodiscard]] const char* find_fault() const noexcept;
+
+    // What was changed that is not in the pools: for poses and points written by commits.
+    void note_change(std::uint64_t word) noexcept { changes_.add(word); }
+    void note_change(double number) noexcept { changes_.add(number); }
+    [[nodiscard]] std::uint64_t changes_hash() const noexcept { return changes_.value(); }
 
     [[nodiscard]] Pool<MapPoint>& points() noexcept { return points_; }
     [[nodiscard]] const Pool<MapPoint>& points() const noexcept { return points_; }
     [[nodiscard]] Pool<Keyframe>& keyframes() noexcept { return keyframes_; }
     [[nodiscard]] const Pool<Keyframe>& keyframes() const noexcept { return keyframes_; }
-    [[nodiscard]] std::uint64_t keyframes_forgotten() const noexcept { return keyframes_forgotten_; }
-    [[nodiscard]] std::uint64_t points_forgotten() const noexcept { return points_forgotten_; }
+    [[nodiscard]] const MapStatistics& statistics() const noexcept { return statistics_; }
+    [[nodiscard]] std::uint64_t keyframes_forgotten() const noexcept {
+        return statistics_.keyframes_evicted + statistics_.keyframes_redundant;
+    }
+    [[nodiscard]] std::uint64_t points_forgotten() const noexcept {
+        return statistics_.points_culled + statistics_.points_emptied + statistics_.points_fused +
+               statistics_.points_evicted;
+    }
 
 private:
+    [[nodiscard]] static constexpr std::size_t words(std::uint32_t keyframes) noexcept { return (keyframes + 63) / 64; }
+    [[nodiscard]] std::span<Observation> observations_of(std::uint32_t slot) noexcept {
+        return observations_.subspan(static_cast<std::size_t>(slot) * features_max_, keyframes_.at(slot).observations);
+    }
+    void share(std::uint32_t slot_a, std::uint32_t slot_b, std::int32_t change) noexcept;
+    void forget_observer(std::uint32_t point_slot, std::uint32_t keyframe_slot) noexcept;
+    [[nodiscard]] bool is_below(std::uint32_t slot, std::uint32_t ancestor) const noexcept;
+    [[nodiscard]] bool has_twin(std::uint32_t slot) const noexcept;
+
     Pool<MapPoint> points_;
     Pool<Keyframe> keyframes_;
     std::span<Observation> observations_;  // features_max per keyframe slot
+    std::span<Descriptor> descriptors_;    // likewise
+    std::span<std::uint64_t> observers_;   // words_ per point slot: a bit per keyframe slot
+    std::span<std::uint16_t> shared_;      // keyframes_max^2, symmetric, 0 on the diagonal
     std::span<std::uint64_t> by_age_;      // scratch: (last seen frame, slot) packed
+    std::size_t words_ = 0;
     std::uint32_t features_max_ = 0;
-    std::uint64_t keyframes_forgotten_ = 0;
-    std::uint64_t points_forgotten_ = 0;
+    MapStatistics statistics_;
+    StateHash changes_;
 };
 
 }  // namespace stillmesh

@@ -42,17 +42,18 @@ void MapMatcher::clear() noexcept {
     for (std::size_t i = 0; i < features_->size(); ++i) claims_[i] = Claim{};
 }
 
-void MapMatcher::by_projection(const Map& map, const SE3& world_from_camera, double radius_px) noexcept {
+void MapMatcher::by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera,
+                               double radius_px) noexcept {
     clear();
-    project(map, world_from_camera, radius_px, nullptr);
+    project(map, local, world_from_camera, radius_px, nullptr);
 }
 
-void MapMatcher::more_by_projection(const Map& map, const SE3& world_from_camera, double radius_px,
-                                    std::uint64_t frame) noexcept {
-    project(map, world_from_camera, radius_px, &frame);
+void MapMatcher::more_by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera,
+                                    double radius_px, std::uint64_t frame) noexcept {
+    project(map, local, world_from_camera, radius_px, &frame);
 }
 
-void MapMatcher::project(const Map& map, const SE3& world_from_camera, double radius_px,
+void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
                          const std::uint64_t* seen_frame) noexcept {
     const bool is_more = seen_frame != nullptr;
     const SE3 camera_from_world = world_from_camera.inverse();
@@ -62,7 +63,9 @@ void MapMatcher::project(const Map& map, const SE3& world_from_camera, double ra
     const double margin_y = 0.6 * height / camera_.fy + 0.2;
     const auto levels = static_cast<std::int32_t>(scale_of_level_.size());
     const Pool<MapPoint>& points = map.points();
-    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+    const auto count = local != nullptr ? static_cast<std::uint32_t>(local->points().size()) : points.slots_count();
+    for (std::uint32_t at = 0; at < count; ++at) {
+        const std::uint32_t slot = local != nullptr ? local->points()[at] : at;
         if (!points.is_taken(slot)) continue;
         const MapPoint& point = points.at(slot);
         if (is_more && point.last_seen_frame == *seen_frame) continue;
@@ -109,7 +112,9 @@ void MapMatcher::project(const Map& map, const SE3& world_from_camera, double ra
             continue;
         }
         Claim& claim = claims_[best_feature];
-        if (claim.is_free() || best < claim.distance_bits) claim = {slot + 1, best};
+        // Whatever the order of the list, the lower slot wins a tie.
+        const bool is_nearer = best < claim.distance_bits || (best == claim.distance_bits && slot < claim.point_slot());
+        if (claim.is_free() || is_nearer) claim = {slot + 1, best};
     }
 }
 

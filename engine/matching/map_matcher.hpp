@@ -1,7 +1,7 @@
 // Which map point each feature of a frame shows: by projection around where a pose puts the points, or by descriptor
 // alone against one keyframe when there is no pose to trust (the vocabulary's direct index will narrow that search).
 // One point per feature; the nearer descriptor wins, ties go to the lower slot. Limit: features_max features. Cost: one
-// pass over the map for a projection, features times observations for a keyframe.
+// pass over the local map for a projection, features times observations for a keyframe.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include "engine/geometry/camera_model.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/limits.hpp"
+#include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/feature_grid.hpp"
 
@@ -37,10 +38,11 @@ public:
     // The features of a new frame, borrowed until the next; no claims.
     void begin(const FeatureSet& features) noexcept;
     void clear() noexcept;
-    // Points around their projections. The first search claims anew and starts without claims...
-    void by_projection(const Map& map, const SE3& world_from_camera, double radius_px) noexcept;
+    // Points around their projections: those of `local`, or of the whole map without one. The first search claims anew
+    // and starts without claims...
+    void by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px) noexcept;
     // ... a further one leaves them as they are, and passes over points that were seen in `frame`.
-    void more_by_projection(const Map& map, const SE3& world_from_camera, double radius_px,
+    void more_by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
                             std::uint64_t frame) noexcept;
     // The points of a keyframe by ratio test and by agreement on one turn of the picture.
     void by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexcept;
@@ -49,7 +51,7 @@ public:
     [[nodiscard]] const FeatureGrid& grid() const noexcept { return grid_; }
 
 private:
-    void project(const Map& map, const SE3& world_from_camera, double radius_px,
+    void project(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
                  const std::uint64_t* seen_frame) noexcept;
     void keep_common_turn(const Map& map) noexcept;
 

@@ -13,11 +13,6 @@ namespace {
 
 constexpr double kSecond_ns = 1e9;
 
-void store(const Vector3& v, double (&p)[3]) noexcept {
-    p[0] = v.x();
-    p[1] = v.y();
-    p[2] = v.z();
-}
 double seconds(std::int64_t from_ns, std::int64_t to_ns) noexcept {
     return static_cast<double>(to_ns - from_ns) / kSecond_ns;
 }
@@ -94,6 +89,8 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
                     std::span<const double>(scale_).first(configuration.features.levels));
     region_.create(arena, limits);
     map_.create(arena, limits);
+    local_map_.create(arena, limits);
+    keyframe_queue_.create(arena, kQueueMax);
     grey_ = arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
     measured_.create(arena, limits.features_max);
     correspondences_.create(arena, limits.features_max);
@@ -115,6 +112,11 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
 
 void Tracking::reset() noexcept {
     map_.reset();
+    local_map_.reset();
+    keyframe_queue_.clear();
+    keyframes_refused_ = 0;
+    empty_cursor_ = 0;
+    keyframe_frame_ = 0;
     has_map_ = false;
     has_velocity_ = false;
     lost_frames_ = 0;
@@ -286,6 +288,7 @@ void Tracking::track(const Frame& frame) noexcept {
             give_out(is_predicted ? PoseState::kPredicted : PoseState::kNone, Matrix6::Zero());
         }
     }
+    if (configuration_.mapping.is_enabled && pose_.state == PoseState::kTracked) notice_empty_places(frame);
     previous_time_ns_ = last_time_ns_;
     last_time_ns_ = frame.time_ns;
     hash_.add(static_cast<std::uint64_t>(frame.time_ns));
@@ -305,6 +308,7 @@ void Tracking::track(const Frame& frame) noexcept {
     for (const double number : pose_.covariance) hash_.add(number);
     hash_.add(frame_statistics_.is_keyframe ? 1U : 0U);
     hash_.add(map_.points_forgotten());
+    hash_.add(map_.changes_hash());
     hash_.add(frame_statistics_.mesh_edges_kept);
     hash_.add(static_cast<std::uint32_t>(map_.points().size()));
     ++frame_;
@@ -338,12 +342,14 @@ void Tracking::start_map() noexcept {
 
 bool Tracking::estimate() noexcept {
     observe(Stage::kMatching, true);
-    matcher_.by_projection(map_, predicted_, configuration_.matching.radius_px);
+    const LocalMap* const local = local_map_or_none();
+    if (local != nullptr && local_map_.is_stale(map_, predicted_)) local_map_.build(map_, predicted_);
+    matcher_.by_projection(map_, local, predicted_, configuration_.matching.radius_px);
     gather_correspondences();
     std::uint32_t voters = 0;
     for (const Correspondence& c : correspondences_) voters += c.vote > 0 ? 1U : 0U;
     if (voters < configuration_.matching.matches_min) {
-        matcher_.by_projection(map_, predicted_, configuration_.matching.radius_wide_px);
+        matcher_.by_projection(map_, local, predicted_, configuration_.matching.radius_wide_px);
         gather_correspondences();
         context_.prediction_sigma_m *= 3.0;
         context_.prediction_sigma_rad *= 3.0;
@@ -406,7 +412,7 @@ bool Tracking::estimate() noexcept {
     // More of the map, where this pose says that it is.
     observe(Stage::kLocalMap, true);
     for (const Correspondence& c : correspondences_) map_.points().at(c.point_slot).last_seen_frame = frame_;
-    matcher_.more_by_projection(map_, fit.world_from_camera, 0.5 * configuration_.matching.radius_px, frame_);
+    matcher_.more_by_projection(map_, local, fit.world_from_camera, 0.5 * configuration_.matching.radius_px, frame_);
     gather_correspondences();
     chosen_.clear();
     const SE3 camera_from_world = fit.world_from_camera.inverse();
@@ -436,6 +442,7 @@ bool Tracking::estimate() noexcept {
         ++noise_frames_;
     }
     judge(fit.world_from_camera, is_sure);
+    if (configuration_.mapping.is_enabled) count_observers();
     if (wants_keyframe()) make_keyframe();
     give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information);
     observe(Stage::kMapUpdate, false);
@@ -625,24 +632,56 @@ bool Tracking::wants_keyframe() const noexcept {
 }
 
 void Tracking::make_keyframe() noexcept {
-    // Room for every feature that becomes a point, and no more: what need not go stays.
-    map_.cull_points(frame_);
+    // Room for every feature that becomes a point, and no more: what need not go stays. With mapping the room has been
+    // made ahead, as a rule; where it has not, the local map goes last.
+    const bool is_mapping = configuration_.mapping.is_enabled;
+    if (!is_mapping) map_.cull_points(frame_);
     Pool<MapPoint>& points = map_.points();
     std::size_t wanted = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         if (matcher_.claim(i).is_free() && measured_[i].var_z >= 0) ++wanted;
     }
-    const std::size_t free = points.capacity() - points.size();
-    if (free < wanted) map_.make_room_for_points(static_cast<std::uint32_t>(wanted - free), frame_);
+    for (const bool is_local_spared : {true, false}) {
+        const std::size_t free = points.capacity() - points.size();
+        if (free >= wanted || (is_local_spared && !is_mapping)) continue;
+        static_cast<void>(map_.make_room_for_points(static_cast<std::uint32_t>(wanted - free), frame_,
+                                                    is_local_spared ? local_map_.spared() : SparedPoints{}));
+    }
+    if (map_.keyframes().is_full()) {
+        if (!is_mapping) {
+            map_.evict_oldest();
+        } else if (!map_.evict_keyframe(local_map_.keyframes())) {
+            STILLMESH_CHECK(map_.evict_keyframe({}));
+        }
+    }
     const Handle<Keyframe> handle = map_.add_keyframe();
     Keyframe& keyframe = *map_.keyframes().find(handle);
     keyframe.world_from_camera = world_from_camera_;
     keyframe.time_ns = time_ns_;
     keyframe.frame = frame_;
-    for (const Correspondence& c : correspondences_) {
-        const Keypoint& keypoint = features_.keypoints[c.feature];
-        map_.add_observation(handle, {points.handle_of(c.point_slot), keypoint.x, keypoint.y});
+    keyframe.last_useful_frame = frame_;
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        const Keypoint& keypoint = features_.keypoints[i];
+        const MeasuredFeature& m = measured_[i];
+        Observation observation;
+        // What this frame says does not fit is no observation; a moving point is followed.
+        if (!matcher_.claim(i).is_free()) {
+            const std::uint32_t slot = matcher_.claim(i).point_slot();
+            if (points.is_taken(slot) && (verdicts_[i] == 1 || points.at(slot).is_suspect)) {
+                observation.point = points.handle_of(slot);
+            }
+        }
+        observation.x = keypoint.x;
+        observation.y = keypoint.y;
+        observation.normalised_x = static_cast<float>(m.normalised.x());
+        observation.normalised_y = static_cast<float>(m.normalised.y());
+        observation.z_m = static_cast<float>(m.z_m);
+        observation.var_z = static_cast<float>(m.var_z);
+        observation.angle_rad = keypoint.angle_rad;
+        observation.level = keypoint.level;
+        map_.add_observation(handle, observation, features_.descriptors[i]);
     }
+    map_.attach(handle);
     std::uint32_t added = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         if (!matcher_.claim(i).is_free() || measured_[i].var_z < 0) continue;
@@ -655,6 +694,7 @@ void Tracking::make_keyframe() noexcept {
     renewed_share_ = static_cast<double>(added) / static_cast<double>(std::max(static_count_ + added, 1U));
     frame_statistics_.is_keyframe = true;
     ++statistics_.keyframes_made;
+    if (is_mapping && !keyframe_queue_.push(handle)) ++keyframes_refused_;
 }
 
 // A new feature beside moving ones at the same depth belongs to the same body more likely than not (method.md 7).
@@ -676,7 +716,7 @@ bool Tracking::lies_among_moving(std::size_t feature) const noexcept {
 }
 
 void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths) noexcept {
-    const Result<Handle<MapPoint>> taken = map_.points().take();
+    const Result<Handle<MapPoint>> taken = map_.add_point();
     if (!taken.is_ok()) return;  // all others were seen in this very frame; the pool counts the refusal
     MapPoint& point = *map_.points().find(taken.value());
     const MeasuredFeature& m = measured_[feature];
@@ -696,8 +736,8 @@ void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::ui
     point.weight_tenths = static_cast<std::uint8_t>(weight_tenths);
     point.is_suspect = weight_tenths < configuration_.weights.eligible;
     point.seen = 1;
-    const Keypoint& keypoint = features_.keypoints[feature];
-    map_.add_observation(keyframe, {taken.value(), keypoint.x, keypoint.y});
+    static_cast<void>(map_.link(keyframe, static_cast<std::uint32_t>(feature), taken.value()));
+    local_map_.add(taken.value().slot());
 }
 
 // How sure the pose is: what this frame measured, and what the map that it was measured against has drifted by.
@@ -736,6 +776,14 @@ void Tracking::fill(EngineStatistics& statistics) const noexcept {
     statistics.points_forgotten = map_.points_forgotten();
     statistics.frames_lost = statistics_.frames_lost;
     statistics.recoveries = statistics_.recoveries;
+    statistics.keyframes_refused = keyframes_refused_;
+    statistics.keyframes_evicted = map_.statistics().keyframes_evicted;
+    statistics.keyframes_redundant = map_.statistics().keyframes_redundant;
+    statistics.points_culled = map_.statistics().points_culled;
+    statistics.points_emptied = map_.statistics().points_emptied;
+    statistics.points_fused = map_.statistics().points_fused;
+    statistics.points_evicted = map_.statistics().points_evicted;
+    statistics.keyframe_queue = {static_cast<std::uint32_t>(keyframe_queue_.size()), 0, kQueueMax};
     const auto pool_statistics = [](const auto& pool) {
         return PoolStatistics{static_cast<std::uint32_t>(pool.size()), static_cast<std::uint32_t>(pool.high_water()),
                               static_cast<std::uint32_t>(pool.capacity())};

@@ -9,10 +9,12 @@
 #include "engine/base/fixed_vector.hpp"
 #include "engine/base/hash.hpp"
 #include "engine/base/random.hpp"
+#include "engine/base/ring.hpp"
 #include "engine/engine.hpp"
 #include "engine/features/orb_extractor.hpp"
 #include "engine/geometry/camera.hpp"
 #include "engine/geometry/depth_noise.hpp"
+#include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/matching/map_matcher.hpp"
@@ -30,12 +32,17 @@ struct MeasuredFeature {
 
 class Tracking {
 public:
+    // Keyframes that wait for mapping; more are not refined by it.
+    static constexpr std::uint32_t kQueueMax = 3;
+
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         OrbExtractor::plan(arena, limits);
         FeatureSet::plan(arena, limits.features_max);
         MapMatcher::plan(arena, limits);
         StaticRegion::plan(arena, limits);
         Map::plan(arena, limits);
+        LocalMap::plan(arena, limits);
+        Ring<Handle<Keyframe>>::plan(arena, kQueueMax);
         arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
         FixedVector<MeasuredFeature>::plan(arena, limits.features_max);
         FixedVector<Correspondence>::plan(arena, limits.features_max);
@@ -59,6 +66,16 @@ public:
     [[nodiscard]] TrackingView view() noexcept;
     [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_.value(); }
     [[nodiscard]] const Map& map() const noexcept { return map_; }
+    // For mapping, which works between frames.
+    [[nodiscard]] Map& map() noexcept { return map_; }
+    [[nodiscard]] const LocalMap& local_map() const noexcept { return local_map_; }
+    [[nodiscard]] Ring<Handle<Keyframe>>& keyframe_queue() noexcept { return keyframe_queue_; }
+    [[nodiscard]] std::uint64_t frame() const noexcept { return frame_; }
+    // How far real noise leaves the model's, as factors of the variances.
+    [[nodiscard]] double noise_pixel() const noexcept { return noise_pixel_; }
+    [[nodiscard]] double noise_depth() const noexcept { return noise_depth_; }
+    // The map around the camera was moved by `correction` (on the left of world coordinates): the camera moves along.
+    void follow(const SE3& correction) noexcept;
     // Of the last frame: which feature was matched to which point.
     [[nodiscard]] std::span<const Correspondence> correspondences() const noexcept { return correspondences_.span(); }
     [[nodiscard]] const FeatureSet& features() const noexcept { return features_; }
@@ -83,6 +100,13 @@ private:
     void make_keyframe() noexcept;
     [[nodiscard]] bool lies_among_moving(std::size_t feature) const noexcept;
     void add_point(std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths) noexcept;
+    // What the local map is chosen by: the keyframes that observe the points this frame voted with.
+    void count_observers() noexcept;
+    // Points whose place is in view, with depth measured clearly beyond it: after some such frames they leave the map.
+    void notice_empty_places(const Frame& frame) noexcept;
+    [[nodiscard]] const LocalMap* local_map_or_none() const noexcept {
+        return configuration_.mapping.is_enabled ? &local_map_ : nullptr;
+    }
     void give_out(PoseState state, const Matrix6& information) noexcept;
     void observe(Stage stage, bool is_begin) const noexcept {
         if (observer_.on_stage != nullptr) observer_.on_stage(observer_.user, stage, is_begin);
@@ -98,6 +122,8 @@ private:
     MapMatcher matcher_;
     StaticRegion region_;
     Map map_;
+    LocalMap local_map_;
+    Ring<Handle<Keyframe>> keyframe_queue_;
     DepthNoise noise_;
     std::span<std::uint8_t> grey_;
     FixedVector<MeasuredFeature> measured_;
@@ -121,6 +147,8 @@ private:
     std::int64_t previous_time_ns_ = 0;
     std::uint64_t frame_ = 0;
     std::uint64_t keyframe_frame_ = 0;
+    std::uint64_t keyframes_refused_ = 0;       // by the queue
+    std::uint32_t empty_cursor_ = 0;            // in the local map's points
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
     double renewed_share_ = 0;                  // of the local map that the last keyframe added

@@ -59,7 +59,9 @@ protected:
         point.distance_m = static_cast<float>(world.z());
         point.descriptor = descriptor;
         point.angle_rad = angle_rad;
-        map_.add_observation(keyframe, {handle, 0, 0});
+        Observation observation;
+        observation.point = handle;
+        map_.add_observation(keyframe, observation);
     }
     void add_feature(double x, double y, const Descriptor& descriptor, float angle_rad, std::uint8_t level = 0) {
         Keypoint keypoint;
@@ -98,7 +100,7 @@ TEST_F(MapMatcherTest, ProjectionEqualsBruteForce) {
     }
     matcher_.begin(features_);
     const double radius = 15;
-    matcher_.by_projection(map_, SE3{}, radius);
+    matcher_.by_projection(map_, nullptr, SE3{}, radius);
 
     std::vector<Claim> expected(features_.size());
     for (std::uint32_t slot = 0; slot < map_.points().slots_count(); ++slot) {
@@ -157,11 +159,11 @@ TEST_F(MapMatcherTest, MoreAddsOnly) {
     add_feature(319.5 + 130, 239.5, two, 0);
     matcher_.begin(features_);
     map_.points().at(1).last_seen_frame = 5;
-    matcher_.more_by_projection(map_, SE3{}, 10, 5);
+    matcher_.more_by_projection(map_, nullptr, SE3{}, 10, 5);
     EXPECT_EQ(matcher_.claim(0).point_slot_plus_one, 1U);
     EXPECT_TRUE(matcher_.claim(1).is_free());
     map_.points().at(0).last_seen_frame = 6;
-    matcher_.more_by_projection(map_, SE3{}, 10, 6);
+    matcher_.more_by_projection(map_, nullptr, SE3{}, 10, 6);
     EXPECT_EQ(matcher_.claim(0).point_slot_plus_one, 1U);
     EXPECT_EQ(matcher_.claim(1).point_slot_plus_one, 2U);
 }

@@ -1,0 +1,157 @@
+#include "engine/map/local_map.hpp"
+
+#include <algorithm>
+
+namespace stillmesh {
+namespace {
+
+// Farther or turned further than this, and other points come into view.
+constexpr double kMoved_m = 0.15;
+constexpr double kMovedCosine = 0.995;  // 5.7 degrees
+// A near viewpoint: half a picture and a metre and a half away at most.
+constexpr double kNear_m = 1.5;
+constexpr double kNearCosine = 0.8;
+constexpr std::uint32_t kSharing = 12;    // keyframes taken for what they share with the frame
+constexpr std::uint32_t kNeighbours = 6;  // taken of the reference, and of the next
+constexpr std::uint32_t kNear = 8;
+
+double turn_cosine(const SE3& a, const SE3& b) noexcept {
+    // Of the rotation between them.
+    double trace = 0;
+    for (int i = 0; i < 9; ++i) trace += a.rotation(i / 3, i % 3) * b.rotation(i / 3, i % 3);
+    return 0.5 * (trace - 1.0);
+}
+
+}  // namespace
+
+void LocalMap::create(Arena& arena, const Limits& limits) noexcept {
+    points_.create(arena, points_max(limits));
+    listed_ = arena.array<std::uint32_t>(limits.map_points_max);
+    is_local_ = arena.array<std::uint8_t>(limits.keyframes_max);
+    counts_ = arena.array<std::uint16_t>(limits.keyframes_max);
+    chosen_max_ = std::min(kKeyframesMax, std::max(limits.keyframes_max / 2, 1U));
+    reset();
+}
+
+void LocalMap::reset() noexcept {
+    points_.clear();
+    std::fill(listed_.begin(), listed_.end(), 0U);
+    std::fill(is_local_.begin(), is_local_.end(), std::uint8_t{0});
+    begin_counting();
+    chosen_count_ = 0;
+    round_ = 1;
+    is_built_ = false;
+}
+
+void LocalMap::begin_counting() noexcept {
+    std::fill(counts_.begin(), counts_.end(), std::uint16_t{0});
+}
+
+void LocalMap::count(const Map& map, std::uint32_t point_slot) noexcept {
+    map.visit_observers(point_slot, [&](std::uint32_t keyframe) { ++counts_[keyframe]; });
+}
+
+Handle<Keyframe> LocalMap::reference(const Map& map) const noexcept {
+    std::uint32_t best = 0;
+    for (std::uint32_t slot = 1; slot < counts_.size(); ++slot) {
+        if (counts_[slot] > counts_[best]) best = slot;
+    }
+    return counts_[best] == 0 || !map.keyframes().is_taken(best) ? Handle<Keyframe>{} : map.keyframes().handle_of(best);
+}
+
+void LocalMap::note_useful(Map& map, std::uint64_t frame) const noexcept {
+    const std::uint32_t most = *std::max_element(counts_.begin(), counts_.end());
+    for (std::uint32_t slot = 0; slot < counts_.size(); ++slot) {
+        if (counts_[slot] == 0 || 10U * counts_[slot] < most || !map.keyframes().is_taken(slot)) continue;
+        map.keyframes().at(slot).last_useful_frame = frame;
+    }
+}
+
+bool LocalMap::is_stale(const Map& map, const SE3& world_from_camera) const noexcept {
+    if (!is_built_ || !(map.recent_keyframe(0) == newest_)) return true;
+    const Handle<Keyframe> now = reference(map);
+    if (!now.is_null() && !(now == reference_)) return true;
+    if ((world_from_camera.translation - built_at_.translation).squaredNorm() > kMoved_m * kMoved_m) return true;
+    return turn_cosine(world_from_camera, built_at_) < kMovedCosine;
+}
+
+bool LocalMap::choose(std::uint32_t keyframe_slot) noexcept {
+    if (is_local_[keyframe_slot] != 0 || chosen_count_ == chosen_max_) return false;
+    is_local_[keyframe_slot] = 1;
+    chosen_[chosen_count_++] = keyframe_slot;
+    return true;
+}
+
+void LocalMap::add(std::uint32_t point_slot) noexcept {
+    if (!is_built_ || listed_[point_slot] == round_ || points_.is_full()) return;
+    STILLMESH_CHECK(points_.push(point_slot));
+    listed_[point_slot] = round_;
+}
+
+void LocalMap::build(const Map& map, const SE3& world_from_camera) noexcept {
+    const Pool<Keyframe>& keyframes = map.keyframes();
+    std::fill(is_local_.begin(), is_local_.end(), std::uint8_t{0});
+    chosen_count_ = 0;
+    reference_ = reference(map);
+    newest_ = map.recent_keyframe(0);
+    built_at_ = world_from_camera;
+    is_built_ = true;
+    if (!newest_.is_null()) static_cast<void>(choose(newest_.slot()));
+    // Those that share most with the frame.
+    std::uint32_t sharing[kSharing] = {};
+    std::uint32_t sharing_count = 0;
+    for (std::uint32_t slot = 0; slot < counts_.size(); ++slot) {
+        if (counts_[slot] == 0 || !keyframes.is_taken(slot)) continue;
+        std::uint32_t at = sharing_count;
+        while (at > 0 && counts_[sharing[at - 1]] < counts_[slot]) --at;
+        if (at >= kSharing) continue;
+        if (sharing_count < kSharing) ++sharing_count;
+        for (std::uint32_t i = sharing_count - 1; i > at; --i) sharing[i] = sharing[i - 1];
+        sharing[at] = slot;
+    }
+    // Those with a near viewpoint, nearest first.
+    struct Near {
+        double distance = 0;
+        std::uint32_t slot = 0;
+    };
+    Near near[kNear];
+    std::uint32_t near_count = 0;
+    const Vector3 axis = world_from_camera.rotation.col(2);
+    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+        if (!keyframes.is_taken(slot)) continue;
+        const SE3& pose = keyframes.at(slot).world_from_camera;
+        const double away = (pose.translation - world_from_camera.translation).squaredNorm();
+        const Vector3 axis_there = pose.rotation.col(2);
+        const double cosine = axis.dot(axis_there);
+        if (away > kNear_m * kNear_m || cosine < kNearCosine) continue;
+        const double distance = away + 4.0 * (1.0 - cosine);
+        std::uint32_t at = near_count;
+        while (at > 0 && near[at - 1].distance > distance) --at;
+        if (at >= kNear) continue;
+        if (near_count < kNear) ++near_count;
+        for (std::uint32_t i = near_count - 1; i > at; --i) near[i] = near[i - 1];
+        near[at] = {distance, slot};
+    }
+    // In turns, so that each kind gets its part of a small pool.
+    for (std::uint32_t i = 0; i < kSharing; ++i) {
+        if (i < sharing_count) static_cast<void>(choose(sharing[i]));
+        if (i < near_count) static_cast<void>(choose(near[i].slot));
+    }
+    std::uint32_t neighbours[kNeighbours] = {};
+    for (std::uint32_t i = 0; i < chosen_count_ && chosen_count_ < chosen_max_; ++i) {
+        const std::uint32_t count = map.best_covisible(chosen_[i], neighbours, 15);
+        for (std::uint32_t k = 0; k < count; ++k) static_cast<void>(choose(neighbours[k]));
+    }
+    if (++round_ == 0) {
+        std::fill(listed_.begin(), listed_.end(), 0U);
+        round_ = 1;
+    }
+    points_.clear();
+    for (std::uint32_t i = 0; i < chosen_count_; ++i) {
+        for (const Observation& observation : map.observations(keyframes.handle_of(chosen_[i]))) {
+            if (map.points().find(observation.point) != nullptr) add(observation.point.slot());
+        }
+    }
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,84 @@
+// How tracking and the map it works in meet between frames.
+#include <algorithm>
+#include <cmath>
+
+#include "engine/base/numbers.hpp"
+#include "engine/tasks/tracking.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::uint32_t kPlacesPerFrame = 400;  // looked at for emptiness
+constexpr std::int32_t kEmptyReach_px = 3;      // a pose a pixel or two off looks past no edge
+constexpr double kEmptySigmas = 5.0;
+constexpr double kEmptyMargin_m = 0.06;
+constexpr std::uint8_t kEmptyViews = 5;
+
+}  // namespace
+
+void Tracking::follow(const SE3& correction) noexcept {
+    for (SE3* const pose : {&world_from_camera_, &world_from_camera_previous_}) {
+        *pose = correction * *pose;
+        renormalise(pose->rotation);
+    }
+    // What tracking gave out stays given out; the next frame starts from here.
+}
+
+void Tracking::count_observers() noexcept {
+    local_map_.begin_counting();
+    for (const std::uint16_t i : chosen_) local_map_.count(map_, correspondences_[i].point_slot);
+    local_map_.note_useful(map_, frame_);
+}
+
+void Tracking::notice_empty_places(const Frame& frame) noexcept {
+    const std::span<const std::uint32_t> slots = local_map_.points();
+    if (slots.empty()) return;
+    const SE3 camera_from_world = world_from_camera_.inverse();
+    const double metres_per_unit = 1.0 / frame.depth_units_per_m;
+    const auto width = static_cast<std::int32_t>(camera_.width);
+    const auto height = static_cast<std::int32_t>(camera_.height);
+    const auto looks = static_cast<std::uint32_t>(std::min<std::size_t>(kPlacesPerFrame, slots.size()));
+    for (std::uint32_t i = 0; i < looks; ++i) {
+        empty_cursor_ = empty_cursor_ + 1 < slots.size() ? empty_cursor_ + 1 : 0;
+        const std::uint32_t slot = slots[empty_cursor_];
+        if (!map_.points().is_taken(slot)) continue;
+        MapPoint& point = map_.points().at(slot);
+        if (point.last_seen_frame == frame_) {
+            if (!point.is_suspect) point.empty_views = 0;
+            continue;
+        }
+        const Vector3 q = camera_from_world * vector_of(point.world);
+        if (q.z() < configuration_.depth.z_min_m || q.z() > configuration_.depth.z_max_m) continue;
+        const Vector2 n(q.x() / q.z(), q.y() / q.z());
+        if (n.squaredNorm() > 4.0) continue;  // before distortion is computed
+        const Vector2 pixel = distort_to_pixel(camera_, n);
+        const std::int32_t x = round_clamped(pixel.x(), -100, width + 100);
+        const std::int32_t y = round_clamped(pixel.y(), -100, height + 100);
+        if (x < kEmptyReach_px || y < kEmptyReach_px || x >= width - kEmptyReach_px || y >= height - kEmptyReach_px) {
+            continue;
+        }
+        const double sigma = noise_.sigma_z_per_m2 * q.z() * q.z();
+        const double beyond =
+            q.z() + kEmptyMargin_m + kEmptySigmas * std::sqrt(sigma * sigma * noise_depth_ + point.var_z);
+        bool is_empty = true;
+        bool is_there = false;
+        for (std::int32_t dy = -kEmptyReach_px; dy <= kEmptyReach_px; dy += kEmptyReach_px) {
+            for (std::int32_t dx = -kEmptyReach_px; dx <= kEmptyReach_px; dx += kEmptyReach_px) {
+                const std::uint16_t raw =
+                    frame.depth.row(static_cast<std::uint32_t>(y + dy))[static_cast<std::uint32_t>(x + dx)];
+                const double z = raw * metres_per_unit;
+                if (raw == 0 || z <= beyond) is_empty = false;
+                if (raw != 0 && z <= beyond && z >= q.z() - (beyond - q.z())) is_there = true;
+            }
+        }
+        if (is_empty) {
+            if (++point.empty_views < kEmptyViews) continue;
+            map_.release_point(map_.points().handle_of(slot));
+            map_.count_emptied();
+        } else if (is_there && point.empty_views > 0) {
+            --point.empty_views;
+        }
+    }
+}
+
+}  // namespace stillmesh
