@@ -1,0 +1,97 @@
+// What local adjustment costs: whole jobs, one iteration, and the largest slice at a budget of one unit.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+
+#include "engine/adjust/local_adjustment.hpp"
+#include "tests/adjust/window.hpp"
+#include "tests/support/memory.hpp"
+
+namespace stillmesh {
+namespace {
+
+test::WindowOptions options_of(const benchmark::State& state) {
+    test::WindowOptions options;
+    options.free = static_cast<std::uint32_t>(state.range(0));
+    options.fixed = static_cast<std::uint32_t>(state.range(1));
+    options.points = static_cast<std::uint32_t>(state.range(2));
+    options.observations = static_cast<std::uint32_t>(state.range(3));
+    options.outlier_share = 0.02;
+    return options;
+}
+
+void sizes(benchmark::internal::Benchmark* bench) {
+    bench->ArgNames({"free", "fixed", "points", "observations"});
+    bench->Args({4, 4, 400, 1600});
+    bench->Args({10, 10, 1500, 8000});
+    bench->Args({10, 10, 1500, 16000});
+    bench->Args({20, 0, 1500, 8000});
+    bench->Args({24, 24, 3000, 24000});
+    bench->Unit(benchmark::kMillisecond);
+}
+
+// Two rounds with the defaults, from load to results.
+void job(benchmark::State& state) {
+    const test::Window window = make_window(options_of(state));
+    test::InMemory<LocalAdjustment> adjustment(window.sizes());
+    for (auto _ : state) {
+        if (!window.load(*adjustment)) state.SkipWithError("refused");
+        adjustment->start(AdjustmentOptions{});
+        test::run_to_end(*adjustment);
+    }
+    state.counters["iterations"] = adjustment->summary().iterations;
+    state.counters["units"] = static_cast<double>(adjustment->summary().units);
+    state.counters["bytes"] = static_cast<double>(adjustment.used_bytes());
+}
+BENCHMARK(job)->Apply(sizes);
+
+// One round that cannot converge: the time of eight iterations, divided.
+void iteration(benchmark::State& state) {
+    const test::Window window = make_window(options_of(state));
+    test::InMemory<LocalAdjustment> adjustment(window.sizes());
+    AdjustmentOptions options;
+    options.iterations_max[0] = 8;
+    options.iterations_max[1] = 0;
+    options.cost_change_min = 0;
+    double seconds = 0, iterations = 0, units = 0;
+    for (auto _ : state) {
+        if (!window.load(*adjustment)) state.SkipWithError("refused");
+        adjustment->start(options);
+        const auto begin = std::chrono::steady_clock::now();
+        test::run_to_end(*adjustment);
+        seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        iterations += adjustment->summary().iterations;
+        units += static_cast<double>(adjustment->summary().units);
+    }
+    state.counters["ms_per_iteration"] = 1e3 * seconds / iterations;
+    state.counters["ns_per_unit"] = 1e9 * seconds / units;
+}
+BENCHMARK(iteration)->Apply(sizes);
+
+// The longest single piece seen (the least over repetitions: the machine's own pauses are not ours).
+void longest_piece(benchmark::State& state) {
+    const test::Window window = make_window(options_of(state));
+    test::InMemory<LocalAdjustment> adjustment(window.sizes());
+    double least_us = 1e9;
+    for (auto _ : state) {
+        if (!window.load(*adjustment)) state.SkipWithError("refused");
+        adjustment->start(AdjustmentOptions{});
+        double longest_us = 0;
+        Progress progress = Progress::kWorking;
+        while (progress == Progress::kWorking) {
+            WorkBudget budget(1);
+            const auto begin = std::chrono::steady_clock::now();
+            progress = adjustment->step(budget);
+            const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - begin;
+            longest_us = std::max(longest_us, took.count());
+        }
+        least_us = std::min(least_us, longest_us);
+    }
+    state.counters["us"] = least_us;
+}
+BENCHMARK(longest_piece)->Apply(sizes);
+
+}  // namespace
+}  // namespace stillmesh

@@ -1,0 +1,237 @@
+// Local bundle adjustment (paper 2.1, method.md 6): the poses of a window of keyframes and the points they see, so that
+// the robust (Huber) sum of reprojection and depth residuals over all observations is smallest; keyframes at the rim of
+// the window hold still. Levenberg-Marquardt with a gain ratio; the points are eliminated (Schur complement), the
+// keyframes' dense system is factorised by blocks. After the first round observations that fit nowhere are dropped, and
+// a shorter second round runs without them.
+//
+// A machine that can stop anywhere: begin(), add_...(), start(), step() until kDone, then the results. The problem is a
+// copy, so the map may change meanwhile. However it is cut into slices, the results have the same bits.
+//
+// Limits: AdjustmentSizes; full says kFull. Cost: one unit is one residual evaluated (or one product of two 6x6
+// blocks); step() overdraws its budget by less than kPieceUnitsMax. An iteration takes two units per observation, half
+// a unit per pair of free keyframes that share a point, and n^3 / 6 for n free keyframes.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/adjust/linearisation.hpp"
+#include "engine/adjust/reduced_system.hpp"
+#include "engine/base/arena.hpp"
+#include "engine/base/status.hpp"
+#include "engine/geometry/se3.hpp"
+#include "engine/schedule/task.hpp"
+
+namespace stillmesh {
+
+struct AdjustmentSizes {
+    std::uint32_t free_keyframes_max = 0;   // at most LocalAdjustment::kFreeKeyframesMax
+    std::uint32_t fixed_keyframes_max = 0;  // free and fixed together at most kKeyframesMax
+    std::uint32_t points_max = 0;
+    std::uint32_t observations_max = 0;
+};
+
+struct AdjustmentObservation {
+    std::uint32_t keyframe = 0;  // as add_keyframe() returned it
+    std::uint32_t point = 0;     // as add_point() returned it
+    double x = 0, y = 0;         // undistorted, normalised (x/z, y/z)
+    double var_pixel = 0;        // of x and of y, > 0
+    double z_m = 0;              // depth in the camera frame
+    double var_z = 0;            // m^2; 0: no depth was measured
+};
+
+struct AdjustmentOptions {
+    std::uint32_t iterations_max[2] = {6, 4};  // of the two rounds, refused steps included; second 0: one round
+    // Squared sigmas beyond which an observation counts by Huber's cost, and as an outlier after the first round:
+    // chi2 of 95 % with 2 and 3 degrees of freedom.
+    double chi2_max_pixel = 5.991;  // without depth
+    double chi2_max_depth = 7.815;  // with depth
+    double cost_change_min = 1e-4;  // a round has converged when an iteration lowers the cost by less than this share
+    double damping_initial = 1e-4;  // of the diagonal
+};
+
+enum class AdjustmentOutcome : std::uint8_t {
+    kConverged = 0,    // the cost stopped falling
+    kIterationsEnded,  // the last round was stopped by its limit, or by damping; the results are better than the input
+    kUnchanged,        // nothing to solve, or no step lowered the cost (singular): results are the input, bit for bit
+};
+
+struct AdjustmentSummary {
+    AdjustmentOutcome outcome = AdjustmentOutcome::kUnchanged;
+    std::uint32_t iterations = 0;  // of both rounds, refused steps included
+    std::uint32_t steps_accepted = 0;
+    std::uint32_t observations_used = 0;  // in the last round
+    std::uint32_t residuals_used = 0;     // two or three for each of them
+    std::uint32_t outliers = 0;           // of all observations, at the end
+    std::uint32_t points_used = 0;        // in the last round; the others are as they were before it
+    std::uint32_t keyframes_used = 0;     // free ones with enough observations to move, in the last round
+    double initial_cost = 0;              // of the first round, at the input
+    double first_round_cost = 0;          // of the same observations at its end
+    double final_cost = 0;                // of the observations of the last round
+    std::uint64_t units = 0;              // spent on the whole job
+};
+
+class LocalAdjustment {
+public:
+    static constexpr std::uint32_t kFreeKeyframesMax = ReducedSystem::kBlocksMax;
+    static constexpr std::uint32_t kKeyframesMax = 96;
+    // A point has at most one observation in each keyframe: kKeyframesMax + 24 * 25 / 4 is the largest piece.
+    static constexpr std::uint32_t kPieceUnitsMax = 256;
+    // A keyframe with fewer observations holds still: six unknowns, two residuals each.
+    static constexpr std::uint32_t kKeyframeObservationsMin = 3;
+
+    static constexpr void plan(ArenaPlan& arena, const AdjustmentSizes& sizes) noexcept {
+        arena.array<Keyframe>(sizes.free_keyframes_max + sizes.fixed_keyframes_max);
+        arena.array<Column>(sizes.free_keyframes_max);
+        arena.array<Point>(sizes.points_max);
+        arena.array<Observation>(sizes.observations_max);
+        arena.array<std::uint32_t>(sizes.observations_max);
+        arena.array<std::uint32_t>(sizes.observations_max);
+        ReducedSystem::plan(arena, sizes.free_keyframes_max);
+    }
+    void create(Arena& arena, const AdjustmentSizes& sizes) noexcept;
+
+    // Forgets everything, a running job too.
+    void begin() noexcept;
+    // kFull: no room for one more of its kind. kInvalid: not finite, or not a rotation.
+    [[nodiscard]] Result<std::uint32_t> add_keyframe(const SE3& world_from_camera, bool is_fixed) noexcept;
+    // kFull. kInvalid: not finite.
+    [[nodiscard]] Result<std::uint32_t> add_point(const Vector3& world) noexcept;
+    // kFull. kInvalid: not finite, or a variance that is not positive. A second observation of a point by the same
+    // keyframe is taken, counts as an outlier, and has no say. Observations are numbered 0, 1, ... in this order.
+    [[nodiscard]] Status add_observation(const AdjustmentObservation& observation) noexcept;
+    // If no keyframe is fixed the first one is: somebody must say where the world is.
+    void start(const AdjustmentOptions& options) noexcept;
+
+    // kDone: this call finished the job. kIdle: no job is running.
+    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
+    // The running job, or what was collected, is forgotten; there are no results.
+    void cancel() noexcept { begin(); }
+
+    [[nodiscard]] bool is_running() const noexcept { return state_ == State::kRunning; }
+    [[nodiscard]] bool is_done() const noexcept { return state_ == State::kDone; }
+    [[nodiscard]] std::uint32_t keyframes() const noexcept { return keyframe_count_; }
+    [[nodiscard]] std::uint32_t points() const noexcept { return point_count_; }
+    [[nodiscard]] std::uint32_t observations() const noexcept { return observation_count_; }
+
+    // Results: only when is_done() (CHECK).
+    [[nodiscard]] const AdjustmentSummary& summary() const noexcept;
+    [[nodiscard]] const SE3& pose(std::uint32_t keyframe) const noexcept;  // world_from_camera
+    [[nodiscard]] Vector3 point(std::uint32_t point) const noexcept;
+    // Was part of the last round: its position is worth writing back. Others have too few good observations.
+    [[nodiscard]] bool is_point_used(std::uint32_t point) const noexcept;
+    // Squared sigmas at the result; kAdjustChi2Far: behind the camera, beyond all measure, or a duplicate.
+    [[nodiscard]] double chi2(std::uint32_t observation) const noexcept;
+    [[nodiscard]] bool is_outlier(std::uint32_t observation) const noexcept;
+
+private:
+    enum class State : std::uint8_t { kCollecting, kRunning, kDone };
+    // The pieces of a job, in order. Sorting happens once; a round is kSelect and iterations of kLinearise to
+    // kEvaluate.
+    enum class Phase : std::uint8_t {
+        kSortByKeyframe,  // order_ lists the observations by keyframe
+        kPlacePoints,     // where each point's observations will begin
+        kSortByPoint,     // position_ says where each observation goes
+        kPermute,         // they go there
+        kSelect,          // which points and keyframes take part in the round
+        kClear,           // zero sums
+        kLinearise,       // point by point: derivatives, elimination of the point
+        kFactorise,       // column by column
+        kSolve,           // keyframes' steps, candidate poses
+        kEvaluate,        // point by point: the point's step, cost at the candidate
+        kClassify,        // chi2 of every observation at the result of the round
+    };
+    struct Keyframe {
+        SE3 pose[2];  // current and candidate, by current_
+        CameraRows camera[2];
+        std::uint32_t observations = 0;  // given; later where they go in order_
+        std::uint32_t used = 0;          // in this round
+        std::int32_t column = -1;        // in the reduced system; -1: holds still
+        bool is_fixed = false;
+    };
+    // Sums over the observations of a free keyframe.
+    struct Column {
+        double hessian[ReducedSystem::kBlockSize];  // lower triangle
+        double gradient[6];
+        std::uint32_t keyframe;
+    };
+    struct Point {
+        double world[2][3] = {};  // current and candidate, by current_
+        double factor[6] = {};    // Cholesky factor of the damped Hessian, by rows, its diagonal inverted
+        double gradient[3] = {};
+        double damping[3] = {};
+        std::uint32_t begin = 0, end = 0;  // of its observations; from end to the next begin: duplicates
+        std::uint32_t given = 0;
+        std::int32_t last_keyframe = -1;  // sorted in so far
+        bool is_used = false;             // in this round
+        bool can_move = false;            // in this iteration
+    };
+    struct Observation {
+        Sighting seen;
+        double chi2 = 0;
+        std::uint32_t point = 0;
+        std::uint32_t input = 0;  // its number
+        std::uint16_t keyframe = 0;
+        bool is_dropped = false;
+        bool is_outlier = false;
+    };
+
+    // One piece each; they return the units they took.
+    std::uint32_t sort_by_keyframe() noexcept;
+    std::uint32_t place_points() noexcept;
+    std::uint32_t sort_by_point() noexcept;
+    std::uint32_t permute() noexcept;
+    std::uint32_t select() noexcept;
+    std::uint32_t clear_sums() noexcept;
+    std::uint32_t linearise() noexcept;
+    std::uint32_t factorise() noexcept;
+    std::uint32_t solve() noexcept;
+    std::uint32_t evaluate() noexcept;
+    std::uint32_t classify() noexcept;
+    std::uint32_t advance() noexcept;
+
+    void enter(Phase phase) noexcept;
+    void begin_round() noexcept;
+    void assign_columns() noexcept;
+    void assemble() noexcept;
+    void judge_step() noexcept;
+    void refuse_step() noexcept;
+    void next_iteration() noexcept;
+    void end_round() noexcept;
+    void finish() noexcept;
+    [[nodiscard]] double threshold_of(const Observation& o) const noexcept {
+        return o.seen.info_z > 0 ? options_.chi2_max_depth : options_.chi2_max_pixel;
+    }
+    [[nodiscard]] std::uint32_t linearise_point(Point& p) noexcept;
+    [[nodiscard]] std::uint32_t evaluate_point(Point& p) noexcept;
+
+    AdjustmentSizes sizes_;
+    std::span<Keyframe> keyframes_;
+    std::span<Column> columns_;
+    std::span<Point> points_;
+    std::span<Observation> observations_;
+    std::span<std::uint32_t> order_;
+    std::span<std::uint32_t> position_;
+    ReducedSystem system_;
+
+    AdjustmentOptions options_;
+    AdjustmentSummary summary_;
+    State state_ = State::kCollecting;
+    Phase phase_ = Phase::kSortByKeyframe;
+    std::uint32_t cursor_ = 0;  // of the phase
+    std::uint32_t keyframe_count_ = 0;
+    std::uint32_t fixed_count_ = 0;
+    std::uint32_t point_count_ = 0;
+    std::uint32_t observation_count_ = 0;
+    std::uint32_t current_ = 0;  // which of the two states of poses and points is the best so far
+    std::uint32_t column_count_ = 0;
+    std::uint32_t round_ = 0;
+    std::uint32_t iteration_ = 0;  // in the round
+    bool has_converged_ = false;   // this round
+    double damping_ = 0, damping_growth_ = 2;
+    double cost_ = 0;  // at the current state
+    double candidate_cost_ = 0;
+    double predicted_ = 0;  // decrease of the cost, were the model exact
+};
+
+}  // namespace stillmesh
