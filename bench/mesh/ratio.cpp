@@ -1,6 +1,6 @@
 // Time of our triangulation as a share of CGAL's, on the same points, in the same run, on one thread. Both are measured
 // in turn and the minimum per set is kept, so that what else the machine does falls out. Exit 1 when a share exceeds
-// --max.
+// --max. cv::Subdiv2D is printed beside them: it is not exact, and no bar.
 //   mesh_ratio [--max SHARE] [--repeat N]
 #include <chrono>
 #include <cstdio>
@@ -19,26 +19,33 @@ double now_us() {
 
 double measure(const char* name, const std::vector<Points>& sets, int repeat) {
     testing::MeshRig rig(1000);
-    double ours_us = 0, cgal_us = 0, points_count = 0;
+    double ours_us = 0, cgal_us = 0, subdiv_us = 0, points_count = 0;
     for (const Points& points : sets) {
         const Cgal cgal(points);
-        double ours_best = 1e9, cgal_best = 1e9;
+        const Subdiv2D subdiv(points);
+        double ours_best = 1e9, cgal_best = 1e9, subdiv_best = 1e9;
         for (int i = 0; i < repeat; ++i) {
             const double a = now_us();
             if (rig.delaunay.triangulate(points) != Status::kOk) std::abort();
             const double b = now_us();
             if (cgal.triangulate() != rig.delaunay.mesh().triangles.size()) std::abort();
             const double c = now_us();
+            if (subdiv.triangulate() == 0) std::abort();
+            const double d = now_us();
             ours_best = std::min(ours_best, b - a);
             cgal_best = std::min(cgal_best, c - b);
+            subdiv_best = std::min(subdiv_best, d - c);
         }
         ours_us += ours_best;
         cgal_us += cgal_best;
+        subdiv_us += subdiv_best;
         points_count += static_cast<double>(points.size());
     }
     const double sets_count = static_cast<double>(sets.size());
-    std::printf("%-10s %5.0f points  stillmesh %7.1f us  CGAL %7.1f us  share %.3f\n", name, points_count / sets_count,
-                ours_us / sets_count, cgal_us / sets_count, ours_us / cgal_us);
+    std::printf(
+        "%-10s %5.0f points  stillmesh %7.1f us  CGAL %7.1f us  share %.3f  cv::Subdiv2D %7.1f us  share %.3f\n", name,
+        points_count / sets_count, ours_us / sets_count, cgal_us / sets_count, ours_us / cgal_us,
+        subdiv_us / sets_count, ours_us / subdiv_us);
     return ours_us / cgal_us;
 }
 

@@ -357,6 +357,42 @@ TEST(StaticRegion, ThePastOutvotesTheCrowd) {
     }
 }
 
+// Promise: votes count by the area in the room that a feature stands for, not by number or by pixels: a body at arm's
+// length with most of the features and most of the picture does not outvote the wall behind it, by points alone, by
+// triangles alone, or by both; and the choice says that it is sure.
+TEST(StaticRegion, AreaInTheRoomOutvotesPixels) {
+    for (const auto& [by_points, by_area] : {std::pair{1.0, 0.0}, std::pair{0.0, 1.0}, std::pair{0.5, 1.0}}) {
+        for (std::uint64_t seed = 0; seed < 10; ++seed) {
+            Random random(seed);
+            const SE3 pose = test::random_motion(random, 0.5, 0.3);
+            SE3 motion;
+            motion.translation = test::random_vector(random, 1.0).normalized() * 0.15;
+            Scene scene;
+            while (scene.count(0) < 110) {  // a quarter of the picture
+                const Vector3 p = at_pixel(random.uniform(10, 180), random.uniform(10, 470), 3.2);
+                scene.add(test::measure(p, pose * p, kKinect, random), 0);
+            }
+            while (scene.count(1) < 190) {
+                const double x = random.uniform(220, 630);
+                const Vector3 p = at_pixel(x, random.uniform(10, 470), 0.9 + 0.05 * std::sin(0.03 * x));
+                scene.add(test::measure(p, motion * (pose * p), kKinect, random), 1);
+            }
+            Configuration configuration;
+            configuration.region.score_points = by_points;
+            configuration.region.score_area = by_area;
+            RegionContext context = context_at(pose);
+            context.has_prediction = false;  // nothing but the votes decides
+            Region region(limits_of(300));
+            region->build(scene.correspondences, scene.keypoints, configuration.region, context);
+            const RegionChoice choice = region->choose(scene.correspondences, configuration, context, random);
+            ASSERT_TRUE(choice.is_valid);
+            EXPECT_LT(test::metres_between(choice.world_from_camera, pose), 0.05)
+                << "seed " << seed << " points " << by_points << " area " << by_area;
+            EXPECT_GT(choice.margin, 0.5) << "seed " << seed;
+        }
+    }
+}
+
 // Promise: points without a vote are never chosen, whatever they agree with.
 TEST(StaticRegion, NoVoteNoChoice) {
     Random random(3);

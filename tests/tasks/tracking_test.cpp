@@ -364,6 +364,50 @@ TEST(Tracking, RecoversNoFartherThanACameraGets) {
     }
 }
 
+// Promise: nobody is found again turned farther than a camera can have turned; with time enough the same picture is
+// believed. (The picture upside down, seen from where the camera was lost.)
+TEST(Tracking, RecoversNoFartherThanACameraTurns) {
+    DrawnScene scene;
+    scene.has_board = false;
+    Configuration configuration = fitting();
+    configuration.pose.lost_frames_max = 1;
+    for (const bool has_time : {false, true}) {
+        Rig rig(scene.camera(), configuration);
+        for (std::uint32_t i = 0; i < 20; ++i) {
+            const KeptFrame kept = scene.draw(i);
+            rig->track(kept.frame());
+        }
+        std::uint32_t now = 20;
+        const auto show = [&](bool is_dark) {
+            KeptFrame kept = scene.draw(19);
+            if (is_dark) {
+                std::fill(kept.colour.begin(), kept.colour.end(), std::uint8_t{0});
+            } else {
+                std::reverse(kept.colour.begin(), kept.colour.end());
+                std::reverse(kept.depth.begin(), kept.depth.end());
+            }
+            kept.time_ns = std::int64_t{now++} * test::kFrameGap_ns;
+            rig->track(kept.frame());
+        };
+        for (int k = 0; k < (has_time ? 60 : 3); ++k) show(true);
+        ASSERT_EQ(rig->pose().state, PoseState::kNone);
+        // Half a turn: in 2 s one can have made it, not in 0.3 s.
+        for (int k = 0; k < 6; ++k) show(false);
+        EngineStatistics statistics;
+        rig->fill(statistics);
+        const double turned = std::abs(rig->pose().odom_from_camera.rotation_xyzw[2]);  // sin of half the angle
+        if (has_time) {
+            EXPECT_GE(rig->pose().state, PoseState::kUnsure);
+            EXPECT_EQ(statistics.recoveries, 1U);
+            EXPECT_NEAR(turned, 1, 0.01);
+        } else {
+            EXPECT_EQ(rig->pose().state, PoseState::kNone);
+            EXPECT_EQ(statistics.recoveries, 0U);
+            EXPECT_NEAR(turned, 0, 0.1);
+        }
+    }
+}
+
 // Promise: a point that stands still keeps the place where it was first seen; its estimate only gets surer.
 TEST(Tracking, AnchorsOfStillPointsStay) {
     DrawnScene scene;
