@@ -43,13 +43,17 @@ const EngineState& state_of(const Engine* engine) noexcept {
     return *static_cast<const EngineState*>(engine);
 }
 
-bool is_usable(const Limits& limits) noexcept {
-    return limits.image_width_max >= 64 && limits.image_width_max <= 2047 && limits.image_height_max >= 64 &&
-           limits.image_height_max <= 2047 && limits.pyramid_levels_max >= 1 && limits.pyramid_levels_max <= 12 &&
-           limits.features_max >= 50 && limits.features_max <= 16000 && limits.keyframes_max >= 2 &&
-           limits.keyframes_max <= 1024 && limits.map_points_max >= limits.features_max &&
-           limits.map_points_max < (1U << 24U) && limits.groups_max >= 1 && limits.groups_max <= 65534 && limits.local_points_max >= 1 &&
-           limits.local_points_max < (1U << 24U);
+// The first parameter out of its range. `visit` is visit_parameters or visit_limits, bound to its object.
+template <typename Visit>
+ConfigurationProblem out_of_range(Visit&& visit) noexcept {
+    ConfigurationProblem problem;
+    visit([&](const char* name, const auto& value, double min, double max, const char*, const char*) {
+        const auto number = static_cast<double>(value);
+        if (problem.key == nullptr && !(number >= min && number <= max)) {
+            problem = {name, "is out of its range", number, min, max};
+        }
+    });
+    return problem;
 }
 
 }  // namespace
@@ -58,44 +62,54 @@ std::size_t bytes_needed(const Limits& limits) noexcept {
     return planned_bytes(limits);
 }
 
-ConfigurationProblem validate(const Configuration& configuration, const Limits& limits) noexcept {
-    ConfigurationProblem problem;
-    Configuration copy = configuration;
-    visit_parameters(copy, [&](const char* name, const auto& value, double min, double max, const char*, const char*) {
-        const auto number = static_cast<double>(value);
-        if (problem.key == nullptr && !(number >= min && number <= max)) {
-            problem = {name, "is out of its range"};
-        }
-    });
-    if (problem.key != nullptr) return problem;
-    if (configuration.features.count > limits.features_max) {
-        return {"features.count", "is more than the limits allow"};
-    }
-    if (configuration.features.levels > limits.pyramid_levels_max) {
-        return {"features.levels", "is more than the limits allow"};
-    }
-    if (configuration.features.fast_threshold_low > configuration.features.fast_threshold) {
-        return {"features.fast_threshold_low", "is above features.fast_threshold"};
-    }
-    if (configuration.depth.z_min_m >= configuration.depth.z_max_m) {
-        return {"depth.z_min_m", "is not below depth.z_max_m"};
-    }
-    if (configuration.weights.start > configuration.weights.max) {
-        return {"weights.start", "is above weights.max"};
-    }
-    if (configuration.weights.suspicious > configuration.weights.max) {
-        return {"weights.suspicious", "is above weights.max"};
-    }
-    if (configuration.weights.eligible > configuration.weights.max) {
-        return {"weights.eligible", "is above weights.max"};
+ConfigurationProblem validate(const Limits& limits) noexcept {
+    Limits copy = limits;
+    ConfigurationProblem problem = out_of_range([&copy](auto&& visitor) { visit_limits(copy, visitor); });
+    if (problem.key == nullptr && limits.map_points_max < limits.features_max) {
+        problem = {"limits.map_points_max", "is below limits.features_max", static_cast<double>(limits.map_points_max),
+                   static_cast<double>(limits.features_max), 16777215.0};
     }
     return problem;
+}
+
+ConfigurationProblem validate(const Configuration& configuration, const Limits& limits) noexcept {
+    Configuration c = configuration;
+    const ConfigurationProblem problem = out_of_range([&c](auto&& visitor) { visit_parameters(c, visitor); });
+    if (problem.key != nullptr) return problem;
+    // What the keys ask of each other: the range is what is left of the key's own.
+    struct Rule {
+        const char* key;
+        const char* sentence;
+        double value, min, max;
+    };
+    const Rule rules[] = {
+        {"features.count", "is more than limits.features_max", static_cast<double>(c.features.count), 50.0,
+         static_cast<double>(limits.features_max)},
+        {"features.levels", "is more than limits.pyramid_levels_max", static_cast<double>(c.features.levels), 1.0,
+         static_cast<double>(limits.pyramid_levels_max)},
+        {"features.fast_threshold_low", "is above features.fast_threshold",
+         static_cast<double>(c.features.fast_threshold_low), 1.0, static_cast<double>(c.features.fast_threshold)},
+        {"weights.start", "is above weights.max", static_cast<double>(c.weights.start), 0.0,
+         static_cast<double>(c.weights.max)},
+        {"weights.suspicious", "is above weights.max", static_cast<double>(c.weights.suspicious), 0.0,
+         static_cast<double>(c.weights.max)},
+        {"weights.eligible", "is above weights.max", static_cast<double>(c.weights.eligible), 0.0,
+         static_cast<double>(c.weights.max)},
+    };
+    for (const Rule& rule : rules) {
+        if (rule.value > rule.max) return {rule.key, rule.sentence, rule.value, rule.min, rule.max};
+    }
+    if (c.depth.z_min_m >= c.depth.z_max_m) {
+        return {"depth.z_min_m", "is not below depth.z_max_m", c.depth.z_min_m, 0.05, c.depth.z_max_m};
+    }
+    return {};
 }
 
 Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits, const Configuration& configuration,
                                const CameraModel& camera, const Kernels& kernels,
                                FeatureExtractor* extractor) noexcept {
-    if (!is_usable(limits) || stillmesh::validate(configuration, limits).key != nullptr) return Status::kInvalid;
+    if (stillmesh::validate(limits).key != nullptr) return Status::kInvalid;
+    if (stillmesh::validate(configuration, limits).key != nullptr) return Status::kInvalid;
     if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
     if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
     if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;

@@ -125,11 +125,18 @@ struct TrackingView {
 // Block size for these limits, bytes; exactly what the engine uses. Valid for limits that validate() accepts.
 [[nodiscard]] STILLMESH_API std::size_t bytes_needed(const Limits& limits) noexcept;
 
-// What is wrong with a configuration: the key's name and why; key == nullptr: nothing.
+// What is wrong with a configuration: the key's name, why, its value and what is allowed, given the other keys;
+// key == nullptr: nothing.
 struct ConfigurationProblem {
     const char* key = nullptr;
     const char* sentence = nullptr;
+    double value = 0;
+    double min = 0;
+    double max = 0;
 };
+// Limits that hold together and that handles, links and exact predicates can name: bytes_needed() is valid for them.
+[[nodiscard]] STILLMESH_API ConfigurationProblem validate(const Limits& limits) noexcept;
+// A configuration within its ranges, without contradictions, and within limits that validate() accepts.
 [[nodiscard]] STILLMESH_API ConfigurationProblem validate(const Configuration& configuration,
                                                           const Limits& limits) noexcept;
 

@@ -23,4 +23,19 @@ struct Limits {
     [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 300, 16, 200}; }
 };
 
+// Calls visitor(name, value, min, max, unit, sentence) for every limit, as visit_parameters does for a configuration;
+// value is a reference to std::uint32_t. The ranges are what handles, links and exact predicates can name; what limits
+// ask of each other is in validate() (engine.hpp).
+template <typename Visitor>
+constexpr void visit_limits(Limits& l, Visitor&& v) {
+    v("limits.image_width_max", l.image_width_max, 64.0, 2047.0, "px", "widest image");
+    v("limits.image_height_max", l.image_height_max, 64.0, 2047.0, "px", "highest image");
+    v("limits.pyramid_levels_max", l.pyramid_levels_max, 1.0, 12.0, "", "levels of the image pyramid");
+    v("limits.features_max", l.features_max, 50.0, 16000.0, "", "features per frame");
+    v("limits.keyframes_max", l.keyframes_max, 2.0, 1024.0, "", "keyframes of the map");
+    v("limits.map_points_max", l.map_points_max, 50.0, 16777215.0, "", "points of the map, at least features_max");
+    v("limits.groups_max", l.groups_max, 1.0, 65534.0, "", "groups of the mesh");
+    v("limits.local_points_max", l.local_points_max, 1.0, 16777215.0, "", "points that a frame is matched against");
+}
+
 }  // namespace stillmesh

@@ -100,7 +100,8 @@ Percentiles orb_ms(const std::string& folder) {
 
 int measure(const std::string& folder, const SessionOptions& options) {
     std::string message;
-    const SessionSizes sizes = session_sizes(options.limits);
+    SessionSizes sizes;
+    if (session_sizes(options, sizes, message) != Status::kOk) return complain(message);
     ReplayCamera camera(
         {.folder = folder, .calibration = "", .width_max = sizes.width_max, .height_max = sizes.height_max});
     if (camera.open() != Status::kOk) return complain(camera.message());
@@ -125,8 +126,9 @@ int measure(const std::string& folder, const SessionOptions& options) {
         const std::int64_t begin_ns = monotonic_ns();
         is_counting = true;
         const Status submitted = session->submit(frame, out, message);
-        is_counting = false;
         const std::int64_t end_ns = monotonic_ns();
+        if (submitted == Status::kOk) session->work(std::nullopt, out);
+        is_counting = false;
         engine_cpu_seconds += cpu_seconds() - cpu_begin;
         if (submitted != Status::kOk) return complain(message);
         out.world_from_camera.time_ns = frame.time_ns;

@@ -105,6 +105,11 @@ Status ReplayCamera::image_path(int list, const ListedImage& image, std::string&
 }
 
 Status ReplayCamera::find_calibration() {
+    if (options_.camera) {
+        info_ = *options_.camera;
+        calibration_source_ = "the camera of the recording";
+        return Status::kOk;
+    }
     calibration_source_ = options_.calibration;
     if (calibration_source_.empty()) {
         for (const char* name : {"camera.toml", "camera.yaml", "camera.yml"}) {

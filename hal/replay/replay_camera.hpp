@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,6 +20,7 @@ namespace stillmesh {
 struct ReplayOptions {
     std::string folder;
     std::string calibration;                           // file or built-in name; empty: the folder's own
+    std::optional<CameraInfo> camera = std::nullopt;   // known from elsewhere: nothing is read
     std::uint32_t width_max = 640;                     // px; larger images are refused
     std::uint32_t height_max = 480;                    // px
     std::int64_t association_gap_max_ns = 20'000'000;  // between a colour image and its depth image

@@ -11,9 +11,11 @@
 
 #include "engine/engine.hpp"
 #include "platform/cli/configuration_file.hpp"
+#include "platform/cli/step_pacer.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/record/recording_writer.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
 #endif
@@ -27,12 +29,14 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
     return name == "pocket" ? Limits::pocket() : Limits::room();
 }
 
-[[nodiscard]] std::vector<ParameterView> parameters_of(Configuration& configuration) {
+[[nodiscard]] std::vector<ParameterView> parameters_of(Limits& limits, Configuration& configuration) {
     std::vector<ParameterView> parameters;
-    visit_parameters(configuration, [&parameters](const char* name, auto& value, double min, double max,
-                                                  const char* unit, const char* sentence) {
+    const auto add = [&parameters](const char* name, auto& value, double min, double max, const char* unit,
+                                   const char* sentence) {
         parameters.push_back({name, &value, min, max, unit, sentence});
-    });
+    };
+    visit_limits(limits, add);
+    visit_parameters(configuration, add);
     return parameters;
 }
 
@@ -52,10 +56,12 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
     return Status::kOk;
 }
 
-// What the options give: the scene's defaults, fitted into the limits, then the file, then single assignments.
-[[nodiscard]] Status configuration_of(const SessionOptions& options, const Limits& limits, Configuration& configuration,
+// What the options give: the preset's limits and the scene's defaults, fitted into them, then the file, then single
+// assignments.
+[[nodiscard]] Status configuration_of(const SessionOptions& options, Limits& limits, Configuration& configuration,
                                       std::string& message) {
     message.clear();
+    limits = limits_of(options.limits);
     configuration = options.scene == "outdoor" ? Configuration::outdoor() : Configuration::indoor();
     std::string note;
     if (configuration.features.count > limits.features_max) {
@@ -64,7 +70,7 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
         configuration.features.count = limits.features_max;
     }
     configuration.features.levels = std::min(configuration.features.levels, limits.pyramid_levels_max);
-    const std::vector<ParameterView> parameters = parameters_of(configuration);
+    const std::vector<ParameterView> parameters = parameters_of(limits, configuration);
     std::string source = "the defaults";
     if (!options.configuration.empty()) {
         source = options.configuration;
@@ -77,16 +83,11 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
         STILLMESH_TRY(apply_assignment(assignment, source, parameters, message));
     }
     // Each value is within its range by now; this is about how they go together.
-    if (const ConfigurationProblem problem = validate(configuration, limits); problem.key != nullptr) {
-        const auto parameter = std::find_if(parameters.begin(), parameters.end(),
-                                            [&problem](const ParameterView& p) { return p.name == problem.key; });
-        std::string value;
-        if (parameter != parameters.end()) {
-            value = std::visit([](const auto* target) { return fmt::format(" = {}", *target); }, parameter->target);
-        }
-        message = fmt::format("{}: key '{}'{} {}; change one of them (limits '{}': at most {} features, {} levels).",
-                              source, problem.key, value, problem.sentence, options.limits, limits.features_max,
-                              limits.pyramid_levels_max);
+    ConfigurationProblem problem = validate(limits);
+    if (problem.key == nullptr) problem = validate(configuration, limits);
+    if (problem.key != nullptr) {
+        message = fmt::format("{}: key '{}' = {} {}; allowed beside the others: {} to {} (limits '{}').", source,
+                              problem.key, problem.value, problem.sentence, problem.min, problem.max, options.limits);
         return Status::kInvalid;
     }
     if (configuration.features.count == limits.features_max) message = note;
@@ -123,7 +124,6 @@ class EngineSession final : public TrackingSession {
 public:
     // kOk, kInvalid, kUnavailable: `message` says why.
     [[nodiscard]] Status create(const SessionOptions& options, const CameraInfo& camera, std::string& message) {
-        limits_ = limits_of(options.limits);
         Configuration configuration;
         STILLMESH_TRY(configuration_of(options, limits_, configuration, message));
         note_ = message;
@@ -158,6 +158,19 @@ public:
         }
         engine_ = engine.value();
         units_per_frame_ = configuration.schedule.units_per_frame;
+        slice_units_ = configuration.schedule.slice_units;
+        pacer_ = StepPacer(slice_units_);
+        can_wait_ = options.can_wait;
+        if (!options.record.empty()) {
+            recording_ = options.record;
+            const std::uint8_t extractor_code = options.features == "opencv" ? 1 : 0;
+            writer_ = std::make_unique<RecordingWriter>();
+            if (!writer_->open(recording_,
+                               {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_code},
+                               message)) {
+                return Status::kUnavailable;
+            }
+        }
         engine_->set_stage_observer({on_stage, this});
         for (std::uint32_t i = 0; i < kStages; ++i) stages_[i].name = stage_name(static_cast<Stage>(i));
         return Status::kOk;
@@ -167,9 +180,11 @@ public:
     Status submit(const Frame& frame, SessionFrame& out, std::string& message) override {
         spent_ns_ = {};
         const Status status = engine_->submit(frame);
+        if (writer_ != nullptr) note_frame(frame, status);
         if (status != Status::kOk) {
             message =
                 "its size, format or depth factor is not the camera's, or its time is not after the last frame's.";
+            if (writer_ != nullptr) writer_->add(recorded_);
             return status;
         }
         for (std::size_t i = 0; i < kStages; ++i) {
@@ -182,9 +197,39 @@ public:
         out.features = count16(statistics.features);
         out.static_features = count16(statistics.static_matches);
         out.dynamic_features = count16(statistics.dynamic_matches);
-        static_cast<void>(engine_->step(units_per_frame_));
         out.state_hash = engine_->state_hash();
         return Status::kOk;
+    }
+
+    // In slices, each timed, whoever says how many there are: the configuration, or the time until the next frame.
+    void work(std::optional<std::int64_t> until_ns, SessionFrame& out) override {
+        const std::int64_t begin_ns = monotonic_ns();
+        std::int64_t now_ns = begin_ns;
+        std::uint64_t spent = engine_->statistics().schedule.units_spent;
+        std::uint32_t left = units_per_frame_;
+        for (std::uint32_t calls = 0;; ++calls) {
+            const std::uint32_t units =
+                until_ns ? pacer_.next_grant(now_ns, *until_ns, calls) : std::min(left, slice_units_);
+            if (units == 0 || !recorded_.add_grant(units)) break;
+            const Progress progress = engine_->step(units);
+            left -= std::min(left, units);
+            const std::int64_t end_ns = monotonic_ns();
+            const std::uint64_t spent_now = engine_->statistics().schedule.units_spent;
+            if (spent_now > spent) {
+                slice_ms_.add(static_cast<double>(end_ns - now_ns) * 1e-6);
+                pacer_.measured(spent_now - spent, end_ns - now_ns);
+            }
+            spent = spent_now;
+            now_ns = end_ns;
+            if (progress == Progress::kIdle) break;
+        }
+        background_ms_.add(static_cast<double>(now_ns - begin_ns) * 1e-6);
+        out.state_hash = recorded_.hash = engine_->state_hash();
+        if (writer_ != nullptr) {
+            writer_->add(recorded_);
+            if (can_wait_) writer_->wait_for_room(std::chrono::seconds(10));
+        }
+        recorded_.grant_runs = 0;
     }
 
     void draw(MeshSnapshot& snapshot) override {
@@ -208,10 +253,34 @@ public:
         record.keyframes_forgotten = statistics.keyframes_forgotten;
         record.points_forgotten = statistics.points_forgotten;
         record.recoveries = statistics.recoveries;
+        record.keyframes_refused = statistics.keyframes_refused;
+        record.keyframe_queue = statistics.keyframe_queue;
+        record.schedule = statistics.schedule;
+        record.background_ms = background_ms_;
+        record.slice_ms = slice_ms_;
         if (!note_.empty()) record.notes.push_back(note_);
+        if (writer_ != nullptr) {
+            if (const std::string problem = writer_->close(); !problem.empty()) record.problems.push_back(problem);
+            record.recording = recording_;
+            record.frames_recorded = writer_->frames();
+        }
     }
 
 private:
+    void note_frame(const Frame& frame, Status status) {
+        const FrameStatistics& statistics = engine_->frame_statistics();
+        recorded_.time_ns = frame.time_ns;
+        recorded_.digest = frame_digest(frame);
+        recorded_.status = status;
+        recorded_.pose_state = static_cast<std::uint8_t>(engine_->pose().state);
+        recorded_.is_keyframe = statistics.is_keyframe;
+        recorded_.features = statistics.features;
+        recorded_.matches = statistics.matches;
+        recorded_.static_matches = statistics.static_matches;
+        recorded_.groups = statistics.groups;
+        recorded_.hash_tracked = recorded_.hash = engine_->state_hash();
+        recorded_.grant_runs = 0;
+    }
     static void on_stage(void* user, Stage stage, bool is_begin) noexcept {
         auto& session = *static_cast<EngineSession*>(user);
         const auto i = static_cast<std::size_t>(stage);
@@ -227,6 +296,13 @@ private:
     MemoryBlock block_;
     Engine* engine_ = nullptr;
     std::uint32_t units_per_frame_ = 0;
+    std::uint32_t slice_units_ = 1;
+    StepPacer pacer_{1};
+    bool can_wait_ = true;
+    std::string recording_;
+    std::unique_ptr<RecordingWriter> writer_;
+    RecordedFrame recorded_;
+    Percentiles background_ms_, slice_ms_;
     std::array<StageRecord, kStages> stages_;
     std::array<std::int64_t, kStages> begin_ns_{};
     std::array<std::int64_t, kStages> spent_ns_{};
@@ -238,9 +314,12 @@ private:
 
 }  // namespace
 
-SessionSizes session_sizes(const std::string& limits) {
-    const Limits chosen = limits_of(limits);
-    return {chosen.image_width_max, chosen.image_height_max};
+Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message) {
+    Limits limits;
+    Configuration configuration;
+    STILLMESH_TRY(configuration_of(options, limits, configuration, message));
+    sizes = {limits.image_width_max, limits.image_height_max};
+    return Status::kOk;
 }
 
 Status create_engine_session(const SessionOptions& options, const CameraInfo& camera,
@@ -252,9 +331,10 @@ Status create_engine_session(const SessionOptions& options, const CameraInfo& ca
 }
 
 Status print_configuration(const SessionOptions& options, std::string& toml, std::string& message) {
+    Limits limits;
     Configuration configuration;
-    STILLMESH_TRY(configuration_of(options, limits_of(options.limits), configuration, message));
-    toml = configuration_toml(parameters_of(configuration));
+    STILLMESH_TRY(configuration_of(options, limits, configuration, message));
+    toml = configuration_toml(parameters_of(limits, configuration));
     if (!message.empty()) toml = "# " + message + "\n" + toml;
     return Status::kOk;
 }

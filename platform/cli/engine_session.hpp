@@ -16,6 +16,8 @@ struct SessionOptions {
     std::string features = "native";       // native, opencv
     std::string configuration;             // TOML file; empty: defaults
     std::vector<std::string> assignments;  // "key=value", applied after the file
+    std::string record;                    // recording to write; empty: none
+    bool can_wait = true;                  // for a full recording ring, between frames: the camera is no live one
 };
 
 struct SessionSizes {
@@ -23,8 +25,8 @@ struct SessionSizes {
     std::uint32_t height_max = 480;
 };
 
-// The largest image that the limits allow.
-[[nodiscard]] SessionSizes session_sizes(const std::string& limits);
+// The largest image that the limits allow. kInvalid, kUnavailable: the options are bad, `message` says how.
+[[nodiscard]] Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message);
 // kOk: `message` is empty, or a note for the user. kInvalid, kUnavailable: it says why; `session` is untouched.
 [[nodiscard]] Status create_engine_session(const SessionOptions& options, const CameraInfo& camera,
                                            std::unique_ptr<TrackingSession>& session, std::string& message);

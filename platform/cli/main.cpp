@@ -9,6 +9,7 @@
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/rerun_command.hpp"
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
 #include "platform/cli/summary.hpp"
@@ -19,11 +20,10 @@ namespace stillmesh {
 namespace {
 
 // The switches of design.md that have nothing behind them yet: known, so that the answer is a sentence.
-constexpr const char* kLaterOptions[] = {"--camera", "--inject",  "--record",    "--record-frames", "--cloud",
-                                         "--map-in", "--map-out", "--map-store", "--view",          "--publish"};
-constexpr const char* kLaterFlags[] = {"--wait", "--localize", "--realtime"};
-constexpr const char* kLaterCommands[][2] = {{"rerun", "repeat a recording and compare every state hash"},
-                                             {"capture", "record a live camera"},
+constexpr const char* kLaterOptions[] = {"--camera",  "--inject",    "--cloud", "--map-in",
+                                         "--map-out", "--map-store", "--view",  "--publish"};
+constexpr const char* kLaterFlags[] = {"--wait", "--localize"};
+constexpr const char* kLaterCommands[][2] = {{"capture", "record a live camera"},
                                              {"cameras", "list the cameras plugged in"},
                                              {"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"},
@@ -76,6 +76,10 @@ int program(int argc, char** argv) {
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
         ->type_name("N")
         ->group("Camera (one of the first two)");
+    run_app
+        ->add_flag("--realtime", arguments.is_realtime,
+                   "frames at their recorded times: late ones are dropped, background work gets what time is left")
+        ->group("Camera (one of the first two)");
     run_app->add_option("--report", arguments.report, "a page to look at: DIR/index.html")
         ->type_name("DIR")
         ->group("What comes out");
@@ -87,6 +91,14 @@ int program(int argc, char** argv) {
         ->group("What comes out");
     run_app->add_option("--state-hashes", arguments.loop.state_hashes, "a line per frame: time and state hash")
         ->type_name("FILE")
+        ->group("What comes out");
+    run_app
+        ->add_option("--record", arguments.session.record,
+                     "what 'stillmesh rerun' needs to repeat this run bit for bit")
+        ->type_name("FILE")
+        ->group("What comes out");
+    run_app->add_option("--record-frames", arguments.record_frames, "the frames, as a folder to replay")
+        ->type_name("DIR")
         ->group("What comes out");
     run_app->add_flag("--json", arguments.is_json, "the summary as JSON, no progress")->group("What comes out");
     run_app->add_option("--scene", arguments.session.scene, "thresholds: indoor (default) or outdoor")
@@ -134,6 +146,21 @@ int program(int argc, char** argv) {
     eval_command->add_option("--trajectory", trajectory_file, "TUM format")->required()->type_name("FILE");
     eval_command->add_flag("--json", is_eval_json, "as JSON");
 
+    RerunOptions rerun;
+    CLI::App* const rerun_command =
+        app.add_subcommand("rerun", "repeat a recording bit for bit, or name the first frame that differs");
+    rerun_command->add_option("file", rerun.recording, "written by 'stillmesh run --record FILE'")
+        ->required()
+        ->type_name("FILE");
+    rerun_command
+        ->add_option("--replay", rerun.folder,
+                     "its frames: the folder that was replayed, or written by --record-frames")
+        ->required()
+        ->type_name("DIR");
+    rerun_command->add_flag("--json", rerun.is_json, "as JSON");
+    rerun_command->footer(
+        "Exit codes: 0 every frame was repeated bit for bit; 1 one differs; 2 bad recording or folder.");
+
     SimulateOptions simulation;
     CLI::App* const simulate_command =
         app.add_subcommand("simulate", "write a simulated recording with ground truth and dynamic masks");
@@ -167,6 +194,7 @@ int program(int argc, char** argv) {
     }
     if (!later.empty()) return refuse(later.front() + " is not in this build.");
     if (eval_command->parsed()) return eval(truth_file, trajectory_file, is_eval_json);
+    if (rerun_command->parsed()) return stillmesh::rerun_command(rerun);
     if (simulate_command->parsed()) return stillmesh::simulate_command(simulation);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];

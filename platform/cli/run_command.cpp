@@ -50,12 +50,17 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
     record.features = arguments.session.features;
     record.command = arguments.command;
     std::unique_ptr<TrackingSession> session;
-    if (create_engine_session(arguments.session, camera.info(), session, message) != Status::kOk)
-        return refuse(message);
+    SessionOptions options = arguments.session;
+    options.can_wait = !arguments.is_realtime;
+    if (create_engine_session(options, camera.info(), session, message) != Status::kOk) return refuse(message);
     if (!arguments.report.empty()) {
         std::error_code error;
         std::filesystem::create_directories(arguments.report, error);
         if (error) return refuse(arguments.report + ": cannot be made: " + error.message() + ".");
+    }
+    FrameFolderWriter frames_writer;
+    if (!arguments.record_frames.empty() && !frames_writer.open(arguments.record_frames, camera.info(), message)) {
+        return refuse(message);
     }
     catch_stop_signals();
     record.start_up_ms = static_cast<double>(monotonic_ns() - begin_ns) * 1e-6;
@@ -65,7 +70,16 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
     // 64 bytes a frame, for the error and the report only.
     loop.keep_trajectory = !arguments.report.empty() || !record.truth.empty() || !arguments.simulate.empty();
     loop.show_progress = !arguments.is_json;
-    int code = run_loop(camera, camera_message, *session, loop, record);
+    loop.frames = arguments.record_frames.empty() ? nullptr : &frames_writer;
+    loop.frame_period_ns = static_cast<std::int64_t>(1e9 / camera.info().frames_per_s);
+    RealtimeCamera realtime(camera, {monotonic_ns, sleep_until_ns});
+    if (arguments.is_realtime) {
+        if (realtime.open() != Status::kOk) return refuse("the system has no thread or memory left for --realtime.");
+        loop.realtime = &realtime;
+    }
+    DepthCamera& served = arguments.is_realtime ? static_cast<DepthCamera&>(realtime) : camera;
+    int code = run_loop(served, camera_message, *session, loop, record);
+    realtime.close();
     session.reset();  // its memory is free for the evaluation
 
     if (!record.truth.empty()) record.evaluation = evaluate(record.truth, record.estimate);
@@ -86,7 +100,9 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
 }
 
 int replay(const RunArguments& arguments, std::int64_t begin_ns) {
-    const SessionSizes sizes = session_sizes(arguments.session.limits);
+    SessionSizes sizes;
+    std::string message;
+    if (session_sizes(arguments.session, sizes, message) != Status::kOk) return refuse(message);
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     ReplayCamera camera({.folder = folder,
@@ -99,7 +115,6 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
     record.calibration = camera.calibration_source();
     // The truth is read before anything is tracked: a broken file is bad input, not a failed run.
     const std::string truth_file = folder + "/groundtruth.txt";
-    std::string message;
     std::error_code error;
     if (std::filesystem::exists(truth_file, error) &&
         read_trajectory(truth_file, record.truth, message) != Status::kOk) {

@@ -10,14 +10,16 @@
 namespace stillmesh {
 
 struct RunArguments {
-    std::string replay;       // folder in the TUM layout; this or `simulate`
-    std::string simulate;     // SCENE[:SEED]
-    std::string calibration;  // file or name; empty: the folder's own
-    std::string report;       // folder; empty: none
-    std::string command;      // as it was typed
+    std::string replay;         // folder in the TUM layout; this or `simulate`
+    std::string simulate;       // SCENE[:SEED]
+    std::string calibration;    // file or name; empty: the folder's own
+    std::string report;         // folder; empty: none
+    std::string record_frames;  // folder; empty: none
+    std::string command;        // as it was typed
     SessionOptions session;
     RunLoopOptions loop;
     bool is_json = false;
+    bool is_realtime = false;
     bool print_config = false;
 };
 

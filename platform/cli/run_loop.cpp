@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
+#include <optional>
 #include <vector>
 
 #include "platform/cli/exit_code.hpp"
@@ -217,6 +219,10 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         if (first_frame_ns < 0) first_frame_ns = frame.time_ns;
         last_frame_ns = frame.time_ns;
 
+        if (options.frames != nullptr) {
+            if (options.realtime == nullptr) options.frames->wait_for_room(std::chrono::seconds(10));
+            options.frames->add(frame);
+        }
         SessionFrame out;
         const std::int64_t begin_ns = monotonic_ns();
         const Status submitted = session.submit(frame, out, message);
@@ -232,6 +238,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             code = give_up(kExitFailed);
             break;
         }
+        snapshots.frame(record.frames_total, frame, out, session);
+        session.work(options.realtime != nullptr ? std::optional(options.realtime->next_due_ns()) : std::nullopt, out);
         if (hashes.is_open() &&
             !hashes.write(fmt::format("{} {:016x}\n", time_text(frame.time_ns), out.state_hash), message)) {
             code = give_up(kExitFailed);
@@ -241,18 +249,32 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         if (options.keep_trajectory && out.state >= PoseState::kUnsure) {
             record.estimate.push_back(out.world_from_camera);
         }
-        snapshots.frame(record.frames_total, frame, out, session);
         record.state_hash = out.state_hash;
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
                     out.dynamic_features, out.state});
         loss.frame(frame, out.state);
+        const std::int64_t latency_ns = end_ns - (options.realtime != nullptr ? options.realtime->due_ns() : begin_ns);
+        record.latency_ms.add(static_cast<double>(latency_ns) * 1e-6);
+        if (options.frame_period_ns > 0 && latency_ns > options.frame_period_ns) ++record.deadline_misses;
         progress.frame(record.frames_total, out.state, end_ns);
     }
     progress.finish();
     record.wall_seconds = static_cast<double>(monotonic_ns() - wall_begin_ns) * 1e-9;
     record.cpu_seconds = cpu_seconds() - cpu_begin;
     record.snapshots = snapshots.finish();
+    const std::size_t problems = record.problems.size();
     session.account(record);
+    if (options.frames != nullptr) {
+        if (const std::string problem = options.frames->close(); !problem.empty()) record.problems.push_back(problem);
+    }
+    if (record.problems.size() > problems && code == kExitDone) code = kExitFailed;
+    record.frame_period_ms = static_cast<double>(options.frame_period_ns) * 1e-6;
+    if (options.realtime != nullptr) {
+        record.is_realtime = true;
+        record.frames_dropped = options.realtime->dropped();
+        record.source_late_s = static_cast<double>(options.realtime->source_late_ns()) * 1e-9;
+        options.realtime->close();
+    }
 
     if (!options.trajectory_final.empty() && !write_whole_file(options.trajectory_final, final_lines, message)) {
         code = give_up(kExitFailed);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -27,6 +28,12 @@ public:
     virtual ~TrackingSession() = default;
     // kOk: `out` is filled. Else the frame was refused and `message` says why.
     [[nodiscard]] virtual Status submit(const Frame& frame, SessionFrame& out, std::string& message) = 0;
+    // Background work behind the frame: until a time of monotonic_ns, or, without one, as much as the configuration
+    // grants each frame. Then the frame is done with, and recorded. `out.state_hash` follows.
+    virtual void work(std::optional<std::int64_t> until_ns, SessionFrame& out) {
+        static_cast<void>(until_ns);
+        static_cast<void>(out);
+    }
     // What the last frame's mesh was, without the picture.
     virtual void draw(MeshSnapshot& snapshot) = 0;
     // Stages with their times, pools with their high-water marks, memory.

@@ -1,12 +1,10 @@
 #include "platform/cli/simulate_command.hpp"
 
-#include <spng.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -16,6 +14,7 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/record/png_file.hpp"
 
 namespace stillmesh {
 namespace {
@@ -28,33 +27,6 @@ using File = std::unique_ptr<std::FILE, FileCloser>;
 int complain(int code, const std::string& sentence) {
     std::fprintf(stderr, "stillmesh: %s\n", sentence.c_str());
     return code;
-}
-
-// Empty, or why it failed.
-[[nodiscard]] std::string write_png(const std::string& path, const void* pixels, std::size_t size_bytes,
-                                    std::uint32_t width, std::uint32_t height, std::uint8_t bits) {
-    const std::unique_ptr<spng_ctx, void (*)(spng_ctx*)> context(spng_ctx_new(SPNG_CTX_ENCODER), spng_ctx_free);
-    if (context == nullptr) return path + ": out of memory.";
-    static_cast<void>(spng_set_option(context.get(), SPNG_ENCODE_TO_BUFFER, 1));
-    static_cast<void>(spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 1));
-    static_cast<void>(spng_set_option(context.get(), SPNG_FILTER_CHOICE, SPNG_FILTER_CHOICE_SUB));
-    spng_ihdr header{};
-    header.width = width;
-    header.height = height;
-    header.bit_depth = bits;
-    header.color_type = SPNG_COLOR_TYPE_GRAYSCALE;
-    int error = spng_set_ihdr(context.get(), &header);
-    if (error == 0) error = spng_encode_image(context.get(), pixels, size_bytes, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE);
-    std::size_t png_size = 0;
-    const std::unique_ptr<void, void (*)(void*)> png(
-        error == 0 ? spng_get_png_buffer(context.get(), &png_size, &error) : nullptr, std::free);
-    if (png == nullptr) return path + ": " + spng_strerror(error) + ".";
-    File file(std::fopen(path.c_str(), "wb"));
-    if (file == nullptr) return path + ": " + std::strerror(errno) + ".";
-    if (std::fwrite(png.get(), 1, png_size, file.get()) != png_size || std::fflush(file.get()) != 0) {
-        return path + ": " + std::strerror(errno) + ".";
-    }
-    return {};
 }
 
 // One of the text files, each line flushed as it is complete.
@@ -137,12 +109,13 @@ int simulate_command(const SimulateOptions& options) {
         const std::string mask = "masks/" + colour_time + ".png";
         const std::uint32_t width = frame.colour.width;
         const std::uint32_t height = frame.colour.height;
-        const std::size_t pixels = static_cast<std::size_t>(width) * height;
-        problem = write_png(path_of(rgb.c_str()), frame.colour.data, pixels, width, height, 8);
-        if (problem.empty())
-            problem = write_png(path_of(depth.c_str()), frame.depth.data, 2 * pixels, width, height, 16);
+        problem = write_png_file(path_of(rgb.c_str()), frame.colour.data, width, height, PngPixels::kGrey8);
         if (problem.empty()) {
-            problem = write_png(path_of(mask.c_str()), camera.dynamic_mask().data, pixels, width, height, 8);
+            problem = write_png_file(path_of(depth.c_str()), frame.depth.data, width, height, PngPixels::kGrey16);
+        }
+        if (problem.empty()) {
+            problem =
+                write_png_file(path_of(mask.c_str()), camera.dynamic_mask().data, width, height, PngPixels::kGrey8);
         }
         if (!problem.empty()) break;
         const SimulatedPose& pose = camera.true_pose();

@@ -24,6 +24,13 @@ std::int64_t monotonic_ns() noexcept {
     return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
 }
 
+void sleep_until_ns(std::int64_t time_ns) noexcept {
+    timespec until{};
+    until.tv_sec = static_cast<time_t>(time_ns / 1'000'000'000);
+    until.tv_nsec = static_cast<long>(time_ns % 1'000'000'000);
+    static_cast<void>(::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr));
+}
+
 double cpu_seconds() noexcept {
     rusage usage{};
     if (::getrusage(RUSAGE_SELF, &usage) != 0) return 0.0;

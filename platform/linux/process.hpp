@@ -8,6 +8,8 @@ namespace stillmesh {
 
 // Never goes backwards; its zero means nothing.
 [[nodiscard]] std::int64_t monotonic_ns() noexcept;
+// Until a time of monotonic_ns, or a signal.
+void sleep_until_ns(std::int64_t time_ns) noexcept;
 // User and system time of all threads.
 [[nodiscard]] double cpu_seconds() noexcept;
 // The most this process has had in memory (VmHWM; getrusage would count what ran before exec too). 0: unknown.

@@ -67,6 +67,14 @@ struct RunRecord {
     std::uint64_t frames_total = 0;
     std::uint64_t state_counts[4] = {0, 0, 0, 0};
     Percentiles frame_ms;
+    Percentiles latency_ms;      // from when a frame was due (with --realtime; else: was there) to its pose
+    Percentiles background_ms;   // behind a frame, all together
+    Percentiles slice_ms;        // one call of Engine::step that did something
+    double frame_period_ms = 0;  // of the camera; 0: unknown
+    bool is_realtime = false;
+    std::uint64_t deadline_misses = 0;  // latency above the period
+    std::uint64_t frames_dropped = 0;   // by --realtime: overtaken before they were fetched
+    double source_late_s = 0;           // with --realtime: the clock waited so long for the source
     std::vector<StageRecord> stages;
     std::vector<PoolRecord> pools;
     std::size_t block_bytes = 0;  // bytes_needed(limits)
@@ -81,6 +89,11 @@ struct RunRecord {
     std::optional<Evaluation> evaluation;
     std::vector<MeshSnapshot> snapshots;
     std::uint64_t keyframes_made = 0, keyframes_forgotten = 0, points_forgotten = 0, recoveries = 0;
+    std::uint64_t keyframes_refused = 0;
+    PoolStatistics keyframe_queue;
+    ScheduleStatistics schedule;
+    std::string recording;  // file; empty: none
+    std::uint64_t frames_recorded = 0;
     std::vector<std::string> notes;     // sentences about what was as it should not be, but did no harm
     std::vector<std::string> problems;  // sentences about what makes this a failed run
 

@@ -1,0 +1,328 @@
+#include "engine/record/recording.hpp"
+
+#include <bit>
+#include <cstring>
+#include <type_traits>
+
+#include "engine/base/bytes.hpp"
+#include "engine/base/crc.hpp"
+#include "engine/base/hash.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::array<char, 8> kMagic = {'S', 'T', 'I', 'L', 'L', 'R', 'E', 'C'};
+constexpr std::size_t kPrefixBytes = 16;  // magic, version, size of the body
+constexpr std::size_t kCrcBytes = 4;
+
+enum class ValueType : std::uint8_t { kBool = 0, kU32 = 1, kU64 = 2, kF64 = 3 };
+enum class EntryKind : std::uint8_t { kFrame = 1, kEnd = 2 };
+
+template <typename T>
+constexpr ValueType type_of() noexcept {
+    if constexpr (std::is_same_v<T, bool>) return ValueType::kBool;
+    if constexpr (std::is_same_v<T, std::uint32_t>) return ValueType::kU32;
+    if constexpr (std::is_same_v<T, std::uint64_t>) return ValueType::kU64;
+    if constexpr (std::is_same_v<T, double>) return ValueType::kF64;
+}
+
+std::span<const std::byte> bytes_of(const char* text) noexcept {
+    return {reinterpret_cast<const std::byte*>(text), std::strlen(text)};
+}
+
+void write_u32_at(std::span<std::byte> bytes, std::size_t at, std::uint32_t value) noexcept {
+    ByteWriter writer(bytes.subspan(at, 4));
+    writer.u32(value);
+}
+
+template <typename Visit>
+constexpr std::uint16_t count_of(Visit&& visit) noexcept {
+    std::uint16_t count = 0;
+    visit([&count](const char*, const auto&, double, double, const char*, const char*) { ++count; });
+    return count;
+}
+
+static_assert(sizeof(Limits) == sizeof(std::uint32_t) * count_of([](auto&& visitor) {
+                                    Limits limits;
+                                    visit_limits(limits, visitor);
+                                }),
+              "a limit that visit_limits does not name would be missing in recordings");
+
+// `visit` is visit_parameters or visit_limits, bound to its object.
+template <typename Visit>
+void write_values(ByteWriter& writer, Visit&& visit) noexcept {
+    writer.u16(count_of(visit));
+    visit([&writer](const char* name, const auto& value, double, double, const char*, const char*) {
+        using T = std::decay_t<decltype(value)>;
+        const std::span<const std::byte> text = bytes_of(name);
+        STILLMESH_CHECK(text.size() < 64);
+        writer.u8(static_cast<std::uint8_t>(text.size()));
+        writer.bytes(text);
+        writer.u8(static_cast<std::uint8_t>(type_of<T>()));
+        if constexpr (std::is_same_v<T, double>) {
+            writer.f64(value);
+        } else {
+            writer.u64(static_cast<std::uint64_t>(value));
+        }
+    });
+}
+
+// Every key of ours once, in our order, of our type: another set is another version of the method.
+template <typename Visit>
+Status read_values(ByteReader& reader, RecordingProblem& problem, Visit&& visit) noexcept {
+    Status status = Status::kOk;
+    const std::uint16_t count = reader.u16();
+    const auto fail = [&](Status why, const char* sentence, const char* key) {
+        status = why;
+        problem.sentence = sentence;
+        std::size_t i = 0;
+        for (; key[i] != '\0' && i + 1 < problem.key.size(); ++i) problem.key[i] = key[i];
+        problem.key[i] = '\0';
+    };
+    visit([&](const char* name, auto& value, double, double, const char*, const char*) {
+        using T = std::decay_t<decltype(value)>;
+        if (status != Status::kOk) return;
+        const std::span<const std::byte> read = reader.bytes(reader.u8());
+        const std::span<const std::byte> wanted = bytes_of(name);
+        const std::uint8_t type = reader.u8();
+        const std::uint64_t bits = reader.u64();
+        if (!reader.is_ok()) return fail(Status::kCorrupt, "ends inside its parameters, before this one", name);
+        if (read.size() != wanted.size() || std::memcmp(read.data(), wanted.data(), read.size()) != 0 ||
+            type != static_cast<std::uint8_t>(type_of<T>())) {
+            return fail(Status::kInvalid, "was made by a version of the program with other parameters, at", name);
+        }
+        if constexpr (std::is_same_v<T, double>) {
+            value = std::bit_cast<double>(bits);
+        } else {
+            constexpr std::uint64_t kMax = std::is_same_v<T, bool>            ? 1U
+                                           : std::is_same_v<T, std::uint32_t> ? 0xffffffffU
+                                                                              : 0xffffffffffffffffU;
+            if (bits > kMax) return fail(Status::kCorrupt, "has a number that does not fit its type, at", name);
+            value = static_cast<T>(bits);
+        }
+    });
+    if (status == Status::kOk && count != count_of(visit)) {
+        fail(Status::kInvalid, "was made by a version of the program with more parameters", "");
+    }
+    return status;
+}
+
+void write_camera(ByteWriter& writer, const CameraModel& c) noexcept {
+    writer.u32(c.width);
+    writer.u32(c.height);
+    for (const double number : {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3}) writer.f64(number);
+}
+CameraModel read_camera(ByteReader& reader) noexcept {
+    CameraModel c;
+    c.width = reader.u32();
+    c.height = reader.u32();
+    for (double* number : {&c.fx, &c.fy, &c.cx, &c.cy, &c.k1, &c.k2, &c.p1, &c.p2, &c.k3}) *number = reader.f64();
+    return c;
+}
+
+// A record: length of the body, body, CRC of both. The body was written behind 4 bytes left free.
+Result<std::size_t> finish_entry(std::span<std::byte> out, const ByteWriter& body) noexcept {
+    const std::size_t size = 4 + body.position() + kCrcBytes;
+    if (!body.is_ok() || out.size() < size) return Status::kFull;
+    write_u32_at(out, 0, static_cast<std::uint32_t>(body.position()));
+    write_u32_at(out, size - kCrcBytes, crc32(out.first(size - kCrcBytes)));
+    return size;
+}
+
+std::span<std::byte> behind(std::span<std::byte> out, std::size_t count) noexcept {
+    return out.size() < count ? std::span<std::byte>{} : out.subspan(count);
+}
+
+bool read_frame(ByteReader& reader, RecordedFrame& frame) noexcept {
+    frame.index = reader.u64();
+    frame.time_ns = reader.i64();
+    frame.digest = reader.u64();
+    const std::uint8_t status = reader.u8();
+    frame.status = static_cast<Status>(status);
+    frame.pose_state = reader.u8();
+    const std::uint8_t is_keyframe = reader.u8();
+    frame.is_keyframe = is_keyframe == 1;
+    frame.features = reader.u32();
+    frame.matches = reader.u32();
+    frame.static_matches = reader.u32();
+    frame.groups = reader.u32();
+    frame.hash_tracked = reader.u64();
+    frame.hash = reader.u64();
+    frame.grant_runs = reader.count(kGrantRunsMax, 8);
+    std::uint64_t calls = 0;
+    for (std::uint32_t i = 0; i < frame.grant_runs; ++i) {
+        frame.grants[i].units = reader.u32();
+        frame.grants[i].calls = reader.u32();
+        calls += frame.grants[i].calls;
+        if (frame.grants[i].calls == 0) return false;
+    }
+    return calls <= kGrantCallsMax && reader.is_ok() && status <= static_cast<std::uint8_t>(Status::kEnd) &&
+           frame.pose_state <= 3 && is_keyframe <= 1;
+}
+
+// 8 bytes of a row, the first lowest, whatever the processor's order.
+std::uint64_t word_of(const std::uint8_t* p) noexcept {
+    std::uint64_t word = 0;
+    for (std::uint32_t i = 0; i < 8; ++i) word |= std::uint64_t{p[i]} << (8 * i);
+    return word;
+}
+std::uint64_t word_of(const std::uint16_t* p) noexcept {
+    std::uint64_t word = 0;
+    for (std::uint32_t i = 0; i < 4; ++i) word |= std::uint64_t{p[i]} << (16 * i);
+    return word;
+}
+
+// Four chains side by side: one alone would wait for its multiplications. Every step is a bijection of the chain's
+// state and of the word, so that one changed word always changes the end.
+struct RowDigest {
+    static constexpr std::uint32_t kLanes = 4;
+    std::uint64_t lanes[kLanes] = {1, 2, 3, 4};
+
+    void add(std::uint32_t lane, std::uint64_t word) noexcept {
+        std::uint64_t& state = lanes[lane];
+        state = (state ^ word) * 0x9e3779b97f4a7c15ULL;
+        state ^= state >> 32;
+    }
+    template <typename T>
+    void row(const T* p, std::uint32_t count) noexcept {
+        constexpr std::uint32_t kPerWord = 8 / sizeof(T);
+        std::uint32_t i = 0;
+        for (; i + kLanes * kPerWord <= count; i += kLanes * kPerWord) {
+            for (std::uint32_t lane = 0; lane < kLanes; ++lane) add(lane, word_of(p + i + lane * kPerWord));
+        }
+        for (; i < count; ++i) add(i % kLanes, p[i]);
+    }
+};
+
+}  // namespace
+
+Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::byte> out) noexcept {
+    ByteWriter body(behind(out, kPrefixBytes));
+    Limits limits = header.limits;
+    write_values(body, [&limits](auto&& visitor) { visit_limits(limits, visitor); });
+    Configuration configuration = header.configuration;
+    write_values(body, [&configuration](auto&& visitor) { visit_parameters(configuration, visitor); });
+    write_camera(body, header.camera);
+    body.f64(header.depth_units_per_m);
+    body.u8(header.extractor);
+    const std::size_t size = kPrefixBytes + body.position() + kCrcBytes;
+    if (!body.is_ok() || out.size() < size || size > kRecordingHeaderBytesMax) return Status::kFull;
+    ByteWriter prefix(out.first(kPrefixBytes));
+    for (const char letter : kMagic) prefix.u8(static_cast<std::uint8_t>(letter));
+    prefix.u32(kRecordingVersion);
+    prefix.u32(static_cast<std::uint32_t>(body.position()));
+    write_u32_at(out, size - kCrcBytes, crc32(out.first(size - kCrcBytes)));
+    return size;
+}
+
+Result<std::size_t> encode_frame(const RecordedFrame& frame, std::span<std::byte> out) noexcept {
+    STILLMESH_CHECK(frame.grant_runs <= kGrantRunsMax);
+    ByteWriter body(behind(out, 4));
+    body.u8(static_cast<std::uint8_t>(EntryKind::kFrame));
+    body.u64(frame.index);
+    body.i64(frame.time_ns);
+    body.u64(frame.digest);
+    body.u8(static_cast<std::uint8_t>(frame.status));
+    body.u8(frame.pose_state);
+    body.u8(frame.is_keyframe ? 1 : 0);
+    body.u32(frame.features);
+    body.u32(frame.matches);
+    body.u32(frame.static_matches);
+    body.u32(frame.groups);
+    body.u64(frame.hash_tracked);
+    body.u64(frame.hash);
+    body.u32(frame.grant_runs);
+    for (std::uint32_t i = 0; i < frame.grant_runs; ++i) {
+        body.u32(frame.grants[i].units);
+        body.u32(frame.grants[i].calls);
+    }
+    return finish_entry(out, body);
+}
+
+Result<std::size_t> encode_end(RecordingEnd end, std::uint64_t frames, std::span<std::byte> out) noexcept {
+    ByteWriter body(behind(out, 4));
+    body.u8(static_cast<std::uint8_t>(EntryKind::kEnd));
+    body.u8(static_cast<std::uint8_t>(end));
+    body.u64(frames);
+    return finish_entry(out, body);
+}
+
+Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHeader& header,
+                                  RecordingProblem& problem) noexcept {
+    problem = {};
+    for (std::size_t i = 0; i < kMagic.size(); ++i) {
+        if (i == bytes.size()) return Status::kEnd;
+        if (bytes[i] != static_cast<std::byte>(kMagic[i])) return Status::kNotFound;
+    }
+    if (bytes.size() < kPrefixBytes) return Status::kEnd;
+    ByteReader prefix(bytes.subspan(kMagic.size(), kPrefixBytes - kMagic.size()));
+    if (prefix.u32() != kRecordingVersion) {
+        problem.sentence = "has another format version than this program reads";
+        return Status::kInvalid;
+    }
+    const std::size_t body_bytes = prefix.u32();
+    if (body_bytes > kRecordingHeaderBytesMax - kPrefixBytes - kCrcBytes) return Status::kCorrupt;
+    const std::size_t size = kPrefixBytes + body_bytes + kCrcBytes;
+    if (bytes.size() < size) return Status::kEnd;
+    ByteReader crc(bytes.subspan(size - kCrcBytes, kCrcBytes));
+    if (crc.u32() != crc32(bytes.first(size - kCrcBytes))) return Status::kCorrupt;
+    ByteReader body(bytes.subspan(kPrefixBytes, body_bytes));
+    STILLMESH_TRY(read_values(body, problem, [&header](auto&& visitor) { visit_limits(header.limits, visitor); }));
+    STILLMESH_TRY(
+        read_values(body, problem, [&header](auto&& visitor) { visit_parameters(header.configuration, visitor); }));
+    header.camera = read_camera(body);
+    header.depth_units_per_m = body.f64();
+    header.extractor = body.u8();
+    if (!body.is_ok() || body.remaining() != 0) return Status::kCorrupt;
+    return size;
+}
+
+Result<std::size_t> decode_entry(std::span<const std::byte> bytes, RecordingEntry& entry) noexcept {
+    if (bytes.size() < 4) return Status::kEnd;
+    ByteReader length(bytes.first(4));
+    const std::size_t body_bytes = length.u32();
+    if (body_bytes > kRecordingEntryBytesMax - 4 - kCrcBytes) return Status::kCorrupt;
+    const std::size_t size = 4 + body_bytes + kCrcBytes;
+    if (bytes.size() < size) return Status::kEnd;
+    ByteReader crc(bytes.subspan(size - kCrcBytes, kCrcBytes));
+    if (crc.u32() != crc32(bytes.first(size - kCrcBytes))) return Status::kCorrupt;
+    ByteReader body(bytes.subspan(4, body_bytes));
+    const std::uint8_t kind = body.u8();
+    entry.is_end = kind == static_cast<std::uint8_t>(EntryKind::kEnd);
+    if (entry.is_end) {
+        const std::uint8_t end = body.u8();
+        entry.end = static_cast<RecordingEnd>(end);
+        entry.end_frames = body.u64();
+        if (end > static_cast<std::uint8_t>(RecordingEnd::kOverflow)) return Status::kCorrupt;
+    } else if (kind != static_cast<std::uint8_t>(EntryKind::kFrame) || !read_frame(body, entry.frame)) {
+        return Status::kCorrupt;
+    }
+    if (!body.is_ok() || body.remaining() != 0) return Status::kCorrupt;
+    return size;
+}
+
+std::uint64_t frame_digest(const Frame& frame) noexcept {
+    const bool is_known =
+        frame.format == PixelFormat::kGrey8 || frame.format == PixelFormat::kRgb8 || frame.format == PixelFormat::kBgr8;
+    if (!is_known || frame.colour.is_empty() || frame.depth.is_empty()) return 0;
+    const std::uint64_t row_bytes = std::uint64_t{frame.colour.width} * channels_of(frame.format);
+    if (row_bytes > 0xffffffffU || frame.colour.stride < row_bytes || frame.depth.stride < frame.depth.width) return 0;
+    RowDigest pixels;
+    for (std::uint32_t y = 0; y < frame.colour.height; ++y) {
+        pixels.row(frame.colour.row(y), static_cast<std::uint32_t>(row_bytes));
+    }
+    for (std::uint32_t y = 0; y < frame.depth.height; ++y) pixels.row(frame.depth.row(y), frame.depth.width);
+    StateHash hash;
+    hash.add(frame.colour.width);
+    hash.add(frame.colour.height);
+    hash.add(frame.depth.width);
+    hash.add(frame.depth.height);
+    hash.add(static_cast<std::uint32_t>(frame.format));
+    hash.add(frame.depth_units_per_m);
+    // Unsigned: whatever a caller's times are, this cannot overflow.
+    hash.add(static_cast<std::uint64_t>(frame.depth_time_ns) - static_cast<std::uint64_t>(frame.time_ns));
+    for (const std::uint64_t lane : pixels.lanes) hash.add(lane);
+    return hash.value();
+}
+
+}  // namespace stillmesh

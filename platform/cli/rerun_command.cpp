@@ -1,0 +1,199 @@
+#include "platform/cli/rerun_command.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "engine/engine.hpp"
+#include "hal/replay/replay_camera.hpp"
+#include "platform/cli/complaint.hpp"
+#include "platform/cli/exit_code.hpp"
+#include "platform/evaluation/trajectory.hpp"
+#include "platform/linux/cpu_kernels.hpp"
+#include "platform/linux/memory_block.hpp"
+#include "platform/linux/process.hpp"
+#include "platform/record/recording_reader.hpp"
+#ifdef STILLMESH_HAS_OPENCV
+#include "platform/opencv/orb_adapter.hpp"
+#endif
+
+namespace stillmesh {
+namespace {
+
+struct Outcome {
+    std::uint64_t frames = 0;   // repeated bit for bit
+    std::uint64_t skipped = 0;  // frames of the folder that the recorded run was not given
+    std::string difference;     // of the frame behind them; empty: none
+};
+
+// The frame of this time, from where the camera is on. kNotFound: the folder has none.
+[[nodiscard]] Status find_frame(ReplayCamera& camera, std::int64_t time_ns, Frame& frame, std::uint64_t& skipped) {
+    for (;;) {
+        const Status status = camera.poll(frame);
+        if (status == Status::kEnd) return Status::kNotFound;
+        if (status == Status::kOk && frame.time_ns == time_ns) return Status::kOk;
+        if (status == Status::kOk && frame.time_ns > time_ns) return Status::kNotFound;
+        ++skipped;  // an image that cannot be used was skipped by the recorded run as well, or is missed here
+    }
+}
+
+// What differs right after submit; empty: nothing.
+[[nodiscard]] std::string difference(const RecordedFrame& then, const RecordedFrame& now) {
+    if (now.digest != then.digest) {
+        return fmt::format(
+            "other input: its pixels, sizes or depth factor are not those of the recorded run (digest "
+            "{:016x}, recorded {:016x}); is this the right folder?",
+            now.digest, then.digest);
+    }
+    if (now.status != then.status) {
+        return fmt::format("submit says '{}', recorded '{}'", status_name(now.status), status_name(then.status));
+    }
+    const auto state = [](std::uint8_t code) { return pose_state_name(static_cast<PoseState>(code)); };
+    if (now.pose_state != then.pose_state) {
+        return fmt::format("the pose is {}, recorded {}", state(now.pose_state), state(then.pose_state));
+    }
+    if (now.is_keyframe != then.is_keyframe) {
+        return now.is_keyframe ? "it became a keyframe, recorded it did not" : "it became no keyframe, recorded it did";
+    }
+    const struct {
+        const char* name;
+        std::uint32_t now, then;
+    } counts[] = {{"features", now.features, then.features},
+                  {"matches", now.matches, then.matches},
+                  {"static matches", now.static_matches, then.static_matches},
+                  {"groups", now.groups, then.groups}};
+    for (const auto& count : counts) {
+        if (count.now != count.then) return fmt::format("{} {}, recorded {}", count.now, count.name, count.then);
+    }
+    if (now.hash_tracked != then.hash_tracked) {
+        return fmt::format("other bits after tracking (state hash {:016x}, recorded {:016x})", now.hash_tracked,
+                           then.hash_tracked);
+    }
+    return {};
+}
+
+[[nodiscard]] Status repeat(Engine& engine, ReplayCamera& camera, RecordingReader& reader, Outcome& outcome) {
+    RecordedFrame then;
+    for (;; ++outcome.frames) {
+        const Status status = reader.next(then);
+        if (status == Status::kEnd) return Status::kOk;
+        if (status != Status::kOk) return status;
+        if (stop_signal() != 0) return Status::kEnd;
+        Frame frame;
+        if (find_frame(camera, then.time_ns, frame, outcome.skipped) != Status::kOk) {
+            outcome.difference = "the folder has no usable frame of this time";
+            if (!camera.message().empty()) outcome.difference += ": " + camera.message();
+        } else {
+            RecordedFrame now;
+            now.digest = frame_digest(frame);
+            now.status = engine.submit(frame);
+            const FrameStatistics& statistics = engine.frame_statistics();
+            now.pose_state = static_cast<std::uint8_t>(engine.pose().state);
+            now.is_keyframe = statistics.is_keyframe;
+            now.features = statistics.features;
+            now.matches = statistics.matches;
+            now.static_matches = statistics.static_matches;
+            now.groups = statistics.groups;
+            now.hash_tracked = engine.state_hash();
+            outcome.difference = difference(then, now);
+        }
+        if (outcome.difference.empty()) {
+            for (std::uint32_t i = 0; i < then.grant_runs; ++i) {
+                for (std::uint32_t call = 0; call < then.grants[i].calls; ++call) {
+                    static_cast<void>(engine.step(then.grants[i].units));
+                }
+            }
+            if (engine.state_hash() != then.hash) {
+                outcome.difference =
+                    fmt::format("other bits after its background work (state hash {:016x}, recorded {:016x})",
+                                engine.state_hash(), then.hash);
+            }
+        }
+        if (!outcome.difference.empty()) {
+            outcome.difference = fmt::format("frame {} (time {}) differs: {}", outcome.frames, time_text(then.time_ns),
+                                             outcome.difference);
+            return Status::kOk;
+        }
+    }
+}
+
+}  // namespace
+
+int rerun_command(const RerunOptions& options) {
+    RecordingReader reader;
+    if (reader.open(options.recording) != Status::kOk) return refuse(reader.message());
+    const RecordingHeader& header = reader.header();
+    ConfigurationProblem problem = validate(header.limits);
+    if (problem.key == nullptr) problem = validate(header.configuration, header.limits);
+    if (problem.key != nullptr) {
+        return refuse(fmt::format("{}: key '{}' = {} {}; allowed: {} to {}.", options.recording, problem.key,
+                                  problem.value, problem.sentence, problem.min, problem.max));
+    }
+    std::string folder = options.folder;
+    while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+    ReplayCamera camera({.folder = folder,
+                         .calibration = "",
+                         .camera = CameraInfo{header.camera, header.depth_units_per_m},
+                         .width_max = header.limits.image_width_max,
+                         .height_max = header.limits.image_height_max});
+    if (camera.open() != Status::kOk) return refuse(camera.message());
+    FeatureExtractor* extractor = nullptr;
+#ifdef STILLMESH_HAS_OPENCV
+    std::unique_ptr<CvOrbExtractor> orb;
+    if (header.extractor == 1) {
+        const FeatureParameters& features = header.configuration.features;
+        orb = std::make_unique<CvOrbExtractor>(static_cast<int>(features.count), features.scale_factor,
+                                               static_cast<int>(features.levels));
+        extractor = orb.get();
+    }
+#endif
+    if (header.extractor != 0 && extractor == nullptr) {
+        return refuse(options.recording +
+                      ": was made with another feature extractor (--features) than this build has.");
+    }
+    MemoryBlock block;
+    if (!block.allocate(bytes_needed(header.limits))) {
+        return refuse(fmt::format("the system has no {:.1f} MiB of memory left for the engine of this recording.",
+                                  static_cast<double>(bytes_needed(header.limits)) / (1024.0 * 1024.0)));
+    }
+    const Result<Engine*> engine =
+        Engine::create(block.bytes(), header.limits, header.configuration, header.camera, cpu_kernels(), extractor);
+    if (!engine.is_ok()) {
+        return refuse(fmt::format("{}: the engine refuses its camera ({}x{} pixels).", options.recording,
+                                  header.camera.width, header.camera.height));
+    }
+
+    catch_stop_signals();
+    Outcome outcome;
+    if (const Status status = repeat(*engine.value(), camera, reader, outcome); status != Status::kOk) {
+        if (status != Status::kEnd) return refuse(reader.message());
+        complain(fmt::format("stopped; {} frames were repeated bit for bit until then.", outcome.frames));
+        return 128 + stop_signal();
+    }
+    const bool is_same = outcome.difference.empty();
+    if (is_same && outcome.frames == 0) {
+        return refuse(fmt::format("{}: holds no whole frame; {}", options.recording,
+                                  reader.ending().empty() ? "the run had none." : reader.ending()));
+    }
+    if (options.is_json) {
+        const nlohmann::ordered_json json = {
+            {"recording", options.recording},    {"frames_repeated", outcome.frames},
+            {"frames_skipped", outcome.skipped}, {"is_identical", is_same},
+            {"difference", outcome.difference},  {"is_whole", reader.is_whole()},
+            {"ending", reader.ending()},         {"state_hash", fmt::format("{:016x}", engine.value()->state_hash())}};
+        std::fputs((json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n").c_str(), stdout);
+    } else {
+        fmt::print("{} frames repeated bit for bit", outcome.frames);
+        if (outcome.skipped > 0) fmt::print("; {} frames of the folder were not in the recording", outcome.skipped);
+        fmt::print("\n");
+    }
+    static_cast<void>(std::fflush(stdout));
+    if (!reader.ending().empty()) complain(options.recording + ": " + reader.ending());
+    if (is_same) return kExitDone;
+    complain(outcome.difference + ".");
+    return kExitFailed;
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,19 @@
+// `stillmesh rerun`: a recorded run once more, from its recording and its frames: the same frames in, the same grants
+// of background work, and after each the same decisions and the same state hash; or the first frame that differs, by
+// name.
+#pragma once
+
+#include <string>
+
+namespace stillmesh {
+
+struct RerunOptions {
+    std::string recording;
+    std::string folder;
+    bool is_json = false;
+};
+
+// Returns the program's exit code: kExitDone: all repeated; kExitFailed: one differs; kExitUsage: bad input.
+[[nodiscard]] int rerun_command(const RerunOptions& options);
+
+}  // namespace stillmesh
