@@ -26,8 +26,13 @@ constexpr ValueType type_of() noexcept {
     if constexpr (std::is_same_v<T, double>) return ValueType::kF64;
 }
 
-std::span<const std::byte> bytes_of(const char* text) noexcept {
-    return {reinterpret_cast<const std::byte*>(text), std::strlen(text)};
+constexpr std::size_t kNameBytesMax = 63;
+
+std::span<const std::byte> bytes_of(const char* name) noexcept {
+    std::size_t size = 0;
+    while (size <= kNameBytesMax && name[size] != '\0') ++size;  // bounded: else compilers call strlen
+    STILLMESH_CHECK(size <= kNameBytesMax);
+    return {reinterpret_cast<const std::byte*>(name), size};
 }
 
 void write_u32_at(std::span<std::byte> bytes, std::size_t at, std::uint32_t value) noexcept {
@@ -55,7 +60,6 @@ void write_values(ByteWriter& writer, Visit&& visit) noexcept {
     visit([&writer](const char* name, const auto& value, double, double, const char*, const char*) {
         using T = std::decay_t<decltype(value)>;
         const std::span<const std::byte> text = bytes_of(name);
-        STILLMESH_CHECK(text.size() < 64);
         writer.u8(static_cast<std::uint8_t>(text.size()));
         writer.bytes(text);
         writer.u8(static_cast<std::uint8_t>(type_of<T>()));
