@@ -3,35 +3,18 @@
 #include <new>
 
 #include "engine/base/arena.hpp"
+#include "engine/engine_state.hpp"
 #include "engine/frame/pyramid.hpp"
 #include "engine/geometry/camera.hpp"
-#include "engine/tasks/tracking.hpp"
+#include "engine/static_bytes_needed.hpp"
 
 namespace stillmesh {
 namespace {
 
-// What lies behind an Engine.
-struct EngineState final : Engine {
-    Limits limits;
-    CameraModel camera;
-    Tracking tracking;
-    Scheduler scheduler;  // of the background tasks, in the order of add() in create()
-    std::uint64_t frames_refused = 0;
-    std::size_t arena_used_bytes = 0;
-    std::int64_t last_time_ns = 0;
-    bool has_time = false;
-};
-
-constexpr std::size_t planned_bytes(const Limits& limits) noexcept {
-    ArenaPlan plan;
-    plan.array<EngineState>(1);
-    Tracking::plan(plan, limits);
-    return plan.used_bytes();
-}
 // The promises of the presets.
-static_assert(planned_bytes(Limits::room()) <= std::size_t{48} << 20U);
-static_assert(planned_bytes(Limits::pocket()) <= std::size_t{8} << 20U);
-static_assert(planned_bytes(Limits::tiny()) <= std::size_t{512} << 10U);
+static_assert(static_bytes_needed(Limits::room()) <= std::size_t{48} << 20U);
+static_assert(static_bytes_needed(Limits::pocket()) <= std::size_t{8} << 20U);
+static_assert(static_bytes_needed(Limits::tiny()) <= std::size_t{512} << 10U);
 
 // So that no difference of times overflows.
 constexpr std::int64_t kTimeMax_ns = (std::int64_t{1} << 62U) - 1;
@@ -59,7 +42,7 @@ ConfigurationProblem out_of_range(Visit&& visit) noexcept {
 }  // namespace
 
 std::size_t bytes_needed(const Limits& limits) noexcept {
-    return planned_bytes(limits);
+    return static_bytes_needed(limits);
 }
 
 ConfigurationProblem validate(const Limits& limits) noexcept {
@@ -113,7 +96,7 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
     if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
     if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
-    if (block.size() < planned_bytes(limits)) return Status::kFull;
+    if (block.size() < static_bytes_needed(limits)) return Status::kFull;
     Arena arena(block);
     EngineState& state = arena.array<EngineState>(1)[0];
     state.limits = limits;
@@ -122,7 +105,7 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     state.scheduler.create(configuration.schedule.slice_units);
     arena.seal();
     state.arena_used_bytes = arena.used_bytes();
-    STILLMESH_CHECK(state.arena_used_bytes == planned_bytes(limits));
+    STILLMESH_CHECK(state.arena_used_bytes == static_bytes_needed(limits));
     return static_cast<Engine*>(&state);
 }
 

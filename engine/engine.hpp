@@ -122,7 +122,8 @@ struct TrackingView {
     std::span<const TrackedEdge> edges;
 };
 
-// Block size for these limits, bytes; exactly what the engine uses. Valid for limits that validate() accepts.
+// Block size for these limits, bytes; exactly what the engine uses. Valid for limits that validate() accepts. The same
+// at compile time, for a static block: engine/static_bytes_needed.hpp.
 [[nodiscard]] STILLMESH_API std::size_t bytes_needed(const Limits& limits) noexcept;
 
 // What is wrong with a configuration: the key's name, why, its value and what is allowed, given the other keys;

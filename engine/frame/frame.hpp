@@ -16,7 +16,7 @@ enum class PixelFormat : std::uint8_t { kGrey8 = 1, kRgb8 = 3, kBgr8 = 4 };
 
 struct Frame {
     std::int64_t time_ns = 0;        // of the colour image; the pose is for this instant
-    std::int64_t depth_time_ns = 0;  // of the depth image; may differ by a few milliseconds
+    std::int64_t depth_time_ns = 0;  // of the depth image; 0 or time_ns: not known
     PixelFormat format = PixelFormat::kGrey8;
     ImageView<std::uint8_t> colour;  // width x height pixels, stride in bytes
     DepthView depth;                 // registered to colour, same size; 0 = no measurement

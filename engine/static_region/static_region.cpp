@@ -101,7 +101,7 @@ void StaticRegion::cut_edges(std::span<const Correspondence> correspondences, co
     test.change_max_m = parameters.edge_change_max_m;
     test.chi2_max = parameters.edge_chi2_max;
     test.floor_m = parameters.edge_sigma_floor_m;
-    test.lag_angle_rad = context.rotation_speed_rad_s * parameters.colour_depth_lag_s;
+    test.lag_angle_rad = context.rotation_speed_rad_s * context.colour_depth_lag_s;
     test.camera_from_world_rotation = context.world_from_camera_predicted.rotation.transpose();
     const Mesh& mesh = delaunay_.mesh();
     kept_count_ = 0;

@@ -38,6 +38,7 @@ struct RegionContext {
     double prediction_sigma_m = 0.05;
     double prediction_sigma_rad = 0.05;
     double rotation_speed_rad_s = 0;
+    double colour_depth_lag_s = 0;
     double inlier_ratio = 0.5;  // of the last frame
     bool has_prediction = false;
 };

@@ -42,6 +42,15 @@ constexpr double kNoisePixelStart = 0.1;
 constexpr double kNoiseDepthStart = 0.3;
 constexpr double kExplainedMin = 0.6;
 
+// How far apart colour and depth were taken. A camera that does not know says the same time twice; one whose times are
+// farther apart than images of one frame can be has two clocks. The frame was validated: its own time is not negative.
+double lag_of(const Frame& frame, double unknown_s) noexcept {
+    constexpr std::int64_t kLagMax_ns = 100'000'000;
+    if (frame.depth_time_ns <= 0 || frame.depth_time_ns == frame.time_ns) return unknown_s;
+    const std::int64_t lag_ns = frame.depth_time_ns - frame.time_ns;
+    return lag_ns > kLagMax_ns || lag_ns < -kLagMax_ns ? unknown_s : std::abs(static_cast<double>(lag_ns)) / kSecond_ns;
+}
+
 RigidTransform transform_of(const SE3& pose) noexcept {
     RigidTransform out;
     const Vector4 q = quaternion_from_rotation(pose.rotation);
@@ -171,10 +180,11 @@ void Tracking::measure(const Frame& frame) noexcept {
 }
 
 // Constant velocity in the camera frame.
-void Tracking::predict(std::int64_t time_ns) noexcept {
+void Tracking::predict(const Frame& frame) noexcept {
     predicted_ = world_from_camera_;
     context_ = RegionContext{};
-    const double dt = seconds(last_time_ns_, time_ns);
+    context_.colour_depth_lag_s = lag_of(frame, configuration_.region.colour_depth_lag_s);
+    const double dt = seconds(last_time_ns_, frame.time_ns);
     if (has_velocity_) {
         const double before = seconds(previous_time_ns_, last_time_ns_);
         Vector6 xi = se3_log(world_from_camera_previous_.inverse() * world_from_camera_);
@@ -213,7 +223,7 @@ void Tracking::gather_correspondences() noexcept {
         c.has_depth = m.var_z >= 0;
         if (c.has_depth) {
             c.p_camera = back_project(m.normalised, m.z_m);
-            const double slip = context_.rotation_speed_rad_s * configuration_.region.colour_depth_lag_s * 0.2 * m.z_m;
+            const double slip = context_.rotation_speed_rad_s * context_.colour_depth_lag_s * 0.2 * m.z_m;
             c.var_z = m.var_z * noise_depth_ + slip * slip;
         }
         c.var_pixel = m.var_pixel * noise_pixel_;
@@ -266,7 +276,7 @@ void Tracking::track(const Frame& frame) noexcept {
     if (!has_map_) {
         start_map();
     } else {
-        predict(frame.time_ns);
+        predict(frame);
         bool is_found = false;
         if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate();
         if (!is_found && lost_frames_ > 0) is_found = recover();

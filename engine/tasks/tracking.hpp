@@ -84,7 +84,7 @@ public:
 private:
     [[nodiscard]] GreyView grey_of(const Frame& frame) noexcept;
     void measure(const Frame& frame) noexcept;
-    void predict(std::int64_t time_ns) noexcept;
+    void predict(const Frame& frame) noexcept;
     void gather_correspondences() noexcept;
     void start_map() noexcept;
     [[nodiscard]] bool estimate() noexcept;

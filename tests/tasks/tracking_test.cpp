@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <set>
 #include <utility>
@@ -406,6 +407,32 @@ TEST(Tracking, RecoversNoFartherThanACameraTurns) {
             EXPECT_NEAR(turned, 0, 0.1);
         }
     }
+}
+
+// Promise: how far apart colour and depth were taken comes from the frame where it tells, and from the configuration
+// where it does not: 0, the same time, or times that no frame can have.
+TEST(Tracking, TheLagOfDepthIsTheFrames) {
+    const test::Sequence sequence = test::rendered("static_rpy", 20, 320, 240);
+    const auto hash_of = [&](double configured_s, std::int64_t depth_ns, bool is_absolute) {
+        Configuration configuration = fitting();
+        configuration.region.colour_depth_lag_s = configured_s;
+        Rig rig(sequence.camera, configuration);
+        for (const KeptFrame& kept : sequence.frames) {
+            Frame frame = kept.frame();
+            frame.depth_time_ns = is_absolute ? depth_ns : frame.time_ns + depth_ns;
+            rig->track(frame);
+        }
+        return rig->state_hash();
+    };
+    const std::uint64_t configured = hash_of(0.010, 0, false);
+    EXPECT_EQ(hash_of(0.010, 0, true), configured);
+    EXPECT_EQ(hash_of(0.010, 200'000'000, false), configured);
+    EXPECT_EQ(hash_of(0.010, std::numeric_limits<std::int64_t>::max(), true), configured);
+    EXPECT_EQ(hash_of(0.010, std::numeric_limits<std::int64_t>::min(), true), configured);
+    EXPECT_EQ(hash_of(0.050, 10'000'000, false), configured) << "the frame told";
+    EXPECT_EQ(hash_of(0.050, -10'000'000, false), configured) << "earlier or later is the same";
+    EXPECT_NE(hash_of(0.050, 0, false), configured);
+    EXPECT_NE(hash_of(0.010, 50'000'000, false), configured);
 }
 
 // Promise: a point that stands still keeps the place where it was first seen; its estimate only gets surer.

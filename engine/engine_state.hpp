@@ -1,0 +1,25 @@
+// What lies behind an Engine at the begin of its block: the state of everything. Inner; engine.hpp is the front door.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/base/arena.hpp"
+#include "engine/engine.hpp"
+#include "engine/schedule/scheduler.hpp"
+#include "engine/tasks/tracking.hpp"
+
+namespace stillmesh {
+
+struct EngineState final : Engine {
+    Limits limits;
+    CameraModel camera;
+    Tracking tracking;
+    Scheduler scheduler;  // of the background tasks, in the order of add() in create()
+    std::uint64_t frames_refused = 0;
+    std::size_t arena_used_bytes = 0;
+    std::int64_t last_time_ns = 0;
+    bool has_time = false;
+};
+
+}  // namespace stillmesh
