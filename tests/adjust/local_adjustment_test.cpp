@@ -180,6 +180,53 @@ TEST(LocalAdjustment, GrossOutliersAreFoundAndIgnored) {
     EXPECT_LT(missed, wrong / 20);
     EXPECT_LT(good_called_outlier, (adjustment->observations() - wrong) / 5);
     EXPECT_EQ(adjustment->summary().outliers, wrong - missed + good_called_outlier);
+    // The second round ran without them.
+    const AdjustmentSummary& s = adjustment->summary();
+    EXPECT_LT(s.observations_used, adjustment->observations() - wrong * 9 / 10);
+    EXPECT_LT(s.final_cost, 1.2 * s.residuals_used);
+}
+
+// Promise: what has too little left after the outliers are dropped stays where the first round put it, however many
+// steps the second takes.
+TEST(LocalAdjustment, WhatLeavesAfterTheFirstRoundStaysThere) {
+    std::uint32_t points_left = 0, keyframes_left = 0;
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+        WindowOptions options;
+        options.seed = seed;
+        options.outlier_share = 0.1;
+        Window window = make_window(options);
+        constexpr std::uint32_t kLost = 4;
+        for (AdjustmentObservation& o : window.observations) {
+            if (o.keyframe == kLost) o.x = o.point % 2 == 0 ? 0.5 : -0.5;
+        }
+        for (const std::uint32_t second : {1U, 2U, 3U, 4U}) {
+            AdjustmentOptions one_round;
+            one_round.iterations_max[1] = 0;
+            one_round.cost_change_min = 1e-9;
+            AdjustmentOptions two_rounds = one_round;
+            two_rounds.iterations_max[1] = second;
+            Adjustment one(window.sizes());
+            Adjustment two(window.sizes());
+            ASSERT_TRUE(window.load(*one) && window.load(*two));
+            one->start(one_round);
+            two->start(two_rounds);
+            ASSERT_EQ(test::run_to_end(*one), Progress::kDone);
+            ASSERT_EQ(test::run_to_end(*two), Progress::kDone);
+            for (std::uint32_t i = 0; i < one->points(); ++i) {
+                if (!one->is_point_used(i) || two->is_point_used(i)) continue;
+                ++points_left;
+                EXPECT_EQ(two->point(i), one->point(i));
+            }
+            if (two->summary().keyframes_used < one->summary().keyframes_used) {
+                ++keyframes_left;
+                EXPECT_NE(two->pose(kLost).translation, window.poses[kLost].translation);
+                EXPECT_EQ(two->pose(kLost).translation, one->pose(kLost).translation);
+                EXPECT_EQ(two->pose(kLost).rotation, one->pose(kLost).rotation);
+            }
+        }
+    }
+    EXPECT_GT(points_left, 10U);
+    EXPECT_GT(keyframes_left, 4U);
 }
 
 // Promise: however a job is cut into slices, every result has the same bits, and no slice overdraws by a whole piece.
