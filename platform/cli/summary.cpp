@@ -66,6 +66,29 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
                         mib(record.block_bytes), mib(record.arena_used_bytes), mib(record.peak_resident_bytes));
     text += fmt::format("map           {} keyframes made, {} forgotten; {} points forgotten; {} recoveries\n",
                         record.keyframes_made, record.keyframes_forgotten, record.points_forgotten, record.recoveries);
+    text += fmt::format(
+        "background    {:.0f} units per frame of {:.0f} granted; {:.2f} ms p99 per frame; largest slice {} units, "
+        "{:.2f} "
+        "ms; {} keyframes waiting at most, {} refused\n",
+        record.units_per_frame(record.schedule.units_spent), record.units_per_frame(record.schedule.units_granted),
+        record.background_ms.p99(), record.schedule.largest_slice_units, record.slice_ms.max(),
+        record.keyframe_queue.high_water, record.keyframes_refused);
+    if (record.frame_period_ms > 0) {
+        text += fmt::format(
+            "latency       {:.2f} ms median, {:.2f} ms p99, {:.2f} ms p99.9, {:.2f} ms max; {} frames above "
+            "the {:.1f} ms between two frames\n",
+            record.latency_ms.median(), record.latency_ms.p99(), record.latency_ms.at(0.999), record.latency_ms.max(),
+            record.deadline_misses, record.frame_period_ms);
+    }
+    if (record.is_realtime) {
+        text += fmt::format("real time     {} frames dropped because they were late", record.frames_dropped);
+        text += record.source_late_s >= 0.001
+                    ? fmt::format("; the camera itself was {:.2f} s late in all\n", record.source_late_s)
+                    : "\n";
+    }
+    if (!record.recording.empty()) {
+        text += fmt::format("recording     {}, {} frames\n", record.recording, record.frames_recorded);
+    }
     text += fmt::format("state hash    {:016x}\n", record.state_hash);
     for (const std::string& note : record.notes) text += fmt::format("note          {}\n", note);
     if (!report.empty()) text += fmt::format("report        {}\n", report);
@@ -104,6 +127,36 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
     json["keyframes_forgotten"] = record.keyframes_forgotten;
     json["points_forgotten"] = record.points_forgotten;
     json["recoveries"] = record.recoveries;
+    json["keyframes_refused"] = record.keyframes_refused;
+    json["keyframe_queue"] = {{"size", record.keyframe_queue.size},
+                              {"high_water", record.keyframe_queue.high_water},
+                              {"limit", record.keyframe_queue.capacity}};
+    Json pools = Json::object();
+    for (const PoolRecord& pool : record.pools) {
+        pools[pool.name] = {{"high_water", pool.high_water}, {"limit", pool.limit}};
+    }
+    json["pools"] = pools;
+    const ScheduleStatistics& schedule = record.schedule;
+    json["background"] = {{"units_granted", schedule.units_granted},
+                          {"units_spent", schedule.units_spent},
+                          {"units_per_frame", record.units_per_frame(schedule.units_spent)},
+                          {"steps", schedule.steps},
+                          {"slices", schedule.slices},
+                          {"largest_slice_units", schedule.largest_slice_units},
+                          {"largest_overdraw_units", schedule.largest_overdraw_units},
+                          {"slice_ms_max", record.slice_ms.max()},
+                          {"slice_ms_p99", record.slice_ms.p99()},
+                          {"ms_median", record.background_ms.median()},
+                          {"ms_p99", record.background_ms.p99()},
+                          {"ms_max", record.background_ms.max()}};
+    json["latency"] = {{"ms_median", record.latency_ms.median()},   {"ms_p99", record.latency_ms.p99()},
+                       {"ms_p999", record.latency_ms.at(0.999)},    {"ms_max", record.latency_ms.max()},
+                       {"frame_period_ms", record.frame_period_ms}, {"deadline_misses", record.deadline_misses}};
+    json["is_realtime"] = record.is_realtime;
+    json["frames_dropped"] = record.frames_dropped;
+    json["source_late_s"] = record.source_late_s;
+    json["recording"] = record.recording.empty() ? Json(nullptr) : Json(record.recording);
+    json["frames_recorded"] = record.frames_recorded;
     json["notes"] = record.notes;
     json["problems"] = record.problems;
     json["report"] = report.empty() ? Json(nullptr) : Json(report);

@@ -402,6 +402,39 @@ struct TimeChart {
     return html + "</table></section>";
 }
 
+[[nodiscard]] std::string background_section(const RunRecord& run) {
+    std::string html =
+        "<section><h2>Background work</h2><p class=\"note\">Mapping works in slices between the frames, on the same "
+        "thread. Good: slices far below 2 ms, no keyframe refused, no deadline missed.</p><table>";
+    const auto row = [&html](const char* name, const std::string& value) {
+        html += fmt::format("<tr><td>{}</td><td>{}</td></tr>", name, value);
+    };
+    const ScheduleStatistics& s = run.schedule;
+    row("work units per frame, spent of granted",
+        fmt::format("{:.0f} of {:.0f}", run.units_per_frame(s.units_spent), run.units_per_frame(s.units_granted)));
+    row("slices, the largest",
+        fmt::format("{}, {} units, {:.2f} ms", s.slices, s.largest_slice_units, run.slice_ms.max()));
+    row("ms behind a frame, median / 99 % / max", fmt::format("{:.2f} / {:.2f} / {:.2f}", run.background_ms.median(),
+                                                              run.background_ms.p99(), run.background_ms.max()));
+    row("keyframes made, forgotten, refused",
+        fmt::format("{}, {}, {}", run.keyframes_made, run.keyframes_forgotten, run.keyframes_refused));
+    row("keyframes waiting at most",
+        fmt::format("{} of {}", run.keyframe_queue.high_water, run.keyframe_queue.capacity));
+    row("points forgotten", fmt::format("{}", run.points_forgotten));
+    row("latency, median / 99 % / 99.9 % / max",
+        fmt::format("{:.2f} / {:.2f} / {:.2f} / {:.2f} ms", run.latency_ms.median(), run.latency_ms.p99(),
+                    run.latency_ms.at(0.999), run.latency_ms.max()));
+    if (run.frame_period_ms > 0) {
+        row("deadlines missed", fmt::format("{} of {} frames took longer than {:.1f} ms", run.deadline_misses,
+                                            run.frames_total, run.frame_period_ms));
+    }
+    if (run.is_realtime) row("frames dropped because they were late", fmt::format("{}", run.frames_dropped));
+    if (!run.recording.empty()) {
+        row("recording", fmt::format("{}, {} frames", escaped(run.recording), run.frames_recorded));
+    }
+    return html + "</table></section>";
+}
+
 [[nodiscard]] std::string frame_figure(const RunRecord& run, const MeshSnapshot& snapshot) {
     constexpr std::array<const char*, 8> kGroups = {"#ffb000", "#ff5fd2", "#b388ff", "#ff8a5c",
                                                     "#ffe45c", "#7fe3ff", "#c8ff6b", "#ff9db0"};
@@ -477,7 +510,7 @@ std::string report_html(const RunRecord& run) {
     for (const std::string& note : run.notes) html += "<p class=\"note\">Note: " + escaped(note) + "</p>";
     if (run.frames.empty()) return html + "<section>No frame was tracked.</section>" + kTail;
     html += cards(run) + path_section(run) + frames_section(run) + error_section(run) + share_section(run) +
-            time_section(run) + memory_section(run);
+            time_section(run) + background_section(run) + memory_section(run);
     return html + kTail;
 }
 

@@ -109,6 +109,9 @@ struct RunRecord {
         ++state_counts[static_cast<std::size_t>(frame.state)];
         frame_ms.add(static_cast<double>(frame.ms));
     }
+    [[nodiscard]] double units_per_frame(std::uint64_t units) const {
+        return frames_total == 0 ? 0.0 : static_cast<double>(units) / static_cast<double>(frames_total);
+    }
     // Share of the frames whose pose was measured: predicted ones do not count.
     [[nodiscard]] double coverage() const {
         return frames_total == 0
