@@ -23,16 +23,17 @@ namespace stillmesh {
 namespace {
 
 struct Outcome {
-    std::uint64_t frames = 0;   // repeated bit for bit
-    std::uint64_t skipped = 0;  // frames of the folder that the recorded run was not given
-    std::string difference;     // of the frame behind them; empty: none
+    std::uint64_t frames = 0;                  // repeated bit for bit
+    std::uint64_t skipped = 0;                 // frames of the folder that the recorded run was not given
+    std::uint64_t frames_without_picture = 0;  // recorded, behind the end of the folder
+    std::string difference;                    // of the frame behind them; empty: none
 };
 
-// The frame of this time, from where the camera is on. kNotFound: the folder has none.
+// The frame of this time, from where the camera is on. kNotFound: the folder has none; kEnd: nor any behind it.
 [[nodiscard]] Status find_frame(ReplayCamera& camera, std::int64_t time_ns, Frame& frame, std::uint64_t& skipped) {
     for (;;) {
         const Status status = camera.poll(frame);
-        if (status == Status::kEnd) return Status::kNotFound;
+        if (status == Status::kEnd) return Status::kEnd;
         if (status == Status::kOk && frame.time_ns == time_ns) return Status::kOk;
         if (status == Status::kOk && frame.time_ns > time_ns) return Status::kNotFound;
         ++skipped;  // an image that cannot be used was skipped by the recorded run as well, or is missed here
@@ -82,7 +83,17 @@ struct Outcome {
         if (status != Status::kOk) return status;
         if (stop_signal() != 0) return Status::kEnd;
         Frame frame;
-        if (find_frame(camera, then.time_ns, frame, outcome.skipped) != Status::kOk) {
+        const Status found = find_frame(camera, then.time_ns, frame, outcome.skipped);
+        if (found == Status::kEnd) {
+            ++outcome.frames_without_picture;
+            while (reader.next(then) == Status::kOk) ++outcome.frames_without_picture;
+            // A run that was killed may have lost its last pictures: they take longer to write than a record.
+            if (reader.is_whole()) {
+                outcome.difference = fmt::format("the folder ends before frame {} of the recording", outcome.frames);
+            }
+            return Status::kOk;
+        }
+        if (found != Status::kOk) {
             outcome.difference = "the folder has no usable frame of this time";
             if (!camera.message().empty()) outcome.difference += ": " + camera.message();
         } else {
@@ -191,6 +202,10 @@ int rerun_command(const RerunOptions& options) {
     }
     static_cast<void>(std::fflush(stdout));
     if (!reader.ending().empty()) complain(options.recording + ": " + reader.ending());
+    if (is_same && outcome.frames_without_picture > 0) {
+        complain(fmt::format("{}: has no pictures for the last {} frames of the recording.", folder,
+                             outcome.frames_without_picture));
+    }
     if (is_same) return kExitDone;
     complain(outcome.difference + ".");
     return kExitFailed;
