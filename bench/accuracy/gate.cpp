@@ -51,13 +51,15 @@ Group group_of(const Result& result) {
     if (result.scene.starts_with("static_")) return Group::kStatic;
     if (result.scene.starts_with("sitting_")) return Group::kSitting;
     if (result.scene.starts_with("walking_")) return Group::kWalking;
+    if (result.scene == "rearranged") return Group::kRearranged;
     return result.scene == "trolley_first" ? Group::kTrolleyFirst : Group::kTrolley;
 }
 
 double ate_bar(const Result& result) {
     switch (group_of(result)) {
         case Group::kStatic:
-        case Group::kSitting: return 0.02;
+        case Group::kSitting:
+        case Group::kRearranged: return 0.02;
         case Group::kWalking: return 0.04;
         case Group::kTrolley: return 0.08;
         case Group::kTrolleyFirst: return 0;
@@ -125,8 +127,8 @@ RegionEarns region_earns(const std::vector<Result>& results) {
 }
 
 const std::vector<std::string>& gate_names() {
-    static const std::vector<std::string> names = {"static",  "sitting", "walking", "trolley", "recordings",
-                                                   "tracked", "right",   "nees",    "region"};
+    static const std::vector<std::string> names = {"static",     "sitting", "walking", "trolley", "rearranged",
+                                                   "recordings", "tracked", "right",   "nees",    "region"};
     return names;
 }
 
@@ -141,6 +143,7 @@ std::vector<std::string> failures_of(const std::vector<Result>& results, const s
     if (is_wanted("sitting")) check_runs(results, Group::kSitting, "sitting", must_exist, failures);
     if (is_wanted("walking")) check_runs(results, Group::kWalking, "walking", must_exist, failures);
     if (is_wanted("trolley")) check_runs(results, Group::kTrolley, "trolley", must_exist, failures);
+    if (is_wanted("rearranged")) check_runs(results, Group::kRearranged, "rearranged", must_exist, failures);
     if (is_wanted("recordings")) check_runs(results, Group::kRecording, "recordings", must_exist, failures);
     const Sureness s = sureness_of(results);
     if (is_wanted("tracked")) {

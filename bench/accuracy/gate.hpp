@@ -9,7 +9,7 @@
 
 namespace stillmesh::accuracy {
 
-enum class Group { kStatic, kSitting, kWalking, kTrolley, kTrolleyFirst, kRecording };
+enum class Group { kStatic, kSitting, kWalking, kTrolley, kTrolleyFirst, kRearranged, kRecording };
 
 [[nodiscard]] Group group_of(const Result& result);
 // Largest ATE RMSE, m; 0: no bar.

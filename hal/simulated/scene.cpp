@@ -21,6 +21,7 @@ constexpr Scene kScenes[] = {
     {"walking_loop", CameraMotion::kLoop, Cast::kWalking, 1200},
     {"trolley_xyz", CameraMotion::kXyz, Cast::kTrolley, 300},
     {"trolley_first", CameraMotion::kXyz, Cast::kTrolleyFirst, 300},
+    {"rearranged", CameraMotion::kXyz, Cast::kRearranged, 300},
 };
 
 constexpr double kRpyYaw = radians(25);
@@ -38,6 +39,7 @@ std::span<const Scene> scenes() noexcept {
 DeskPlace desk_place(const Scene& scene, double side) noexcept {
     if (scene.motion == CameraMotion::kLoop) return {0, 0, 0.6, 0.35};
     if (scene.cast == Cast::kTrolley || scene.cast == Cast::kTrolleyFirst) return {0.5 * side, 0.75, 0.75, 0.4};
+    if (scene.cast == Cast::kRearranged) return {1.0 * side, 0.4, 0.6, 0.35};
     if (scene.motion == CameraMotion::kHalfsphere)
         return {kHalfsphereCentre.x * side, kHalfsphereCentre.y + 0.35, 0.55, 0.3};
     return {0.75 * side, 0.2, 0.75, 0.4};

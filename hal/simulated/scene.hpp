@@ -9,7 +9,7 @@
 namespace stillmesh::simulated {
 
 enum class CameraMotion : std::uint8_t { kStatic, kXyz, kRpy, kHalfsphere, kLoop };
-enum class Cast : std::uint8_t { kNobody, kSitting, kWalking, kTrolley, kTrolleyFirst };
+enum class Cast : std::uint8_t { kNobody, kSitting, kWalking, kTrolley, kTrolleyFirst, kRearranged };
 
 struct Scene {
     const char* name;

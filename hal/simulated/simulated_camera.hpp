@@ -54,6 +54,8 @@ public:
     // A simulation never lets anyone wait: kOk, or kEnd after the last frame.
     [[nodiscard]] Status wait(std::uint32_t timeout_ms) noexcept override;
     void close() noexcept override;
+    // The next poll gives this frame (0 for the first), the same as if all before it had been polled.
+    void seek(std::uint32_t frame) noexcept { next_ = frame; }
 
     [[nodiscard]] const std::string& message() const noexcept { return message_; }
     // Frames of the whole run. Valid after open().

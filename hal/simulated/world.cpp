@@ -34,6 +34,7 @@ World::World(const Scene& scene, std::uint64_t seed, double duration_s)
         add_trolley();
         place_trolley();
     }
+    if (scene.cast == Cast::kRearranged) add_movables();
 }
 
 float World::light_at(const Vec3& p, const Vec3& normal) noexcept {
@@ -390,7 +391,57 @@ void World::draw_trolley(Renderer& renderer, double time_s) const {
     }
 }
 
+// A crate and an armchair on the free side of the floor, both in view from the first frame to the last. The chair goes
+// first, nearer and aside; then the crate goes to where the chair stood, and leaves bare floor.
+void World::add_movables() {
+    const auto yaw = [&] { return random_.uniform(-0.3, 0.3); };
+    const auto near_to = [&](double x, double y) {
+        return Vec3{side_ * x + random_.uniform(-0.05, 0.05), y + random_.uniform(-0.04, 0.04), 0};
+    };
+    Movable chair;
+    const Coat cloth = coat(Pattern::kCloth, 420);
+    const Coat cushion = coat(Pattern::kPoster, 0);
+    add_box(chair.quads, {0, 0, 0.2}, {0.28, 0.28, 0.2}, 0, cloth, cloth);
+    add_box(chair.quads, {0, -0.05, 0.43}, {0.2, 0.2, 0.03}, 0, cushion, cushion);
+    add_box(chair.quads, {0, 0.22, 0.63}, {0.28, 0.06, 0.23}, 0, cloth, cloth);
+    chair.from = near_to(-0.45, 1.6);
+    chair.to = near_to(-0.8, 0.92);
+    chair.yaw_rad = yaw();
+    chair.turn_rad = random_.uniform(0.5, 1.0) * (random_.uniform() < 0.5 ? -1 : 1);
+    chair.begin_s = 2.0;
+    chair.end_s = 3.2;
+    movables_.push_back(chair);
+    Movable crate;
+    const Coat front = coat(Pattern::kPoster, 0);
+    const Coat rest = coat(Pattern::kParcel, 0);
+    add_box(crate.quads, {0, 0, 0.23}, {0.3, 0.22, 0.23}, 0, front, rest);
+    crate.from = near_to(-0.05, 1.12);
+    crate.to = near_to(-0.5, 1.62);
+    crate.yaw_rad = yaw();
+    crate.turn_rad = yaw();
+    crate.begin_s = 3.5;
+    crate.end_s = 4.5;
+    movables_.push_back(crate);
+}
+
+void World::draw_movable(Renderer& renderer, const Movable& movable, double time_s) {
+    const double p = clamp01((time_s - movable.begin_s) / (movable.end_s - movable.begin_s));
+    const double s = p * p * (3 - 2 * p);
+    const Rigid pose{rotation_z(movable.yaw_rad + s * movable.turn_rad), mix(movable.from, movable.to, s)};
+    for (const Quad& quad : movable.quads) {
+        Vertex corners[4];
+        for (int i = 0; i < 4; ++i) {
+            corners[i] = quad.corners[i];
+            corners[i].p = pose * quad.corners[i].p;
+        }
+        Material material = quad.material;
+        material.is_dynamic = p > 0 && p < 1;
+        renderer.draw(corners, 4, material);
+    }
+}
+
 void World::draw(Renderer& renderer, double time_s) const {
+    for (const Movable& movable : movables_) draw_movable(renderer, movable, time_s);
     for (const Person& person : people_) draw_person(renderer, person, time_s);
     if (!trolley_.empty()) draw_trolley(renderer, time_s);
     for (const Quad& quad : quads_) renderer.draw(quad.corners, 4, quad.material);

@@ -29,6 +29,13 @@ private:
         double texels_per_m = 0;  // 0: once over the face
         Infrared infrared = Infrared::kGood;
     };
+    // Furniture that stands still, slides to another place, and stays there.
+    struct Movable {
+        std::vector<Quad> quads;  // in its own frame
+        Vec3 from, to;            // on the floor
+        double yaw_rad = 0, turn_rad = 0;
+        double begin_s = 0, end_s = 0;
+    };
     struct Wall {
         Vec3 corner;  // at the floor, to the left as one looks at the wall
         Vec3 right;   // along the wall
@@ -56,6 +63,8 @@ private:
     void add_trolley();
     void place_trolley();
     void draw_trolley(Renderer& renderer, double time_s) const;
+    void add_movables();
+    static void draw_movable(Renderer& renderer, const Movable& movable, double time_s);
     // The largest share of the picture it holds in the first 10 s, were nothing before it.
     [[nodiscard]] double trolley_peak() const;
     [[nodiscard]] static float light_at(const Vec3& p, const Vec3& normal) noexcept;
@@ -70,6 +79,7 @@ private:
     std::deque<Texture> textures_;  // addresses stay
     std::vector<Quad> quads_;
     std::vector<Quad> trolley_;  // in its own frame
+    std::vector<Movable> movables_;
     std::vector<Person> people_;
     double trolley_direction_ = 1;
     double trolley_pace_ = 1;
