@@ -79,7 +79,13 @@ struct ScheduleParameters {
 
 // The map in the shadow of tracking (engine/tasks/mapping.hpp).
 struct MappingParameters {
-    bool is_enabled = false;  // off: tracking alone, over a sliding set of keyframes (to measure what mapping earns)
+    bool is_enabled = true;    // off: tracking alone, over a sliding set of keyframes (to measure what mapping earns)
+    bool is_adjusting = true;  // local bundle adjustment
+    bool is_filtered = true;   // its observation from a point's reference keyframe: what tracking filtered since
+    bool is_fusing = true;
+    bool is_triangulating = true;
+    bool is_culling = true;               // redundant keyframes
+    std::uint32_t window_keyframes = 10;  // free ones of an adjustment, the new one included
 };
 
 struct Configuration {
@@ -154,6 +160,12 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("schedule.units_per_frame", c.schedule.units_per_frame, 1.0, 1e9, "units", "background work after each frame");
     v("schedule.slice_units", c.schedule.slice_units, 1.0, 1e9, "units", "background work in one piece");
     v("mapping.is_enabled", c.mapping.is_enabled, 0.0, 1.0, "", "a map that is refined; off: tracking alone");
+    v("mapping.is_adjusting", c.mapping.is_adjusting, 0.0, 1.0, "", "local bundle adjustment");
+    v("mapping.is_filtered", c.mapping.is_filtered, 0.0, 1.0, "", "adjust with what tracking filtered");
+    v("mapping.is_fusing", c.mapping.is_fusing, 0.0, 1.0, "", "fuse duplicates with neighbours");
+    v("mapping.is_triangulating", c.mapping.is_triangulating, 0.0, 1.0, "", "points for features without depth");
+    v("mapping.is_culling", c.mapping.is_culling, 0.0, 1.0, "", "forget redundant keyframes");
+    v("mapping.window_keyframes", c.mapping.window_keyframes, 2.0, 12.0, "", "free keyframes of an adjustment");
     v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 

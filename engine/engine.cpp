@@ -102,7 +102,9 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     state.limits = limits;
     state.camera = camera;
     state.tracking.create(arena, limits, configuration, camera, kernels, extractor);
+    state.mapping.create(arena, limits, configuration, camera, state.tracking);
     state.scheduler.create(configuration.schedule.slice_units);
+    if (configuration.mapping.is_enabled) state.scheduler.add(state.mapping);
     arena.seal();
     state.arena_used_bytes = arena.used_bytes();
     STILLMESH_CHECK(state.arena_used_bytes == static_bytes_needed(limits));
@@ -145,6 +147,7 @@ EngineStatistics Engine::statistics() const noexcept {
     EngineStatistics out;
     const EngineState& state = state_of(this);
     state.tracking.fill(out);
+    state.mapping.fill(out);
     out.schedule = state.scheduler.statistics();
     out.frames_refused = state.frames_refused;
     out.arena_used_bytes = state.arena_used_bytes;
@@ -168,6 +171,7 @@ void Engine::reset() noexcept {
     state.has_time = false;
     state.frames_refused = 0;
     state.tracking.reset();
+    state.mapping.reset();
     state.scheduler.reset();
 }
 

@@ -83,6 +83,17 @@ struct FrameStatistics {
 struct PoolStatistics {
     std::uint32_t size = 0, high_water = 0, capacity = 0;
 };
+// What the mapping task has done.
+struct MappingStatistics {
+    std::uint64_t keyframes_inserted = 0;  // taken from the queue
+    std::uint64_t adjustments = 0;         // bundle adjustments started
+    std::uint64_t adjustments_dropped = 0;
+    std::uint64_t adjustment_slices = 0;
+    std::uint64_t adjustment_iterations = 0;
+    std::uint64_t observations_found = 0;    // that tracking had missed
+    std::uint64_t observations_dropped = 0;  // outliers of an adjustment
+    std::uint64_t points_triangulated = 0;
+};
 struct EngineStatistics {
     std::uint64_t frames = 0;
     std::uint64_t frames_refused = 0;
@@ -102,6 +113,7 @@ struct EngineStatistics {
     PoolStatistics keyframes, map_points;
     PoolStatistics keyframe_queue;  // waiting for mapping
     ScheduleStatistics schedule;
+    MappingStatistics mapping;
     std::size_t arena_used_bytes = 0;
 };
 

@@ -7,6 +7,7 @@
 #include "engine/base/arena.hpp"
 #include "engine/engine.hpp"
 #include "engine/schedule/scheduler.hpp"
+#include "engine/tasks/mapping.hpp"
 #include "engine/tasks/tracking.hpp"
 
 namespace stillmesh {
@@ -15,6 +16,7 @@ struct EngineState final : Engine {
     Limits limits;
     CameraModel camera;
     Tracking tracking;
+    Mapping mapping;
     Scheduler scheduler;  // of the background tasks, in the order of add() in create()
     std::uint64_t frames_refused = 0;
     std::size_t arena_used_bytes = 0;

@@ -24,6 +24,7 @@ namespace stillmesh {
     ArenaPlan plan;
     plan.array<EngineState>(1);
     Tracking::plan(plan, limits);
+    Mapping::plan(plan, limits);
     return plan.used_bytes();
 }
 

@@ -68,7 +68,7 @@ public:
     [[nodiscard]] const Map& map() const noexcept { return map_; }
     // For mapping, which works between frames.
     [[nodiscard]] Map& map() noexcept { return map_; }
-    [[nodiscard]] const LocalMap& local_map() const noexcept { return local_map_; }
+    [[nodiscard]] LocalMap& local_map() noexcept { return local_map_; }
     [[nodiscard]] Ring<Handle<Keyframe>>& keyframe_queue() noexcept { return keyframe_queue_; }
     [[nodiscard]] std::uint64_t frame() const noexcept { return frame_; }
     // How far real noise leaves the model's, as factors of the variances.
