@@ -53,6 +53,8 @@ struct PoseParameters {
     std::uint32_t coarse_total_max = 1024;  // hypotheses of all groups of a frame together
     std::uint32_t inliers_min = 8;          // fewer: no pose from this frame; fewer than twice that: unsure
     std::uint32_t lost_frames_max = 30;     // predicted for at most so many frames
+    double sure_sigma_m = 0.025;            // of the motion over the last second, all axes together; above: unsure
+    double sure_sigma_rad = 0.025;
 };
 
 struct WeightParameters {
@@ -147,6 +149,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("pose.coarse_total_max", c.pose.coarse_total_max, 1.0, 20000.0, "", "RANSAC iterations of all groups together");
     v("pose.inliers_min", c.pose.inliers_min, 4.0, 1000.0, "", "fewer static inliers give no pose");
     v("pose.lost_frames_max", c.pose.lost_frames_max, 0.0, 1000.0, "frames", "how long a lost pose is predicted");
+    v("pose.sure_sigma_m", c.pose.sure_sigma_m, 1e-4, 10.0, "m", "less certain motion over a second is unsure");
+    v("pose.sure_sigma_rad", c.pose.sure_sigma_rad, 1e-4, 3.0, "rad", "less certain motion over a second is unsure");
     v("weights.start", c.weights.start, 0.0, 200.0, "1/10", "static weight of a new point");
     v("weights.suspicious", c.weights.suspicious, 0.0, 200.0, "1/10", "the same inside a rejected group");
     v("weights.step", c.weights.step, 1.0, 100.0, "1/10", "theta, added or taken per frame");

@@ -136,6 +136,7 @@ void Tracking::reset() noexcept {
     pose_ = PoseEstimate{};
     world_from_camera_ = SE3{};
     covariance_ = Matrix6::Zero();
+    doubt_.reset();
     context_ = RegionContext{};
     random_ = Random(configuration_.seed);
     hash_ = StateHash{};
@@ -195,7 +196,7 @@ void Tracking::predict(const Frame& frame) noexcept {
         for (std::uint32_t i = 0; i < std::min(lost_frames_, 20U); ++i) factor *= 0.8;
         xi *= factor;
         // Nobody slides on for long either; a turn goes on longer.
-        if (pose_.state != PoseState::kTracked) {
+        if (!is_choice_sure_) {
             for (int i = 0; i < 3; ++i) xi(i) *= 0.7;
         }
         predicted_ = world_from_camera_ * se3_exp(xi);
@@ -282,6 +283,7 @@ void Tracking::track(const Frame& frame) noexcept {
         if (!is_found && lost_frames_ > 0) is_found = recover();
         if (!is_found) {
             ++lost_frames_;
+            is_choice_sure_ = false;
             correspondences_.clear();
             chosen_.clear();
             static_count_ = 0;
@@ -337,6 +339,7 @@ void Tracking::start_map() noexcept {
     has_map_ = true;
     measured_time_ns_ = time_ns_;
     has_velocity_ = false;
+    is_choice_sure_ = true;
     lost_frames_ = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         verdicts_[i] = 0;
@@ -345,6 +348,7 @@ void Tracking::start_map() noexcept {
     keyframe_tracked_ = usable;
     map_covariance_ = Matrix6::Zero();
     covariance_ = Matrix6::Zero();
+    doubt_.reset();
     renewed_share_ = 0;
     give_out(PoseState::kTracked, Matrix6::Identity() * 1e10);  // where the odometry begins is no measurement
     renewed_share_ = 1;
@@ -442,6 +446,7 @@ bool Tracking::estimate() noexcept {
     const bool is_sure = choice.margin >= configuration_.region.margin_min &&
                          choice.score >= configuration_.region.score_min &&
                          fit.inliers >= kSureFactor * configuration_.pose.inliers_min;
+    if (prior_or_none != nullptr) doubt_jump(fit.world_from_camera, is_sure);
     world_from_camera_previous_ = world_from_camera_;
     world_from_camera_ = fit.world_from_camera;
     has_velocity_ = lost_frames_ == 0;
@@ -451,12 +456,23 @@ bool Tracking::estimate() noexcept {
         if (!is_young) adapt_noise(fit.world_from_camera, chosen_.span(), false);
         ++noise_frames_;
     }
+    is_choice_sure_ = is_sure;
     judge(fit.world_from_camera, is_sure);
     if (configuration_.mapping.is_enabled) count_observers();
     if (wants_keyframe()) make_keyframe();
     give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information);
     observe(Stage::kMapUpdate, false);
     return true;
+}
+
+// An unsure choice farther than expected from where the motion led: that motion was wrong, or this choice is. (A sure
+// one that far off is a jerk.)
+void Tracking::doubt_jump(const SE3& world_from_camera, bool is_sure) noexcept {
+    if (is_sure) return;
+    const SE3 off = context_.world_from_camera_predicted.inverse() * world_from_camera;
+    const double beyond_m = std::max(std::sqrt(off.translation.squaredNorm()) - context_.prediction_sigma_m, 0.0);
+    const double beyond_rad = std::max(rotation_angle(off.rotation) - context_.prediction_sigma_rad, 0.0);
+    doubt_.add(time_ns_, {beyond_m * beyond_m, beyond_rad * beyond_rad});
 }
 
 void Tracking::note_groups() noexcept {
@@ -765,7 +781,18 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
         Matrix6 added;
         added.noalias() = half * to_world.transpose();
         map_covariance_ += added * renewed_share_;
+        const MotionDoubt::Variance now{measured(0, 0) + measured(1, 1) + measured(2, 2),
+                                        measured(3, 3) + measured(4, 4) + measured(5, 5)};
+        doubt_.add(time_ns_, {now.translation_m2 * renewed_share_, now.rotation_rad2 * renewed_share_});
         renewed_share_ = 0;
+        MotionDoubt::Variance motion = doubt_.over_window(time_ns_);
+        motion.translation_m2 += now.translation_m2;
+        motion.rotation_rad2 += now.rotation_rad2;
+        const PoseParameters& sure = configuration_.pose;
+        if (!(motion.translation_m2 <= sure.sure_sigma_m * sure.sure_sigma_m &&
+              motion.rotation_rad2 <= sure.sure_sigma_rad * sure.sure_sigma_rad)) {
+            pose_.state = PoseState::kUnsure;
+        }
         const Matrix6 to_camera = se3_adjoint(world_from_camera_.inverse());
         half.noalias() = to_camera * map_covariance_;
         covariance_.noalias() = half * to_camera.transpose();

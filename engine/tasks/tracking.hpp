@@ -18,6 +18,7 @@
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/matching/map_matcher.hpp"
+#include "engine/pose/motion_doubt.hpp"
 #include "engine/static_region/static_region.hpp"
 
 namespace stillmesh {
@@ -92,6 +93,7 @@ private:
     // Which feature was in which group: correspondences are gathered anew afterwards.
     void note_groups() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
+    void doubt_jump(const SE3& world_from_camera, bool is_sure) noexcept;
     void judge(const SE3& world_from_camera, bool is_sure) noexcept;
     // Follows how large residuals really are: real rooms and lenses differ from any noise model by factors.
     // `by_group`: each body under its own motion, which does not depend on what was chosen.
@@ -149,6 +151,7 @@ private:
     std::uint64_t keyframe_frame_ = 0;
     std::uint64_t keyframes_refused_ = 0;       // by the queue
     std::uint32_t empty_cursor_ = 0;            // in the local map's points
+    MotionDoubt doubt_;
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
     double renewed_share_ = 0;                  // of the local map that the last keyframe added
@@ -167,6 +170,7 @@ private:
     EngineStatistics statistics_;
     bool has_map_ = false;
     bool has_velocity_ = false;
+    bool is_choice_sure_ = true;  // of the last frame
 };
 
 }  // namespace stillmesh
