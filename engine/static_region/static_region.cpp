@@ -334,9 +334,9 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         if (correspondences[i].vote > 0) STILLMESH_CHECK(all_.push(static_cast<std::uint16_t>(i)));
     }
     const double chi2_max = parameters.region.point_chi2_max;
-    const auto propose = [&](const SE3& pose) {
+    const auto propose = [&](const SE3& pose, double reach) {
         // Refined on what agrees with it, so that hypotheses are compared at their best.
-        gather_inliers(correspondences, pose, 4.0 * chi2_max, inliers_);
+        gather_inliers(correspondences, pose, reach * chi2_max, inliers_);
         const PoseFit fit = optimise_pose(correspondences, inliers_.span(), pose, chi2_max, 4);
         Hypothesis h;
         h.pose = fit.is_valid ? fit.world_from_camera : pose;
@@ -362,14 +362,14 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     if (context.has_prediction) {
         const PoseFit fit =
             optimise_pose(correspondences, all_.span(), context.world_from_camera_predicted, chi2_max, 6);
-        propose(fit.is_valid ? fit.world_from_camera : context.world_from_camera_predicted);
+        propose(fit.is_valid ? fit.world_from_camera : context.world_from_camera_predicted, 4.0);
     }
     const RansacResult over_all = ransac_pose(correspondences, all_.span(), nullptr, options, random);
     choice.iterations += over_all.iterations;
-    if (over_all.is_valid) propose(over_all.world_from_camera);
+    if (over_all.is_valid) propose(over_all.world_from_camera, 4.0);
     if (parameters.region.is_enabled) {
         for (std::uint32_t g = 0; g < fitted_groups_; ++g) {
-            if (groups_[g].is_fitted && hypotheses.size() < kHypothesesMax) propose(groups_[g].motion);
+            if (groups_[g].is_fitted && hypotheses.size() < kHypothesesMax) propose(groups_[g].motion, 1.0);
         }
     }
     // Who agrees with nobody yet may have a motion of his own, however few he is: RANSAC over all finds the most
@@ -388,7 +388,7 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
         choice.iterations += result.iterations;
         if (!result.is_valid || result.inliers < parameters.region.group_points_min) break;
-        propose(result.world_from_camera);
+        propose(result.world_from_camera, 4.0);
     }
     if (hypotheses.size() == 0) return choice;
     std::size_t explained = 0;
