@@ -337,6 +337,7 @@ void Tracking::start_map() noexcept {
     world_from_camera_ = SE3{};
     world_from_camera_previous_ = SE3{};
     has_map_ = true;
+    start_time_ns_ = time_ns_;
     measured_time_ns_ = time_ns_;
     has_velocity_ = false;
     is_choice_sure_ = true;
@@ -358,7 +359,11 @@ bool Tracking::estimate() noexcept {
     observe(Stage::kMatching, true);
     const LocalMap* const local = local_map_or_none();
     if (local != nullptr && local_map_.is_stale(map_, predicted_)) local_map_.build(map_, predicted_);
-    matcher_.by_projection(map_, local, predicted_, configuration_.matching.radius_px);
+    // Until the past can tell who stands still, and after a choice that was not sure, the motion expected may be that
+    // of somebody who walks: what stands still has to be found beside it, or it never gets a say.
+    const bool is_wide = !is_choice_sure_ || seconds(start_time_ns_, time_ns_) < kProven_s;
+    matcher_.by_projection(map_, local, predicted_,
+                           is_wide ? configuration_.matching.radius_wide_px : configuration_.matching.radius_px);
     gather_correspondences();
     std::uint32_t voters = 0;
     for (const Correspondence& c : correspondences_) voters += c.vote > 0 ? 1U : 0U;

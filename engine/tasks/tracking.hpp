@@ -170,6 +170,7 @@ private:
     EngineStatistics statistics_;
     bool has_map_ = false;
     bool has_velocity_ = false;
+    std::int64_t start_time_ns_ = 0;
     bool is_choice_sure_ = true;  // of the last frame
 };
 
