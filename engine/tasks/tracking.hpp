@@ -149,8 +149,8 @@ private:
     std::int64_t previous_time_ns_ = 0;
     std::uint64_t frame_ = 0;
     std::uint64_t keyframe_frame_ = 0;
-    std::uint64_t keyframes_refused_ = 0;       // by the queue
-    std::uint32_t empty_cursor_ = 0;            // in the local map's points
+    std::uint64_t keyframes_refused_ = 0;  // by the queue
+    std::uint32_t empty_cursor_ = 0;       // in the local map's points
     MotionDoubt doubt_;
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
