@@ -164,15 +164,15 @@ bool read_frame(ByteReader& reader, RecordedFrame& frame) noexcept {
            frame.pose_state <= 3 && is_keyframe <= 1;
 }
 
-// 8 bytes of a row, the first lowest, whatever the processor's order.
-std::uint64_t word_of(const std::uint8_t* p) noexcept {
+// 8 bytes of a row, the first byte or value lowest, whatever the processor's order.
+template <typename T>
+std::uint64_t word_of(const T* p) noexcept {
     std::uint64_t word = 0;
-    for (std::uint32_t i = 0; i < 8; ++i) word |= std::uint64_t{p[i]} << (8 * i);
-    return word;
-}
-std::uint64_t word_of(const std::uint16_t* p) noexcept {
-    std::uint64_t word = 0;
-    for (std::uint32_t i = 0; i < 4; ++i) word |= std::uint64_t{p[i]} << (16 * i);
+    if constexpr (std::endian::native == std::endian::little) {
+        std::memcpy(&word, p, sizeof(word));  // the same as below: gcc 12 leaves that a loop
+    } else {
+        for (std::uint32_t i = 0; i < 8 / sizeof(T); ++i) word |= std::uint64_t{p[i]} << (8 * sizeof(T) * i);
+    }
     return word;
 }
 
@@ -182,19 +182,26 @@ struct RowDigest {
     static constexpr std::uint32_t kLanes = 4;
     std::uint64_t lanes[kLanes] = {1, 2, 3, 4};
 
-    void add(std::uint32_t lane, std::uint64_t word) noexcept {
-        std::uint64_t& state = lanes[lane];
+    static constexpr std::uint64_t mixed(std::uint64_t state, std::uint64_t word) noexcept {
         state = (state ^ word) * 0x9e3779b97f4a7c15ULL;
-        state ^= state >> 32;
+        return state ^ state >> 32;
     }
     template <typename T>
     void row(const T* p, std::uint32_t count) noexcept {
         constexpr std::uint32_t kPerWord = 8 / sizeof(T);
+        std::uint64_t a = lanes[0], b = lanes[1], c = lanes[2], d = lanes[3];
         std::uint32_t i = 0;
         for (; i + kLanes * kPerWord <= count; i += kLanes * kPerWord) {
-            for (std::uint32_t lane = 0; lane < kLanes; ++lane) add(lane, word_of(p + i + lane * kPerWord));
+            a = mixed(a, word_of(p + i));
+            b = mixed(b, word_of(p + i + kPerWord));
+            c = mixed(c, word_of(p + i + 2 * kPerWord));
+            d = mixed(d, word_of(p + i + 3 * kPerWord));
         }
-        for (; i < count; ++i) add(i % kLanes, p[i]);
+        lanes[0] = a;
+        lanes[1] = b;
+        lanes[2] = c;
+        lanes[3] = d;
+        for (; i < count; ++i) lanes[i % kLanes] = mixed(lanes[i % kLanes], p[i]);
     }
 };
 

@@ -180,11 +180,11 @@ public:
     Status submit(const Frame& frame, SessionFrame& out, std::string& message) override {
         spent_ns_ = {};
         const Status status = engine_->submit(frame);
-        if (writer_ != nullptr) note_frame(frame, status);
+        if (writer_ != nullptr) note_decisions(frame, status);
         if (status != Status::kOk) {
             message =
                 "its size, format or depth factor is not the camera's, or its time is not after the last frame's.";
-            if (writer_ != nullptr) writer_->add(recorded_);
+            if (writer_ != nullptr) record_frame();
             return status;
         }
         for (std::size_t i = 0; i < kStages; ++i) {
@@ -226,7 +226,8 @@ public:
         background_ms_.add(static_cast<double>(now_ns - begin_ns) * 1e-6);
         out.state_hash = recorded_.hash = engine_->state_hash();
         if (writer_ != nullptr) {
-            writer_->add(recorded_);
+            record_frame();
+            record_ms_.add(static_cast<double>(monotonic_ns() - now_ns) * 1e-6);
             if (can_wait_) writer_->wait_for_room(std::chrono::seconds(10));
         }
         recorded_.grant_runs = 0;
@@ -262,15 +263,17 @@ public:
         if (writer_ != nullptr) {
             if (const std::string problem = writer_->close(); !problem.empty()) record.problems.push_back(problem);
             record.recording = recording_;
+            record.record_ms = record_ms_;
             record.frames_recorded = writer_->frames();
         }
     }
 
 private:
-    void note_frame(const Frame& frame, Status status) {
+    // Behind submit, while the pose is not out yet: the least that is needed.
+    void note_decisions(const Frame& frame, Status status) {
         const FrameStatistics& statistics = engine_->frame_statistics();
+        frame_ = frame;
         recorded_.time_ns = frame.time_ns;
-        recorded_.digest = frame_digest(frame);
         recorded_.status = status;
         recorded_.pose_state = static_cast<std::uint8_t>(engine_->pose().state);
         recorded_.is_keyframe = statistics.is_keyframe;
@@ -280,6 +283,10 @@ private:
         recorded_.groups = statistics.groups;
         recorded_.hash_tracked = recorded_.hash = engine_->state_hash();
         recorded_.grant_runs = 0;
+    }
+    void record_frame() {
+        recorded_.digest = frame_digest(frame_);
+        writer_->add(recorded_);
     }
     static void on_stage(void* user, Stage stage, bool is_begin) noexcept {
         auto& session = *static_cast<EngineSession*>(user);
@@ -302,7 +309,8 @@ private:
     std::string recording_;
     std::unique_ptr<RecordingWriter> writer_;
     RecordedFrame recorded_;
-    Percentiles background_ms_, slice_ms_;
+    Frame frame_;  // the last submitted; its pixels are there until work() returns
+    Percentiles background_ms_, slice_ms_, record_ms_;
     std::array<StageRecord, kStages> stages_;
     std::array<std::int64_t, kStages> begin_ns_{};
     std::array<std::int64_t, kStages> spent_ns_{};

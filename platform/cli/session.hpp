@@ -29,7 +29,8 @@ public:
     // kOk: `out` is filled. Else the frame was refused and `message` says why.
     [[nodiscard]] virtual Status submit(const Frame& frame, SessionFrame& out, std::string& message) = 0;
     // Background work behind the frame: until a time of monotonic_ns, or, without one, as much as the configuration
-    // grants each frame. Then the frame is done with, and recorded. `out.state_hash` follows.
+    // grants each frame. Then the frame, whose pixels must still be there, is
+    // recorded and done with. `out.state_hash` follows.
     virtual void work(std::optional<std::int64_t> until_ns, SessionFrame& out) {
         static_cast<void>(until_ns);
         static_cast<void>(out);

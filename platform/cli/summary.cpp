@@ -87,7 +87,9 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
                     : "\n";
     }
     if (!record.recording.empty()) {
-        text += fmt::format("recording     {}, {} frames\n", record.recording, record.frames_recorded);
+        text +=
+            fmt::format("recording     {}, {} frames; {:.3f} ms median, {:.3f} ms p99 per frame\n", record.recording,
+                        record.frames_recorded, record.record_ms.median(), record.record_ms.p99());
     }
     text += fmt::format("state hash    {:016x}\n", record.state_hash);
     for (const std::string& note : record.notes) text += fmt::format("note          {}\n", note);
@@ -157,6 +159,8 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
     json["source_late_s"] = record.source_late_s;
     json["recording"] = record.recording.empty() ? Json(nullptr) : Json(record.recording);
     json["frames_recorded"] = record.frames_recorded;
+    json["record_ms_median"] = record.record_ms.median();
+    json["record_ms_p99"] = record.record_ms.p99();
     json["notes"] = record.notes;
     json["problems"] = record.problems;
     json["report"] = report.empty() ? Json(nullptr) : Json(report);

@@ -94,6 +94,7 @@ struct RunRecord {
     ScheduleStatistics schedule;
     std::string recording;  // file; empty: none
     std::uint64_t frames_recorded = 0;
+    Percentiles record_ms;              // what recording a frame costs the engine's thread
     std::vector<std::string> notes;     // sentences about what was as it should not be, but did no harm
     std::vector<std::string> problems;  // sentences about what makes this a failed run
 
