@@ -161,6 +161,7 @@ std::uint64_t Engine::state_hash() const noexcept {
     StateHash hash;
     hash.add(state.tracking.state_hash());
     state.scheduler.add_to(hash);
+    hash.add(state.tracking.map().changes_hash());
     return hash.value();
 }
 void Engine::set_stage_observer(StageObserver observer) noexcept {

@@ -527,6 +527,7 @@ void Mapping::correct_keyframes() noexcept {
         corrections_[next] = corrections_[keyframe.parent.slot()];
         keyframe.world_from_camera = corrections_[next].world_from_world * keyframe.world_from_camera;
         renormalise(keyframe.world_from_camera.rotation);
+        for (int i = 0; i < 3; ++i) map_->note_change(keyframe.world_from_camera.translation(i));
     }
     const Handle<Keyframe> last = map_->recent_keyframe(0);
     if (!last.is_null() && corrections_[last.slot()].is_any) {
