@@ -44,6 +44,27 @@ struct RegionParameters {
     std::uint32_t group_points_min = 6;  // smaller groups get no pose of their own
     double margin_min = 0.0;             // of the choice, below: unsure
     double score_min = 0.2;              // of the choice, below: unsure
+    // docs/tracking.md says why; each sentence is in visit_parameters.
+    double step_m = 0.1;
+    double step_slope = 2.0;
+    double anchor_chi2_share = 0.5;
+    double badness_max = 16.0;
+    double agreement_floor = 0.5;
+    double reach_factor = 4.0;
+    double group_inliers_start = 0.7;
+    std::uint32_t left_over_min = 12;
+    double left_over_inliers_start = 0.4;
+    std::uint32_t left_over_rounds = 3;
+    double prior_weight = 0.25;
+    double prior_sigmas = 3.0;
+    double plausible_sigmas = 5.0;
+    double same_motion_m = 0.005;
+    double same_motion_rad = 0.005;
+    double rival_area_min = 0.05;
+    double anchor_inlier_factor = 2.0;
+    double more_factor = 2.0;
+    double more_anchor_factor = 3.0;
+    double more_radius_share = 0.5;
 };
 
 struct PoseParameters {
@@ -55,6 +76,7 @@ struct PoseParameters {
     std::uint32_t lost_frames_max = 30;     // predicted for at most so many frames
     double sure_sigma_m = 0.025;            // of the motion over the last second, all axes together; above: unsure
     double sure_sigma_rad = 0.025;
+    std::uint32_t sure_inliers_factor = 2;
 };
 
 struct WeightParameters {
@@ -63,6 +85,81 @@ struct WeightParameters {
     std::uint32_t step = 1;        // theta = 0.1
     std::uint32_t max = 20;        // w = 2
     std::uint32_t eligible = 10;   // static threshold
+    // What a point's past is worth (method.md 7 and 11).
+    double proven_s = 0.7;
+    double unproven = 0.03;
+    std::uint32_t suspect_steps = 3;
+    double anchor_age_s = 1.0;
+    double anchor_proven_share = 0.5;
+    double drift_m = 0.003;
+    double drift_m_s = 0.002;
+    double drift_max_m = 0.02;
+    double gain_min = 0.03;
+    double variance_min = 0.1;
+    double near_px = 40.0;
+    double near_m = 0.2;
+    double near_sigmas = 3.0;
+};
+
+// How far real noise leaves the model's, followed from frame to frame.
+struct NoiseParameters {
+    double pixel_start = 0.1;
+    double depth_start = 0.3;
+    double pixel_min = 0.06;
+    double depth_min = 0.25;
+    double max = 20.0;
+    std::uint32_t young_frames = 6;
+    double explained_min = 0.6;
+    std::uint32_t first_tries = 4;
+    std::uint32_t tries = 2;
+    double pixel_try_factor = 2.5;
+    double depth_try_factor = 2.0;
+    double fall_young = 0.1;
+    double rise_young = 2.0;
+    double fall = 0.9;
+    double rise = 1.25;
+    std::uint32_t residuals_min = 30;
+};
+
+// Constant velocity. Hands and wheels accelerate by some m/s^2 and some tens of rad/s^2, and the last velocity is
+// itself measured. Without one (still_), the camera may have been moving already when it was switched on.
+struct PredictionParameters {
+    double sigma_m = 0.004;
+    double sigma_m_s = 0.06;
+    double sigma_rad = 0.01;
+    double sigma_rad_s = 0.5;
+    double still_sigma_m = 0.01;
+    double still_sigma_m_s = 0.8;
+    double still_sigma_rad = 0.01;
+    double still_sigma_rad_s = 1.2;
+    double retry_sigma_factor = 3.0;
+    double turn_max_rad_s = 4.0;
+    double slip_share = 0.2;
+    double gap_max = 3.0;
+    double fading_lost = 0.8;
+    std::uint32_t fading_frames_max = 20;
+    double fading_unsure = 0.7;
+};
+
+// Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can.
+struct RecoveryParameters {
+    std::uint32_t keyframes_max = 16;
+    std::uint32_t matches_min = 8;
+    double inliers_start = 0.3;
+    double inlier_share_min = 0.5;
+    double reach_m = 0.1;
+    double reach_m_s = 1.5;
+    double reach_rad = 0.2;
+    double reach_rad_s = 2.0;
+};
+
+// Points whose place is seen to be empty.
+struct EmptinessParameters {
+    std::uint32_t places_per_frame = 400;
+    std::uint32_t reach_px = 3;
+    double sigmas = 5.0;
+    double margin_m = 0.06;
+    std::uint32_t views = 5;
 };
 
 struct KeyframeParameters {
@@ -97,6 +194,10 @@ struct Configuration {
     RegionParameters region;
     PoseParameters pose;
     WeightParameters weights;
+    NoiseParameters noise;
+    PredictionParameters prediction;
+    RecoveryParameters recovery;
+    EmptinessParameters emptiness;
     KeyframeParameters keyframes;
     ScheduleParameters schedule;
     MappingParameters mapping;
@@ -143,6 +244,38 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("region.group_points_min", c.region.group_points_min, 3.0, 1000.0, "", "smaller groups get no pose of their own");
     v("region.margin_min", c.region.margin_min, -1.0, 1.0, "", "smaller margin of the choice makes a pose unsure");
     v("region.score_min", c.region.score_min, 0.0, 1.0, "", "smaller score of the choice makes a pose unsure");
+    v("region.step_m", c.region.step_m, 0.0, 10.0, "m", "a larger step in depth, if steep, parts groups");
+    v("region.step_slope", c.region.step_slope, 0.0, 100.0, "", "steeper than any surface seen for long");
+    v("region.anchor_chi2_share", c.region.anchor_chi2_share, 0.0, 10.0, "",
+      "of the anchor's squared residual in a point's badness");
+    v("region.badness_max", c.region.badness_max, 0.1, 1000.0, "", "a point's squared residual beyond is just wrong");
+    v("region.agreement_floor", c.region.agreement_floor, 1e-3, 100.0, "",
+      "badness under which groups are not told apart");
+    v("region.reach_factor", c.region.reach_factor, 1.0, 100.0, "",
+      "chi2 threshold from which a hypothesis is refined, times");
+    v("region.group_inliers_start", c.region.group_inliers_start, 0.05, 1.0, "",
+      "share of inliers expected in a rigid group");
+    v("region.left_over_min", c.region.left_over_min, 3.0, 4000.0, "",
+      "fewer points that agree with nobody propose no motion");
+    v("region.left_over_inliers_start", c.region.left_over_inliers_start, 0.05, 1.0, "",
+      "share of inliers expected among them");
+    v("region.left_over_rounds", c.region.left_over_rounds, 0.0, 14.0, "", "motions sought among them");
+    v("region.prior_weight", c.region.prior_weight, 0.0, 100.0, "", "of the expected motion beside Eq. 1");
+    v("region.prior_sigmas", c.region.prior_sigmas, 0.1, 100.0, "",
+      "off the expected motion, where that weight is half");
+    v("region.plausible_sigmas", c.region.plausible_sigmas, 0.1, 100.0, "",
+      "off the expected motion, where a score is half");
+    v("region.same_motion_m", c.region.same_motion_m, 0.0, 1.0, "m", "closer motions are the same");
+    v("region.same_motion_rad", c.region.same_motion_rad, 0.0, 1.0, "rad", "closer motions are the same");
+    v("region.rival_area_min", c.region.rival_area_min, 0.0, 1.0, "",
+      "share of the area only a rival explains; less is noise");
+    v("region.anchor_inlier_factor", c.region.anchor_inlier_factor, 0.1, 100.0, "",
+      "chi2 threshold at a point's anchor, times");
+    v("region.more_factor", c.region.more_factor, 0.1, 100.0, "",
+      "chi2 threshold once more of the map is matched, times");
+    v("region.more_anchor_factor", c.region.more_anchor_factor, 0.1, 100.0, "", "the same at a point's anchor");
+    v("region.more_radius_share", c.region.more_radius_share, 0.01, 10.0, "",
+      "of matching.radius_px to look for more of the map in");
     v("pose.confidence", c.pose.confidence, 0.5, 0.9999, "", "of RANSAC's iteration rule");
     v("pose.coarse_iterations_max", c.pose.coarse_iterations_max, 1.0, 5000.0, "", "RANSAC iterations for one group");
     v("pose.final_iterations_max", c.pose.final_iterations_max, 1.0, 5000.0, "", "RANSAC iterations for the pose");
@@ -151,11 +284,84 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("pose.lost_frames_max", c.pose.lost_frames_max, 0.0, 1000.0, "frames", "how long a lost pose is predicted");
     v("pose.sure_sigma_m", c.pose.sure_sigma_m, 1e-4, 10.0, "m", "less certain motion over a second is unsure");
     v("pose.sure_sigma_rad", c.pose.sure_sigma_rad, 1e-4, 3.0, "rad", "less certain motion over a second is unsure");
+    v("pose.sure_inliers_factor", c.pose.sure_inliers_factor, 1.0, 100.0, "",
+      "times inliers_min inliers make a pose sure");
     v("weights.start", c.weights.start, 0.0, 200.0, "1/10", "static weight of a new point");
     v("weights.suspicious", c.weights.suspicious, 0.0, 200.0, "1/10", "the same inside a rejected group");
     v("weights.step", c.weights.step, 1.0, 100.0, "1/10", "theta, added or taken per frame");
     v("weights.max", c.weights.max, 1.0, 200.0, "1/10", "largest static weight");
     v("weights.eligible", c.weights.eligible, 0.0, 200.0, "1/10", "static threshold");
+    v("weights.proven_s", c.weights.proven_s, 0.01, 100.0, "s",
+      "a point is fully believed after standing still so long");
+    v("weights.unproven", c.weights.unproven, 0.0, 1.0, "", "vote of a new point beside a proven one");
+    v("weights.suspect_steps", c.weights.suspect_steps, 0.0, 200.0, "",
+      "bad frames from the static threshold that take a vote");
+    v("weights.anchor_age_s", c.weights.anchor_age_s, 0.01, 100.0, "s", "oldest anchor of a moving point");
+    v("weights.anchor_proven_share", c.weights.anchor_proven_share, 0.0, 1.0, "",
+      "of that age, standing still so long gives a vote");
+    v("weights.drift_m", c.weights.drift_m, 0.0, 10.0, "m", "odometry since a point was first seen, at once");
+    v("weights.drift_m_s", c.weights.drift_m_s, 0.0, 10.0, "m/s", "and with time");
+    v("weights.drift_max_m", c.weights.drift_max_m, 0.0, 10.0, "m", "and at most");
+    v("weights.gain_min", c.weights.gain_min, 0.0, 1.0, "", "least share of a measurement in a point's place");
+    v("weights.variance_min", c.weights.variance_min, 0.0, 1.0, "", "least variance of a point over one measurement's");
+    v("weights.near_px", c.weights.near_px, 1.0, 400.0, "px", "a new feature is judged by its neighbours within");
+    v("weights.near_m", c.weights.near_m, 0.0, 10.0, "m", "in depth, too, beside noise");
+    v("weights.near_sigmas", c.weights.near_sigmas, 0.0, 100.0, "", "of depth noise between such neighbours");
+    v("noise.pixel_start", c.noise.pixel_start, 1e-3, 1000.0, "", "variance of pixels over the model's, to begin with");
+    v("noise.depth_start", c.noise.depth_start, 1e-3, 1000.0, "", "variance of depth over the model's, to begin with");
+    v("noise.pixel_min", c.noise.pixel_min, 1e-3, 1.0, "", "least factor of the pixel variance");
+    v("noise.depth_min", c.noise.depth_min, 1e-3, 1.0, "", "least factor of the depth variance");
+    v("noise.max", c.noise.max, 1.0, 1000.0, "", "largest factor of either variance");
+    v("noise.young_frames", c.noise.young_frames, 0.0, 1000.0, "frames",
+      "learnt from each group under its own motion for so long");
+    v("noise.explained_min", c.noise.explained_min, 0.0, 1.0, "",
+      "share of voters; motions explain less: more noise is tried");
+    v("noise.first_tries", c.noise.first_tries, 0.0, 10.0, "", "such tries in the first frame");
+    v("noise.tries", c.noise.tries, 0.0, 10.0, "", "such tries in later frames");
+    v("noise.pixel_try_factor", c.noise.pixel_try_factor, 1.0, 100.0, "", "more pixel noise from try to try");
+    v("noise.depth_try_factor", c.noise.depth_try_factor, 1.0, 100.0, "", "more depth noise from try to try");
+    v("noise.fall_young", c.noise.fall_young, 0.01, 1.0, "", "most a factor falls by in one of the first frames");
+    v("noise.rise_young", c.noise.rise_young, 1.0, 100.0, "", "most a factor rises by in one of the first frames");
+    v("noise.fall", c.noise.fall, 0.01, 1.0, "", "most a factor falls by in a frame");
+    v("noise.rise", c.noise.rise, 1.0, 100.0, "", "most a factor rises by in a frame");
+    v("noise.residuals_min", c.noise.residuals_min, 1.0, 4000.0, "", "fewer residuals tell nothing of noise");
+    v("prediction.sigma_m", c.prediction.sigma_m, 1e-5, 10.0, "m", "deviation of the expected motion");
+    v("prediction.sigma_m_s", c.prediction.sigma_m_s, 0.0, 100.0, "m/s", "its growth with the time between frames");
+    v("prediction.sigma_rad", c.prediction.sigma_rad, 1e-5, 3.0, "rad", "deviation of the expected turn");
+    v("prediction.sigma_rad_s", c.prediction.sigma_rad_s, 0.0, 100.0, "rad/s",
+      "its growth with the time between frames");
+    v("prediction.still_sigma_m", c.prediction.still_sigma_m, 1e-5, 10.0, "m", "deviation without a known velocity");
+    v("prediction.still_sigma_m_s", c.prediction.still_sigma_m_s, 0.0, 100.0, "m/s",
+      "its growth with the time between frames");
+    v("prediction.still_sigma_rad", c.prediction.still_sigma_rad, 1e-5, 3.0, "rad",
+      "deviation of the turn without a known velocity");
+    v("prediction.still_sigma_rad_s", c.prediction.still_sigma_rad_s, 0.0, 100.0, "rad/s",
+      "its growth with the time between frames");
+    v("prediction.retry_sigma_factor", c.prediction.retry_sigma_factor, 1.0, 100.0, "",
+      "less certain when the search had to be widened");
+    v("prediction.turn_max_rad_s", c.prediction.turn_max_rad_s, 0.0, 100.0, "rad/s",
+      "largest turn that is believed of the last frames");
+    v("prediction.slip_share", c.prediction.slip_share, 0.0, 10.0, "",
+      "of the lag between images that shows as depth error");
+    v("prediction.gap_max", c.prediction.gap_max, 0.1, 100.0, "",
+      "a velocity is used for so many times its own interval");
+    v("prediction.fading_lost", c.prediction.fading_lost, 0.0, 1.0, "", "what is left of a velocity per lost frame");
+    v("prediction.fading_frames_max", c.prediction.fading_frames_max, 0.0, 1000.0, "frames", "it fades for so long");
+    v("prediction.fading_unsure", c.prediction.fading_unsure, 0.0, 1.0, "",
+      "what is left of the sliding after an unsure frame");
+    v("recovery.keyframes_max", c.recovery.keyframes_max, 1.0, 1000.0, "", "recent ones tried in turn");
+    v("recovery.matches_min", c.recovery.matches_min, 3.0, 4000.0, "", "fewer matches recover nothing");
+    v("recovery.inliers_start", c.recovery.inliers_start, 0.05, 1.0, "", "share of inliers expected");
+    v("recovery.inlier_share_min", c.recovery.inlier_share_min, 0.0, 1.0, "", "of the matches that must agree");
+    v("recovery.reach_m", c.recovery.reach_m, 0.0, 1000.0, "m", "how far a camera gets at once");
+    v("recovery.reach_m_s", c.recovery.reach_m_s, 0.0, 1000.0, "m/s", "and how fast");
+    v("recovery.reach_rad", c.recovery.reach_rad, 0.0, 10.0, "rad", "how far a camera turns at once");
+    v("recovery.reach_rad_s", c.recovery.reach_rad_s, 0.0, 100.0, "rad/s", "and how fast");
+    v("emptiness.places_per_frame", c.emptiness.places_per_frame, 0.0, 10000.0, "", "places looked at for emptiness");
+    v("emptiness.reach_px", c.emptiness.reach_px, 1.0, 10.0, "px", "around a place, all must be empty");
+    v("emptiness.sigmas", c.emptiness.sigmas, 0.0, 100.0, "", "of depth noise beyond a place that is empty");
+    v("emptiness.margin_m", c.emptiness.margin_m, 0.0, 10.0, "m", "beyond it beside noise");
+    v("emptiness.views", c.emptiness.views, 1.0, 255.0, "", "frames that see a place empty before its point goes");
     v("keyframes.tracked_share_max", c.keyframes.tracked_share_max, 0.05, 1.0, "", "track more: no new keyframe");
     v("keyframes.new_points_min", c.keyframes.new_points_min, 1.0, 4000.0, "", "a new keyframe adds at least so many");
     v("keyframes.gap_min", c.keyframes.gap_min, 1.0, 300.0, "frames", "from one keyframe to the next");

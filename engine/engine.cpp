@@ -78,9 +78,15 @@ ConfigurationProblem validate(const Configuration& configuration, const Limits& 
          static_cast<double>(c.weights.max)},
         {"weights.eligible", "is above weights.max", static_cast<double>(c.weights.eligible), 0.0,
          static_cast<double>(c.weights.max)},
+        {"weights.drift_m", "is above weights.drift_max_m", c.weights.drift_m, 0.0, c.weights.drift_max_m},
+        {"noise.pixel_start", "is not between noise.pixel_min and noise.max", c.noise.pixel_start, c.noise.pixel_min,
+         c.noise.max},
+        {"noise.depth_start", "is not between noise.depth_min and noise.max", c.noise.depth_start, c.noise.depth_min,
+         c.noise.max},
     };
     for (const Rule& rule : rules) {
-        if (rule.value > rule.max) return {rule.key, rule.sentence, rule.value, rule.min, rule.max};
+        if (rule.value < rule.min || rule.value > rule.max)
+            return {rule.key, rule.sentence, rule.value, rule.min, rule.max};
     }
     if (c.depth.z_min_m >= c.depth.z_max_m) {
         return {"depth.z_min_m", "is not below depth.z_max_m", c.depth.z_min_m, 0.05, c.depth.z_max_m};

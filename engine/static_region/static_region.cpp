@@ -22,31 +22,23 @@ double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
         static_cast<std::int64_t>(b.x - a.x) * (c.y - a.y) - static_cast<std::int64_t>(b.y - a.y) * (c.x - a.x);
     return static_cast<double>(cross < 0 ? -cross : cross);
 }
-constexpr std::size_t kLeftOverMin = 12;
 
 // Steeper than any surface that shows features on both ends for long.
-bool is_depth_step(const Correspondence& a, const Correspondence& b) noexcept {
-    constexpr double kStep_m = 0.1;
-    constexpr double kSlope = 2.0;
+bool is_depth_step(const Correspondence& a, const Correspondence& b, const RegionParameters& region) noexcept {
     const double step = a.p_camera.z() - b.p_camera.z();
     const double across = (a.normalised - b.normalised).squaredNorm() * a.p_camera.z() * b.p_camera.z();
-    return step * step > kStep_m * kStep_m && step * step > kSlope * kSlope * across;
+    return step * step > region.step_m * region.step_m && step * step > region.step_slope * region.step_slope * across;
 }
 
 // What a correspondence says about a pose, judged by the map's estimate and by where the point was first seen.
-double badness(const Correspondence& c, const SE3& camera_from_world) noexcept {
-    return std::max(chi2_of(c, camera_from_world), 0.5 * chi2_of_anchor(c, camera_from_world));
+double badness(const Correspondence& c, const SE3& camera_from_world, const RegionParameters& region) noexcept {
+    return std::max(chi2_of(c, camera_from_world), region.anchor_chi2_share * chi2_of_anchor(c, camera_from_world));
 }
-// Closer than this nobody minds which of two motions it was.
-constexpr double kSameMotion_m = 0.005;
-constexpr double kSameMotion_rad = 0.005;
 
 // What a feature stands for in square metres, up to a factor.
 double area_of(const Correspondence& c) noexcept {
     return c.has_depth ? c.vote * c.p_camera.z() * c.p_camera.z() : 0.0;
 }
-constexpr double kBadnessMax = 16.0;  // beyond, it is just wrong
-
 constexpr double kArea_px2 = 0.5 / (kMeshUnitsPerPixel * kMeshUnitsPerPixel);
 
 }  // namespace
@@ -133,7 +125,8 @@ void StaticRegion::group_vertices(std::span<const Correspondence> correspondence
         for (int k = 0; k < 3; ++k) {
             if (edge_kept_[t.edge[k]] == 0) return false;
             const MeshEdge& edge = mesh.edges[t.edge[k]];
-            if (is_depth_step(correspondences[first_of_vertex_[edge.a]], correspondences[first_of_vertex_[edge.b]])) {
+            if (is_depth_step(correspondences[first_of_vertex_[edge.a]], correspondences[first_of_vertex_[edge.b]],
+                              parameters)) {
                 return false;
             }
         }
@@ -194,17 +187,20 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
                                                const RegionContext& context) noexcept {
     Support support;
     const SE3 camera_from_world = world_from_camera.inverse();
-    const double chi2_max = parameters.region.point_chi2_max;
+    const RegionParameters& region = parameters.region;
+    const double chi2_max = region.point_chi2_max;
     for (std::uint32_t g = 0; g < fitted_groups_; ++g) groups_[g].badness_sum = 0;
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
-        const double bad = badness(correspondences[i], camera_from_world);
+        const double bad = badness(correspondences[i], camera_from_world, region);
         is_inlier_[i] = bad <= chi2_max ? 1 : 0;
         const std::uint16_t g = group_of_correspondence_[i];
-        if (g < fitted_groups_ && correspondences[i].vote > 0) groups_[g].badness_sum += std::min(bad, kBadnessMax);
+        if (g < fitted_groups_ && correspondences[i].vote > 0)
+            groups_[g].badness_sum += std::min(bad, region.badness_max);
     }
     // A body agrees with a motion that explains it about as well as its own best motion does: many small residuals that
     // each pass say "moves" together long before one of them does.
-    for (std::uint32_t g = 0; g < fitted_groups_; ++g) groups_[g].agreement = agreement_of(groups_[g]);
+    for (std::uint32_t g = 0; g < fitted_groups_; ++g)
+        groups_[g].agreement = agreement_of(groups_[g], region.agreement_floor);
     double votes = 0;
     double votes_all = 0;
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
@@ -233,7 +229,6 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
             area += weighted * std::min({agreement_at(a), agreement_at(b), agreement_at(c)});
         }
     }
-    const RegionParameters& region = parameters.region;
     double weight_sum = region.score_points;
     double score = votes_all > 0 ? region.score_points * votes / votes_all : 0.0;
     if (area_all > 0) {
@@ -245,22 +240,20 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
         const double angle = rotation_angle(off.rotation) / context.prediction_sigma_rad;
         const double d2 =
             off.translation.squaredNorm() / (context.prediction_sigma_m * context.prediction_sigma_m) + angle * angle;
-        constexpr double kPriorWeight = 0.25;
-        score += kPriorWeight / (1.0 + d2 / 9.0);
-        weight_sum += kPriorWeight;
+        score += region.prior_weight / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
+        weight_sum += region.prior_weight;
         // No camera on a robot or in a hand jumps: a motion far off the prediction needs far more support.
-        support.plausibility = 1.0 / (1.0 + d2 / 25.0);
+        support.plausibility = 1.0 / (1.0 + d2 / (region.plausible_sigmas * region.plausible_sigmas));
         score *= support.plausibility;
     }
     support.score = weight_sum > 0 ? score / weight_sum : 0.0;
     return support;
 }
 
-double StaticRegion::agreement_of(const Group& group) noexcept {
+double StaticRegion::agreement_of(const Group& group, double floor) noexcept {
     if (group.voters == 0) return 1.0;
     const double mean = group.badness_sum / group.voters;
-    constexpr double kFloor = 0.5;
-    const double excess = (mean - group.badness_best) / (group.badness_best + kFloor);
+    const double excess = (mean - group.badness_best) / (group.badness_best + floor);
     return std::clamp(1.0 - excess, 0.0, 1.0);
 }
 
@@ -270,7 +263,7 @@ void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, c
     RansacOptions options;
     options.confidence = parameters.pose.confidence;
     options.factor = 3;
-    options.inlier_ratio_start = 0.7;  // of a rigid group
+    options.inlier_ratio_start = parameters.region.group_inliers_start;
     options.chi2_max = parameters.region.point_chi2_max;
     fitted_groups_ = 0;
     for (std::uint32_t g = 0; g < groups_count_ && g < kFittedGroupsMax; ++g) {
@@ -296,7 +289,8 @@ void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, c
         const SE3 camera_from_world = group.motion.inverse();
         double sum = 0;
         for (const std::uint16_t i : members_) {
-            sum += std::min(badness(correspondences[i], camera_from_world), kBadnessMax);
+            sum += std::min(badness(correspondences[i], camera_from_world, parameters.region),
+                            parameters.region.badness_max);
         }
         group.voters = static_cast<std::uint32_t>(members_.size());
         group.badness_best = sum / group.voters;
@@ -304,13 +298,14 @@ void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, c
 }
 
 void StaticRegion::gather_inliers(std::span<const Correspondence> correspondences, const SE3& world_from_camera,
-                                  double chi2_max, FixedVector<std::uint16_t>& out) const noexcept {
+                                  double chi2_max, double chi2_anchor_max,
+                                  FixedVector<std::uint16_t>& out) const noexcept {
     out.clear();
     const SE3 camera_from_world = world_from_camera.inverse();
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
         const Correspondence& c = correspondences[i];
         if (!(c.vote > 0)) continue;
-        if (chi2_of(c, camera_from_world) <= chi2_max && chi2_of_anchor(c, camera_from_world) <= 2.0 * chi2_max) {
+        if (chi2_of(c, camera_from_world) <= chi2_max && chi2_of_anchor(c, camera_from_world) <= chi2_anchor_max) {
             STILLMESH_CHECK(out.push(static_cast<std::uint16_t>(i)));
         }
     }
@@ -333,10 +328,12 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         explained_by_[i] = 0;
         if (correspondences[i].vote > 0) STILLMESH_CHECK(all_.push(static_cast<std::uint16_t>(i)));
     }
-    const double chi2_max = parameters.region.point_chi2_max;
+    const RegionParameters& region = parameters.region;
+    const double chi2_max = region.point_chi2_max;
     const auto propose = [&](const SE3& pose, double reach) {
         // Refined on what agrees with it, so that hypotheses are compared at their best.
-        gather_inliers(correspondences, pose, reach * chi2_max, inliers_);
+        gather_inliers(correspondences, pose, reach * chi2_max, region.anchor_inlier_factor * (reach * chi2_max),
+                       inliers_);
         const PoseFit fit = optimise_pose(correspondences, inliers_.span(), pose, chi2_max, 4);
         Hypothesis h;
         h.pose = fit.is_valid ? fit.world_from_camera : pose;
@@ -362,11 +359,11 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     if (context.has_prediction) {
         const PoseFit fit =
             optimise_pose(correspondences, all_.span(), context.world_from_camera_predicted, chi2_max, 6);
-        propose(fit.is_valid ? fit.world_from_camera : context.world_from_camera_predicted, 4.0);
+        propose(fit.is_valid ? fit.world_from_camera : context.world_from_camera_predicted, region.reach_factor);
     }
     const RansacResult over_all = ransac_pose(correspondences, all_.span(), nullptr, options, random);
     choice.iterations += over_all.iterations;
-    if (over_all.is_valid) propose(over_all.world_from_camera, 4.0);
+    if (over_all.is_valid) propose(over_all.world_from_camera, region.reach_factor);
     if (parameters.region.is_enabled) {
         for (std::uint32_t g = 0; g < fitted_groups_; ++g) {
             if (groups_[g].is_fitted && hypotheses.size() < kHypothesesMax) propose(groups_[g].motion, 1.0);
@@ -374,21 +371,20 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     }
     // Who agrees with nobody yet may have a motion of his own, however few he is: RANSAC over all finds the most
     // points, and those may be the crowd.
-    constexpr int kRounds = 3;
-    for (int round = 0; parameters.region.is_enabled && round < kRounds; ++round) {
+    for (std::uint32_t round = 0; region.is_enabled && round < region.left_over_rounds; ++round) {
         if (hypotheses.size() == kHypothesesMax || choice.iterations >= parameters.pose.coarse_total_max) break;
         members_.clear();
         for (const std::uint16_t i : all_) {
             if (explained_by_[i] == 0) STILLMESH_CHECK(members_.push(i));
         }
-        if (members_.size() < kLeftOverMin) break;
+        if (members_.size() < region.left_over_min) break;
         options.iterations_max =
             std::min(parameters.pose.coarse_iterations_max, parameters.pose.coarse_total_max - choice.iterations);
-        options.inlier_ratio_start = 0.4;
+        options.inlier_ratio_start = region.left_over_inliers_start;
         const RansacResult result = ransac_pose(correspondences, members_.span(), nullptr, options, random);
         choice.iterations += result.iterations;
         if (!result.is_valid || result.inliers < parameters.region.group_points_min) break;
-        propose(result.world_from_camera, 4.0);
+        propose(result.world_from_camera, region.reach_factor);
     }
     if (hypotheses.size() == 0) return choice;
     std::size_t explained = 0;
@@ -407,8 +403,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     for (std::size_t i = 0; i < hypotheses.size(); ++i) {
         if (i == best) continue;
         const SE3 off = hypotheses[best].pose.inverse() * hypotheses[i].pose;
-        if (off.translation.squaredNorm() < kSameMotion_m * kSameMotion_m &&
-            rotation_angle(off.rotation) < kSameMotion_rad) {
+        if (off.translation.squaredNorm() < region.same_motion_m * region.same_motion_m &&
+            rotation_angle(off.rotation) < region.same_motion_rad) {
             continue;
         }
         double ours = 0;
@@ -420,14 +416,14 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
             if (!is_ours && is_theirs) theirs += area_of(correspondences[k]);
         }
         theirs *= std::min(hypotheses[i].plausibility / hypotheses[best].plausibility, 1.0);
-        constexpr double kRivalMin = 0.05;  // less is noise
-        if (theirs < kRivalMin * area_all) continue;
+        if (theirs < region.rival_area_min * area_all) continue;  // noise
         choice.margin = std::min(choice.margin, (ours - theirs) / (ours + theirs));
     }
     choice.world_from_camera = hypotheses[best].pose;
     choice.score = hypotheses[best].score;
     static_cast<void>(support_of(correspondences, choice.world_from_camera, parameters, context));
-    gather_inliers(correspondences, choice.world_from_camera, chi2_max, inliers_);
+    gather_inliers(correspondences, choice.world_from_camera, chi2_max, region.anchor_inlier_factor * chi2_max,
+                   inliers_);
     for (const std::uint16_t i : inliers_) {
         if (agreement_at(i) > 0) STILLMESH_CHECK(chosen_.push(i));
     }

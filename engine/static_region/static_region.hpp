@@ -110,13 +110,13 @@ private:
     [[nodiscard]] Support support_of(std::span<const Correspondence> correspondences, const SE3& world_from_camera,
                                      const Configuration& parameters, const RegionContext& context) noexcept;
     void gather_inliers(std::span<const Correspondence> correspondences, const SE3& world_from_camera, double chi2_max,
-                        FixedVector<std::uint16_t>& out) const noexcept;
+                        double chi2_anchor_max, FixedVector<std::uint16_t>& out) const noexcept;
     void cut_edges(std::span<const Correspondence> correspondences, const RegionParameters& parameters,
                    const RegionContext& context) noexcept;
     void group_vertices(std::span<const Correspondence> correspondences, const RegionParameters& parameters) noexcept;
     void fit_groups(std::span<const Correspondence> correspondences, const Configuration& parameters,
                     RegionChoice& choice, Random& random) noexcept;
-    [[nodiscard]] static double agreement_of(const Group& group) noexcept;
+    [[nodiscard]] static double agreement_of(const Group& group, double floor) noexcept;
     [[nodiscard]] double agreement_at(std::size_t correspondence) const noexcept {
         const std::uint16_t g = group_of_correspondence_[correspondence];
         return g < fitted_groups_ ? groups_[g].agreement : 1.0;

@@ -17,31 +17,6 @@ double seconds(std::int64_t from_ns, std::int64_t to_ns) noexcept {
     return static_cast<double>(to_ns - from_ns) / kSecond_ns;
 }
 
-// How long a point must have stood still to be fully believed, and how old the anchor of a moving one may get.
-constexpr double kProven_s = 0.7;
-constexpr double kAnchorAge_s = 1.0;
-// The vote of a new point beside one that has proven to stand still: somebody new in the picture has as many features
-// as he likes, but none of them has a past (method.md 11.1).
-constexpr double kUnproven = 0.03;
-// Where a point was first seen is known in the odometry of then; what that may have drifted since.
-constexpr double kDrift_m = 0.003;
-constexpr double kDriftPerSecond_m = 0.002;
-constexpr double kDriftMax_m = 0.02;
-// How far the measured noise may leave the model, as factors of the variance.
-constexpr double kNoisePixelMin = 0.06;
-constexpr double kNoiseDepthMin = 0.25;
-constexpr double kNoiseMax = 20.0;
-// How far a camera may have got while nothing was measured.
-constexpr double kReach_m = 0.1;
-constexpr double kReach_m_s = 1.5;
-constexpr double kReach_rad = 0.2;
-constexpr double kReach_rad_s = 2.0;
-constexpr std::uint32_t kSureFactor = 2;  // twice the fewest inliers that make a pose make a sure one
-constexpr std::uint32_t kNoiseYoungFrames = 6;
-constexpr double kNoisePixelStart = 0.1;
-constexpr double kNoiseDepthStart = 0.3;
-constexpr double kExplainedMin = 0.6;
-
 // How far apart colour and depth were taken. A camera that does not know says the same time twice; one whose times are
 // farther apart than images of one frame can be has two clocks. The frame was validated: its own time is not negative.
 double lag_of(const Frame& frame, double unknown_s) noexcept {
@@ -115,8 +90,8 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     noise_.z_max_m = configuration.depth.z_max_m;
     noise_.sigma_max_m = configuration.depth.sigma_max_m;
     random_ = Random(configuration.seed);
-    noise_pixel_ = kNoisePixelStart;
-    noise_depth_ = kNoiseDepthStart;
+    noise_pixel_ = configuration_.noise.pixel_start;
+    noise_depth_ = configuration_.noise.depth_start;
 }
 
 void Tracking::reset() noexcept {
@@ -130,8 +105,8 @@ void Tracking::reset() noexcept {
     has_velocity_ = false;
     lost_frames_ = 0;
     inlier_ratio_ = 0.5;
-    noise_pixel_ = kNoisePixelStart;
-    noise_depth_ = kNoiseDepthStart;
+    noise_pixel_ = configuration_.noise.pixel_start;
+    noise_depth_ = configuration_.noise.depth_start;
     noise_frames_ = 0;
     pose_ = PoseEstimate{};
     world_from_camera_ = SE3{};
@@ -182,6 +157,7 @@ void Tracking::measure(const Frame& frame) noexcept {
 
 // Constant velocity in the camera frame.
 void Tracking::predict(const Frame& frame) noexcept {
+    const PredictionParameters& p = configuration_.prediction;
     predicted_ = world_from_camera_;
     context_ = RegionContext{};
     context_.colour_depth_lag_s = lag_of(frame, configuration_.region.colour_depth_lag_s);
@@ -190,21 +166,21 @@ void Tracking::predict(const Frame& frame) noexcept {
         const double before = seconds(previous_time_ns_, last_time_ns_);
         Vector6 xi = se3_log(world_from_camera_previous_.inverse() * world_from_camera_);
         const double speed = std::sqrt(Vector3(xi.tail<3>()).squaredNorm()) / before;
-        context_.rotation_speed_rad_s = std::min(speed, 4.0);
+        context_.rotation_speed_rad_s = std::min(speed, p.turn_max_rad_s);
         // What was not measured fades: nobody turns at the same speed for long.
-        double factor = std::min(dt / before, 3.0);
-        for (std::uint32_t i = 0; i < std::min(lost_frames_, 20U); ++i) factor *= 0.8;
+        double factor = std::min(dt / before, p.gap_max);
+        for (std::uint32_t i = 0; i < std::min(lost_frames_, p.fading_frames_max); ++i) factor *= p.fading_lost;
         xi *= factor;
         // Nobody slides on for long either; a turn goes on longer.
         if (!is_choice_sure_) {
-            for (int i = 0; i < 3; ++i) xi(i) *= 0.7;
+            for (int i = 0; i < 3; ++i) xi(i) *= p.fading_unsure;
         }
         predicted_ = world_from_camera_ * se3_exp(xi);
     }
-    // Hands and wheels accelerate by some m/s^2 and some tens of rad/s^2, and the last velocity is itself measured.
-    // Without one, the camera may have been moving already when it was switched on.
-    context_.prediction_sigma_m = has_velocity_ ? 0.004 + 0.06 * dt : 0.01 + 0.8 * dt;
-    context_.prediction_sigma_rad = has_velocity_ ? 0.01 + 0.5 * dt : 0.01 + 1.2 * dt;
+    context_.prediction_sigma_m =
+        has_velocity_ ? p.sigma_m + p.sigma_m_s * dt : p.still_sigma_m + p.still_sigma_m_s * dt;
+    context_.prediction_sigma_rad =
+        has_velocity_ ? p.sigma_rad + p.sigma_rad_s * dt : p.still_sigma_rad + p.still_sigma_rad_s * dt;
     context_.world_from_camera_predicted = predicted_;
     context_.has_prediction = true;
     context_.inlier_ratio = inlier_ratio_;
@@ -213,6 +189,7 @@ void Tracking::predict(const Frame& frame) noexcept {
 void Tracking::gather_correspondences() noexcept {
     correspondences_.clear();
     const bool is_plain = !configuration_.region.is_enabled;
+    const WeightParameters& weights = configuration_.weights;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         if (matcher_.claim(i).is_free()) continue;
         MapPoint& point = map_.points().at(matcher_.claim(i).point_slot());
@@ -224,7 +201,8 @@ void Tracking::gather_correspondences() noexcept {
         c.has_depth = m.var_z >= 0;
         if (c.has_depth) {
             c.p_camera = back_project(m.normalised, m.z_m);
-            const double slip = context_.rotation_speed_rad_s * context_.colour_depth_lag_s * 0.2 * m.z_m;
+            const double slip = context_.rotation_speed_rad_s * context_.colour_depth_lag_s *
+                                configuration_.prediction.slip_share * m.z_m;
             c.var_z = m.var_z * noise_depth_ + slip * slip;
         }
         c.var_pixel = m.var_pixel * noise_pixel_;
@@ -232,7 +210,8 @@ void Tracking::gather_correspondences() noexcept {
         c.p_anchor = vector_of(point.anchor);
         c.map_var_z = point.var_z * noise_depth_;
         c.map_var_lateral = point.var_lateral * noise_pixel_;
-        const double drift = std::min(kDrift_m + kDriftPerSecond_m * seconds(point.anchor_ns, time_ns_), kDriftMax_m);
+        const double drift =
+            std::min(weights.drift_m + weights.drift_m_s * seconds(point.anchor_ns, time_ns_), weights.drift_max_m);
         c.anchor_var_z = point.anchor_var_z * noise_depth_ + drift * drift;
         c.anchor_var_lateral = point.anchor_var_lateral * noise_pixel_ + drift * drift;
         c.distance_bits = matcher_.claim(i).distance_bits;
@@ -245,10 +224,9 @@ void Tracking::gather_correspondences() noexcept {
         } else if (c.is_dynamic) {
             c.vote = 0.0;
         } else {
-            const double age = std::min(seconds(point.created_ns, time_ns_) / kProven_s, 1.0);
-            const double weight =
-                static_cast<double>(point.weight_tenths) / static_cast<double>(configuration_.weights.max);
-            c.vote = (kUnproven + (1.0 - kUnproven) * age * age) * weight;
+            const double age = std::min(seconds(point.created_ns, time_ns_) / weights.proven_s, 1.0);
+            const double weight = static_cast<double>(point.weight_tenths) / static_cast<double>(weights.max);
+            c.vote = (weights.unproven + (1.0 - weights.unproven) * age * age) * weight;
         }
         STILLMESH_CHECK(correspondences_.push(c));
     }
@@ -361,7 +339,7 @@ bool Tracking::estimate() noexcept {
     if (local != nullptr && local_map_.is_stale(map_, predicted_)) local_map_.build(map_, predicted_);
     // Until the past can tell who stands still, and after a choice that was not sure, the motion expected may be that
     // of somebody who walks: what stands still has to be found beside it, or it never gets a say.
-    const bool is_wide = !is_choice_sure_ || seconds(start_time_ns_, time_ns_) < kProven_s;
+    const bool is_wide = !is_choice_sure_ || seconds(start_time_ns_, time_ns_) < configuration_.weights.proven_s;
     matcher_.by_projection(map_, local, predicted_,
                            is_wide ? configuration_.matching.radius_wide_px : configuration_.matching.radius_px);
     gather_correspondences();
@@ -370,8 +348,8 @@ bool Tracking::estimate() noexcept {
     if (voters < configuration_.matching.matches_min) {
         matcher_.by_projection(map_, local, predicted_, configuration_.matching.radius_wide_px);
         gather_correspondences();
-        context_.prediction_sigma_m *= 3.0;
-        context_.prediction_sigma_rad *= 3.0;
+        context_.prediction_sigma_m *= configuration_.prediction.retry_sigma_factor;
+        context_.prediction_sigma_rad *= configuration_.prediction.retry_sigma_factor;
     }
     observe(Stage::kMatching, false);
     observe(Stage::kMesh, true);
@@ -381,13 +359,14 @@ bool Tracking::estimate() noexcept {
     RegionChoice choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
     // How large residuals are is not known in the first frames, and changes at once when the camera is jerked: the
     // smallest noise at which the motions found explain most of what votes. Too large, and two motions look like one.
+    const NoiseParameters& noise = configuration_.noise;
     const double noise_pixel_before = noise_pixel_;
     const double noise_depth_before = noise_depth_;
-    const bool is_young = noise_frames_ < kNoiseYoungFrames;
-    const int tries = noise_frames_ == 0 ? 4 : 2;
-    for (int i = 0; i < tries && choice.explained_share < kExplainedMin; ++i) {
-        noise_pixel_ = std::min(noise_pixel_ * 2.5, kNoiseMax);
-        noise_depth_ = std::min(noise_depth_ * 2.0, kNoiseMax);
+    const bool is_young = noise_frames_ < noise.young_frames;
+    const std::uint32_t tries = noise_frames_ == 0 ? noise.first_tries : noise.tries;
+    for (std::uint32_t i = 0; i < tries && choice.explained_share < noise.explained_min; ++i) {
+        noise_pixel_ = std::min(noise_pixel_ * noise.pixel_try_factor, noise.max);
+        noise_depth_ = std::min(noise_depth_ * noise.depth_try_factor, noise.max);
         choose_again(choice);
     }
     if (is_young && choice.is_valid) {
@@ -431,14 +410,16 @@ bool Tracking::estimate() noexcept {
     // More of the map, where this pose says that it is.
     observe(Stage::kLocalMap, true);
     for (const Correspondence& c : correspondences_) map_.points().at(c.point_slot).last_seen_frame = frame_;
-    matcher_.more_by_projection(map_, local, fit.world_from_camera, 0.5 * configuration_.matching.radius_px, frame_);
+    matcher_.more_by_projection(map_, local, fit.world_from_camera,
+                                configuration_.region.more_radius_share * configuration_.matching.radius_px, frame_);
     gather_correspondences();
     chosen_.clear();
     const SE3 camera_from_world = fit.world_from_camera.inverse();
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
         const Correspondence& c = correspondences_[i];
         if (!(c.vote > 0)) continue;
-        if (chi2_of(c, camera_from_world) <= 2.0 * chi2_max && chi2_of_anchor(c, camera_from_world) <= 3.0 * chi2_max) {
+        if (chi2_of(c, camera_from_world) <= configuration_.region.more_factor * chi2_max &&
+            chi2_of_anchor(c, camera_from_world) <= configuration_.region.more_anchor_factor * chi2_max) {
             STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
         }
     }
@@ -450,7 +431,7 @@ bool Tracking::estimate() noexcept {
     observe(Stage::kMapUpdate, true);
     const bool is_sure = choice.margin >= configuration_.region.margin_min &&
                          choice.score >= configuration_.region.score_min &&
-                         fit.inliers >= kSureFactor * configuration_.pose.inliers_min;
+                         fit.inliers >= configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
     if (prior_or_none != nullptr) doubt_jump(fit.world_from_camera, is_sure);
     world_from_camera_previous_ = world_from_camera_;
     world_from_camera_ = fit.world_from_camera;
@@ -493,33 +474,34 @@ void Tracking::choose_again(RegionChoice& choice) noexcept {
 }
 
 bool Tracking::recover() noexcept {
+    const RecoveryParameters& r = configuration_.recovery;
     // One keyframe a frame beside the newest, in turn: bounded work, and the whole sliding set within some frames.
     const auto count = static_cast<std::uint32_t>(map_.keyframes().size());
     if (count == 0) return false;
-    const std::uint32_t turn = lost_frames_ % std::min(count, 16U);
+    const std::uint32_t turn = lost_frames_ % std::min(count, r.keyframes_max);
     matcher_.by_descriptor(map_, map_.recent_keyframe(turn));
     gather_correspondences();
     chosen_.clear();
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
         if (correspondences_[i].vote > 0) STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
     }
-    if (chosen_.size() < 8) return false;
+    if (chosen_.size() < r.matches_min) return false;
     RansacOptions options;
     options.confidence = configuration_.pose.confidence;
     options.factor = 10;
     options.iterations_max = configuration_.pose.coarse_iterations_max;
-    options.inlier_ratio_start = 0.3;
+    options.inlier_ratio_start = r.inliers_start;
     options.chi2_max = configuration_.region.point_chi2_max;
     const RansacResult result = ransac_pose(correspondences_.span(), chosen_.span(), nullptr, options, random_);
     // Descriptors alone found these, so that many which agree are no accident; estimate() has the last word.
     if (!result.is_valid || result.inliers < configuration_.pose.inliers_min) return false;
-    if (2 * result.inliers < chosen_.size()) return false;
+    if (result.inliers < r.inlier_share_min * static_cast<double>(chosen_.size())) return false;
     // Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can.
     const SE3 off = world_from_camera_.inverse() * result.world_from_camera;
     const double away_s = seconds(measured_time_ns_, time_ns_);
-    const double reach_m = kReach_m + kReach_m_s * away_s;
+    const double reach_m = r.reach_m + r.reach_m_s * away_s;
     if (off.translation.squaredNorm() > reach_m * reach_m) return false;
-    if (rotation_angle(off.rotation) > kReach_rad + kReach_rad_s * away_s) return false;
+    if (rotation_angle(off.rotation) > r.reach_rad + r.reach_rad_s * away_s) return false;
     predicted_ = result.world_from_camera;
     context_.world_from_camera_predicted = predicted_;
     const std::uint32_t lost_before = lost_frames_;
@@ -538,10 +520,10 @@ void Tracking::adapt_noise(const SE3& world_from_camera, std::span<const std::ui
     // Medians of squared normalised residuals over those of chi-square with two degrees of freedom and with one.
     constexpr double kMedian2 = 1.386;
     constexpr double kMedian1 = 0.455;
-    const bool is_young = noise_frames_ < kNoiseYoungFrames;
-    const double fall = is_young ? 0.1 : 0.9;  // per frame
-    const double rise = is_young ? 2.0 : 1.25;
-    constexpr std::size_t kEnough = 30;
+    const NoiseParameters& p = configuration_.noise;
+    const bool is_young = noise_frames_ < p.young_frames;
+    const double fall = is_young ? p.fall_young : p.fall;
+    const double rise = is_young ? p.rise_young : p.rise;
     for (const bool is_depth : {false, true}) {
         residuals_.clear();
         for (const std::uint16_t i : chosen) {
@@ -553,13 +535,13 @@ void Tracking::adapt_noise(const SE3& world_from_camera, std::span<const std::ui
             const double chi2 = is_depth ? r.z * r.z * r.info_z : r.x * r.x * r.info_x + r.y * r.y * r.info_y;
             STILLMESH_CHECK(residuals_.push(static_cast<float>(chi2)));
         }
-        if (residuals_.size() < kEnough) return;
+        if (residuals_.size() < p.residuals_min) return;
         auto* const middle = residuals_.begin() + residuals_.size() / 2;
         std::nth_element(residuals_.begin(), middle, residuals_.end());
         const double ratio = static_cast<double>(*middle) / (is_depth ? kMedian1 : kMedian2);
         double& noise = is_depth ? noise_depth_ : noise_pixel_;
-        const double floor = is_depth ? kNoiseDepthMin : kNoisePixelMin;
-        noise = std::clamp(noise * std::clamp(ratio, fall, rise), floor, kNoiseMax);
+        const double floor = is_depth ? p.depth_min : p.pixel_min;
+        noise = std::clamp(noise * std::clamp(ratio, fall, rise), floor, p.max);
     }
 }
 
@@ -578,8 +560,10 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
         if (point.seen < 0xffffU) ++point.seen;
         const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
         const bool is_still = c.is_dynamic
-                                  ? chi2_anchor <= chi2_max && seconds(point.anchor_ns, time_ns_) > 0.5 * kAnchorAge_s
-                                  : chi2_of(c, camera_from_world) <= chi2_max && chi2_anchor <= 2.0 * chi2_max;
+                                  ? chi2_anchor <= chi2_max && seconds(point.anchor_ns, time_ns_) >
+                                                                   weights.anchor_proven_share * weights.anchor_age_s
+                                  : chi2_of(c, camera_from_world) <= chi2_max &&
+                                        chi2_anchor <= configuration_.region.anchor_inlier_factor * chi2_max;
         const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
         if (c.has_depth && is_sure && configuration_.region.is_enabled) {
             if (is_still) {
@@ -594,7 +578,9 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 point.weight_tenths = static_cast<std::uint8_t>(
                     point.weight_tenths > weights.step ? point.weight_tenths - weights.step : 0U);
                 // One bad frame is blur, some are motion.
-                if (point.weight_tenths + 3 * weights.step <= weights.eligible) point.is_suspect = true;
+                if (point.weight_tenths + weights.suspect_steps * weights.step <= weights.eligible) {
+                    point.is_suspect = true;
+                }
             }
         }
         if (!c.is_dynamic && is_still) {
@@ -605,8 +591,9 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 // Variances in the map are those of the model: how large they really are changes from frame to frame.
                 const double var_z = measured_[c.feature].var_z;
                 const double lateral = measured_[c.feature].var_pixel * c.p_camera.z() * c.p_camera.z();
-                const double gain_z = std::max(point.var_z / (point.var_z + var_z), 0.03);
-                const double gain_lateral = std::max(point.var_lateral / (point.var_lateral + lateral), 0.03);
+                const double gain_z = std::max(point.var_z / (point.var_z + var_z), weights.gain_min);
+                const double gain_lateral =
+                    std::max(point.var_lateral / (point.var_lateral + lateral), weights.gain_min);
                 Vector3 moved = q;
                 const double dz = c.p_camera.z() - q.z();
                 moved.z() += gain_z * dz;
@@ -614,8 +601,8 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 moved.x() = moved.z() * (q.x() / q.z() + gain_lateral * (c.normalised.x() - q.x() / q.z()));
                 moved.y() = moved.z() * (q.y() / q.z() + gain_lateral * (c.normalised.y() - q.y() / q.z()));
                 store(world_from_camera * moved, point.world);
-                point.var_z = std::max(point.var_z * (1.0 - gain_z), 0.1 * var_z);
-                point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), 0.1 * lateral);
+                point.var_z = std::max(point.var_z * (1.0 - gain_z), weights.variance_min * var_z);
+                point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), weights.variance_min * lateral);
             }
             verdicts_[c.feature] = 1;
         } else {
@@ -631,7 +618,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
             point.angle_rad = features_.keypoints[c.feature].angle_rad;
             point.distance_m = static_cast<float>(c.p_camera.z());
             point.level = features_.keypoints[c.feature].level;
-            if (!c.is_dynamic || seconds(point.anchor_ns, time_ns_) > kAnchorAge_s) {
+            if (!c.is_dynamic || seconds(point.anchor_ns, time_ns_) > weights.anchor_age_s) {
                 store(world_from_camera * c.p_camera, point.anchor);
                 point.anchor_var_z = point.var_z;
                 point.anchor_var_lateral = point.var_lateral;
@@ -733,14 +720,16 @@ bool Tracking::lies_among_moving(std::size_t feature) const noexcept {
     if (!configuration_.region.is_enabled) return false;
     const Keypoint& keypoint = features_.keypoints[feature];
     const double z = measured_[feature].z_m;
-    constexpr double kNear_px = 40.0;
+    const WeightParameters& weights = configuration_.weights;
     std::uint32_t moving = 0;
     std::uint32_t still = 0;
-    matcher_.grid().visit_near(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y), kNear_px,
+    matcher_.grid().visit_near(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y), weights.near_px,
                                [&](std::uint32_t i) {
                                    if (verdicts_[i] == 0 || measured_[i].var_z < 0) return;
                                    const double dz = measured_[i].z_m - z;
-                                   if (dz * dz > 0.04 + 9.0 * (measured_[i].var_z + measured_[feature].var_z)) return;
+                                   const double noise = measured_[i].var_z + measured_[feature].var_z;
+                                   const double body = weights.near_m * weights.near_m;
+                                   if (dz * dz > body + weights.near_sigmas * weights.near_sigmas * noise) return;
                                    ++(verdicts_[i] == 1 ? still : moving);
                                });
     return moving > still;

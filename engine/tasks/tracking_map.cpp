@@ -6,16 +6,6 @@
 #include "engine/tasks/tracking.hpp"
 
 namespace stillmesh {
-namespace {
-
-constexpr std::uint32_t kPlacesPerFrame = 400;  // looked at for emptiness
-constexpr std::int32_t kEmptyReach_px = 3;      // a pose a pixel or two off looks past no edge
-constexpr double kEmptySigmas = 5.0;
-constexpr double kEmptyMargin_m = 0.06;
-constexpr std::uint8_t kEmptyViews = 5;
-
-}  // namespace
-
 void Tracking::follow(const SE3& correction) noexcept {
     for (SE3* const pose : {&world_from_camera_, &world_from_camera_previous_}) {
         *pose = correction * *pose;
@@ -33,11 +23,13 @@ void Tracking::count_observers() noexcept {
 void Tracking::notice_empty_places(const Frame& frame) noexcept {
     const std::span<const std::uint32_t> slots = local_map_.points();
     if (slots.empty()) return;
+    const EmptinessParameters& p = configuration_.emptiness;
+    const auto reach_px = static_cast<std::int32_t>(p.reach_px);
     const SE3 camera_from_world = world_from_camera_.inverse();
     const double metres_per_unit = 1.0 / frame.depth_units_per_m;
     const auto width = static_cast<std::int32_t>(camera_.width);
     const auto height = static_cast<std::int32_t>(camera_.height);
-    const auto looks = static_cast<std::uint32_t>(std::min<std::size_t>(kPlacesPerFrame, slots.size()));
+    const auto looks = static_cast<std::uint32_t>(std::min<std::size_t>(p.places_per_frame, slots.size()));
     for (std::uint32_t i = 0; i < looks; ++i) {
         empty_cursor_ = empty_cursor_ + 1 < slots.size() ? empty_cursor_ + 1 : 0;
         const std::uint32_t slot = slots[empty_cursor_];
@@ -54,16 +46,15 @@ void Tracking::notice_empty_places(const Frame& frame) noexcept {
         const Vector2 pixel = distort_to_pixel(camera_, n);
         const std::int32_t x = round_clamped(pixel.x(), -100, width + 100);
         const std::int32_t y = round_clamped(pixel.y(), -100, height + 100);
-        if (x < kEmptyReach_px || y < kEmptyReach_px || x >= width - kEmptyReach_px || y >= height - kEmptyReach_px) {
+        if (x < reach_px || y < reach_px || x >= width - reach_px || y >= height - reach_px) {
             continue;
         }
         const double sigma = noise_.sigma_z_per_m2 * q.z() * q.z();
-        const double beyond =
-            q.z() + kEmptyMargin_m + kEmptySigmas * std::sqrt(sigma * sigma * noise_depth_ + point.var_z);
+        const double beyond = q.z() + p.margin_m + p.sigmas * std::sqrt(sigma * sigma * noise_depth_ + point.var_z);
         bool is_empty = true;
         bool is_there = false;
-        for (std::int32_t dy = -kEmptyReach_px; dy <= kEmptyReach_px; dy += kEmptyReach_px) {
-            for (std::int32_t dx = -kEmptyReach_px; dx <= kEmptyReach_px; dx += kEmptyReach_px) {
+        for (std::int32_t dy = -reach_px; dy <= reach_px; dy += reach_px) {
+            for (std::int32_t dx = -reach_px; dx <= reach_px; dx += reach_px) {
                 const std::uint16_t raw =
                     frame.depth.row(static_cast<std::uint32_t>(y + dy))[static_cast<std::uint32_t>(x + dx)];
                 const double z = raw * metres_per_unit;
@@ -72,7 +63,7 @@ void Tracking::notice_empty_places(const Frame& frame) noexcept {
             }
         }
         if (is_empty) {
-            if (++point.empty_views < kEmptyViews) continue;
+            if (++point.empty_views < p.views) continue;
             map_.release_point(map_.points().handle_of(slot));
             map_.count_emptied();
         } else if (is_there && point.empty_views > 0) {
