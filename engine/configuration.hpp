@@ -6,6 +6,10 @@
 
 namespace stillmesh {
 
+struct CameraParameters {
+    double readout_s = -1;  // of a rolling shutter, from the first row to the last; negative: estimated
+};
+
 struct FeatureParameters {
     std::uint32_t count = 1000;
     std::uint32_t levels = 8;
@@ -188,6 +192,7 @@ struct MappingParameters {
 };
 
 struct Configuration {
+    CameraParameters camera;
     FeatureParameters features;
     DepthParameters depth;
     MatchingParameters matching;
@@ -215,6 +220,7 @@ struct Configuration {
 // std::uint32_t, std::uint64_t or double, min and max are doubles.
 template <typename Visitor>
 constexpr void visit_parameters(Configuration& c, Visitor&& v) {
+    v("camera.readout_s", c.camera.readout_s, -1.0, 0.1, "s", "of a rolling shutter; 0: none; negative: estimated");
     v("features.count", c.features.count, 50.0, 4000.0, "", "features per frame, at most the limit of the preset");
     v("features.levels", c.features.levels, 1.0, 12.0, "", "levels of the image pyramid");
     v("features.scale_factor", c.features.scale_factor, 1.2, 1.9, "", "from one pyramid level to the next");

@@ -89,6 +89,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     noise_.z_min_m = configuration.depth.z_min_m;
     noise_.z_max_m = configuration.depth.z_max_m;
     noise_.sigma_max_m = configuration.depth.sigma_max_m;
+    shutter_.create(configuration.camera.readout_s, camera.height);
     random_ = Random(configuration.seed);
     noise_pixel_ = configuration_.noise.pixel_start;
     noise_depth_ = configuration_.noise.depth_start;
@@ -112,6 +113,7 @@ void Tracking::reset() noexcept {
     world_from_camera_ = SE3{};
     covariance_ = Matrix6::Zero();
     doubt_.reset();
+    shutter_.reset();
     context_ = RegionContext{};
     random_ = Random(configuration_.seed);
     hash_ = StateHash{};
@@ -148,11 +150,46 @@ void Tracking::measure(const Frame& frame) noexcept {
         const DepthSample sample =
             sample_depth(frame.depth, metres_per_unit, round_clamped(x), round_clamped(y), noise_);
         m.z_m = sample.mean_m;
+        m.seen = m.normalised;
+        m.seen_z_m = m.z_m;
         m.var_z = sample.variance_m2;
         const double scale = scale_[keypoint.level];
         m.var_pixel = var_base * scale * scale;
         frame_statistics_.features_with_depth += sample.is_valid() ? 1U : 0U;
     }
+}
+
+void Tracking::apply_shutter(const SE3& camera_motion) noexcept {
+    shutter_speed_ = se3_log(camera_motion) / seconds(last_time_ns_, time_ns_);
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        MeasuredFeature& m = measured_[i];
+        const double row_time_s = shutter_.row_time_s(static_cast<double>(features_.keypoints[i].y));
+        if (m.var_z >= 0) {
+            const Vector3 p =
+                RollingShutter::at_middle_row(back_project(m.seen, m.seen_z_m), row_time_s, shutter_speed_);
+            if (p.z() < kDepthMin_m) continue;
+            m.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
+            m.z_m = p.z();
+        } else {  // how far it is nobody knows: turned only
+            Vector6 turning = shutter_speed_;
+            for (int k = 0; k < 3; ++k) turning(k) = 0;
+            const Vector3 p = RollingShutter::at_middle_row(back_project(m.seen, 1.0), row_time_s, turning);
+            if (p.z() < kDepthMin_m) continue;
+            m.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
+        }
+    }
+}
+
+void Tracking::learn_shutter(const SE3& world_from_camera) noexcept {
+    if (!shutter_.is_estimated()) return;
+    const SE3 camera_from_world = world_from_camera.inverse();
+    shutter_.begin_frame();
+    for (const std::uint16_t i : chosen_) {
+        const Correspondence& c = correspondences_[i];
+        shutter_.add(c, camera_from_world * c.p_world, static_cast<double>(features_.keypoints[c.feature].y),
+                     shutter_speed_, configuration_.region.point_chi2_max);
+    }
+    shutter_.end_frame();
 }
 
 // Constant velocity in the camera frame.
@@ -256,6 +293,8 @@ void Tracking::track(const Frame& frame) noexcept {
         start_map();
     } else {
         predict(frame);
+        const bool is_moving = has_velocity_ && lost_frames_ == 0;
+        apply_shutter(is_moving ? world_from_camera_.inverse() * predicted_ : SE3{});
         bool is_found = false;
         if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate();
         if (!is_found && lost_frames_ > 0) is_found = recover();
@@ -412,6 +451,7 @@ bool Tracking::estimate() noexcept {
     for (const Correspondence& c : correspondences_) map_.points().at(c.point_slot).last_seen_frame = frame_;
     matcher_.more_by_projection(map_, local, fit.world_from_camera,
                                 configuration_.region.more_radius_share * configuration_.matching.radius_px, frame_);
+    if (lost_frames_ == 0) apply_shutter(world_from_camera_.inverse() * fit.world_from_camera);
     gather_correspondences();
     chosen_.clear();
     const SE3 camera_from_world = fit.world_from_camera.inverse();
@@ -432,6 +472,7 @@ bool Tracking::estimate() noexcept {
     const bool is_sure = choice.margin >= configuration_.region.margin_min &&
                          choice.score >= configuration_.region.score_min &&
                          fit.inliers >= configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
+    if (is_sure && lost_frames_ == 0) learn_shutter(fit.world_from_camera);
     if (prior_or_none != nullptr) doubt_jump(fit.world_from_camera, is_sure);
     world_from_camera_previous_ = world_from_camera_;
     world_from_camera_ = fit.world_from_camera;

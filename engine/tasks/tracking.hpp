@@ -19,14 +19,17 @@
 #include "engine/matching/correspondence.hpp"
 #include "engine/matching/map_matcher.hpp"
 #include "engine/pose/motion_doubt.hpp"
+#include "engine/pose/rolling_shutter.hpp"
 #include "engine/static_region/static_region.hpp"
 
 namespace stillmesh {
 
 // A feature with what the depth image and the camera model add to it.
 struct MeasuredFeature {
-    Vector2 normalised = Vector2::Zero();
+    Vector2 normalised = Vector2::Zero();  // as the middle row's camera has it
     double z_m = 0;
+    Vector2 seen = Vector2::Zero();  // as its own row's camera has it
+    double seen_z_m = 0;
     double var_z = -1;  // < 0: no usable depth
     double var_pixel = 0;
 };
@@ -85,6 +88,9 @@ public:
 private:
     [[nodiscard]] GreyView grey_of(const Frame& frame) noexcept;
     void measure(const Frame& frame) noexcept;
+    // Carries what each row saw to the middle row; `camera_motion` since the last frame.
+    void apply_shutter(const SE3& camera_motion) noexcept;
+    void learn_shutter(const SE3& world_from_camera) noexcept;
     void predict(const Frame& frame) noexcept;
     void gather_correspondences() noexcept;
     void start_map() noexcept;
@@ -152,6 +158,8 @@ private:
     std::uint64_t keyframes_refused_ = 0;  // by the queue
     std::uint32_t empty_cursor_ = 0;       // in the local map's points
     MotionDoubt doubt_;
+    RollingShutter shutter_;
+    Vector6 shutter_speed_ = Vector6::Zero();   // that measured_ was carried with
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
     double renewed_share_ = 0;                  // of the local map that the last keyframe added

@@ -1,0 +1,60 @@
+// The rolling shutter of a colour camera: rows are exposed one after the other, so that a frame has no single pose
+// while the camera moves. Kinect, Xtion and most webcams read out in 25 to 30 ms (Ringaby and Forssen, ICCV 2011,
+// measured 26 ms on the Kinect's colour camera); at 90 degrees per second that is 2.5 degrees between the first row and
+// the last. What a row shows is carried to the time of the middle row with the motion of the frame, taken as constant.
+//
+// The time of a readout is seldom known. Here it is estimated with the poses: one more unknown beside the six of each
+// frame, each frame adds what it knows of it once its own pose is accounted for. A camera that stands still adds next
+// to nothing, one that turns a lot. Cost: one pass over the matches a frame.
+#pragma once
+
+#include <span>
+
+#include "engine/geometry/se3.hpp"
+#include "engine/matching/correspondence.hpp"
+
+namespace stillmesh {
+
+class RollingShutter {
+public:
+    // Without evidence there is no rolling shutter, with this deviation; the estimate stays within kReadoutMax_s either
+    // way (a sensor may be read upwards).
+    static constexpr double kReadoutMax_s = 0.04;
+    static constexpr double kReadoutSigma_s = 0.004;
+
+    // `readout_s` from the first row to the last; negative: estimated.
+    void create(double readout_s, std::uint32_t image_height) noexcept;
+    void reset() noexcept;
+
+    [[nodiscard]] double readout_s() const noexcept { return readout_s_; }
+    [[nodiscard]] bool is_estimated() const noexcept { return is_estimated_; }
+    // Seconds from the middle row to the row at y, px.
+    [[nodiscard]] double row_time_s(double y_px) const noexcept { return (y_px * inverse_height_ - 0.5) * readout_s_; }
+
+    // A point seen at `row_time_s`, in the camera at that time, as the camera at the middle row has it. `speed` is the
+    // camera's motion per second, translation m/s and rotation rad/s in its own frame.
+    [[nodiscard]] static Vector3 at_middle_row(const Vector3& p, double row_time_s, const Vector6& speed) noexcept;
+
+    // What this frame knows of the readout: its static matches one by one, carried to the middle row with `speed`; q is
+    // the map's point in the camera, y_px where it was seen.
+    void begin_frame() noexcept;
+    void add(const Correspondence& c, const Vector3& q, double y_px, const Vector6& speed, double chi2_max) noexcept;
+    void end_frame() noexcept;
+
+private:
+    double given_s_ = -1;
+    double readout_s_ = 0;
+    double inverse_height_ = 0;
+    bool is_estimated_ = true;
+    double info_ = 0;      // of the estimate, 1/s^2
+    double weighted_ = 0;  // sum of info * estimate
+    // Of the frame at hand: normal equations of pose and readout.
+    Matrix6 h_ = Matrix6::Zero();
+    Vector6 g_ = Vector6::Zero();
+    Vector6 cross_ = Vector6::Zero();
+    double h_readout_ = 0;
+    double g_readout_ = 0;
+    std::uint32_t used_ = 0;
+};
+
+}  // namespace stillmesh
