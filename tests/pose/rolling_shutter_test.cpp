@@ -1,0 +1,303 @@
+#include "engine/pose/rolling_shutter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "engine/pose/pose_optimiser.hpp"
+#include "engine/pose/residual.hpp"
+#include "tests/support/synthetic.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr double kChi2Max = 11.34;
+constexpr std::uint32_t kHeight = 480;
+constexpr double kFocal_px = 525;
+constexpr double kCentre_px = 239.5;
+constexpr double kPeriod_s = 1.0 / 30;
+constexpr std::uint32_t kPoints = 250;
+
+[[nodiscard]] std::uint64_t bits_of(double value) {
+    return std::bit_cast<std::uint64_t>(value);
+}
+
+// Turning back and forth about two axes at up to 1 rad/s, and swaying; `amount` 0 stands still.
+[[nodiscard]] SE3 world_from_camera_at(double time_s, double amount) {
+    Vector6 xi;
+    xi << 0.2 * std::sin(2.5 * time_s), 0.1 * std::sin(1.7 * time_s), 0.15 * std::cos(2.1 * time_s),
+        0.15 * std::sin(4.1 * time_s), 0.3 * std::sin(2.9 * time_s + 1), 0.1 * std::sin(3.3 * time_s);
+    return se3_exp(amount * xi);
+}
+
+struct Seen {
+    Correspondence c;
+    double y_px = 0;
+};
+
+constexpr test::Noise kNoise = {.pixel = 1e-3, .depth_m = 2e-3, .map_m = 0};
+
+// What a camera on that path that reads its rows one by one sees: each point where the camera is when its row is due.
+template <typename Path>
+[[nodiscard]] std::vector<Seen> expose(const Path& world_from_camera, double middle_s, double readout_s,
+                                       std::uint32_t count, const test::Noise& noise, Random& random) {
+    std::vector<Seen> out;
+    const SE3 middle = world_from_camera(middle_s);
+    while (out.size() < count) {
+        const Vector3 p_world = middle * test::random_point_in_view(random);
+        Vector3 p;
+        double y_px = 0;
+        double row_s = 0;
+        for (int i = 0; i < 12; ++i) {  // when says which row, the row says when
+            p = world_from_camera(middle_s + row_s).inverse() * p_world;
+            y_px = kCentre_px + kFocal_px * p.y() / p.z();
+            row_s = (y_px / kHeight - 0.5) * readout_s;
+        }
+        if (y_px >= 0 && y_px < kHeight) out.push_back({test::measure(p, p_world, noise, random), y_px});
+    }
+    return out;
+}
+
+void learn(RollingShutter& shutter, const std::vector<Seen>& seen, const SE3& world_from_camera, const Vector6& speed,
+           double chi2_max = kChi2Max) {
+    shutter.begin_frame();
+    for (const Seen& one : seen) {
+        shutter.add(one.c, world_from_camera.inverse() * one.c.p_world, one.y_px, speed, chi2_max);
+    }
+    shutter.end_frame();
+}
+
+// A frame of a camera at the origin that turns slowly, its rows read in 26 ms and not carried.
+const Vector6 kTurning = (Vector6() << 0, 0, 0, 0.04, 0.09, 0.02).finished();
+[[nodiscard]] std::vector<Seen> frame_of(std::uint32_t count, Random& random) {
+    return expose([](double time_s) { return se3_exp(kTurning * time_s); }, 0.0, 0.026, count, kNoise, random);
+}
+void learn_turning(RollingShutter& shutter, const std::vector<Seen>& seen) {
+    learn(shutter, seen, SE3{}, kTurning, 100.0);  // of noise alone no point is lost
+}
+
+// Tracking's frame around the estimator, with an exact map: the motion since the frame before carries the rows, the
+// pose is fitted, both once more, and the estimator learns.
+class Tracker {
+public:
+    Tracker(double true_readout_s, double given_s, std::uint64_t seed)
+        : true_readout_s_(true_readout_s), random_(seed) {
+        shutter.create(given_s, kHeight);
+    }
+
+    void frame(double amount = 1.0) {
+        time_s_ += kPeriod_s;
+        const auto path = [amount](double time_s) { return world_from_camera_at(time_s, amount); };
+        const std::vector<Seen> seen = expose(path, time_s_, true_readout_s_, kPoints, kNoise, random_);
+        std::vector<Seen> carried = seen;
+        SE3 pose = has_previous_ ? previous_ * motion_ : path(time_s_);
+        Vector6 speed = Vector6::Zero();
+        for (int round = 0; round < 2; ++round) {
+            if (has_previous_) speed = se3_log(previous_.inverse() * pose) / kPeriod_s;
+            std::vector<Correspondence> c;
+            for (std::size_t i = 0; i < seen.size(); ++i) {
+                const double row_s = shutter.row_time_s(seen[i].y_px);
+                const Vector3 p = RollingShutter::at_middle_row(seen[i].c.p_camera, row_s, speed);
+                carried[i].c.p_camera = p;
+                carried[i].c.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
+                c.push_back(carried[i].c);
+            }
+            const auto chosen = test::all_of(c);
+            const PoseFit fit = optimise_pose(c, chosen, pose, kChi2Max, 10, nullptr);
+            ASSERT_TRUE(fit.is_valid);
+            pose = fit.world_from_camera;
+        }
+        if (has_previous_) {
+            motion_ = previous_.inverse() * pose;
+            learn(shutter, carried, pose, speed);
+        }
+        previous_ = pose;
+        has_previous_ = true;
+    }
+
+    RollingShutter shutter;
+
+private:
+    double true_readout_s_;
+    Random random_;
+    double time_s_ = 0;
+    bool has_previous_ = false;
+    SE3 previous_;
+    SE3 motion_;
+};
+
+// Promise: a point is carried with exp(speed * time), up to what is left out: the third power of the angle, and half
+// the angle of the way moved.
+TEST(RollingShutter, CarriesByTheMotion) {
+    Random random(1);
+    for (int i = 0; i < 2000; ++i) {
+        const Vector3 p = test::random_point_in_view(random);
+        Vector6 speed;
+        speed.head<3>() = test::random_vector(random, 1.0);
+        speed.tail<3>() = test::random_vector(random, 4.0);
+        const double time_s = random.uniform(-0.02, 0.02);
+        const double angle = speed.tail<3>().norm() * std::abs(time_s);
+        const double way_m = speed.head<3>().norm() * std::abs(time_s);
+        const Vector3 carried = RollingShutter::at_middle_row(p, time_s, speed);
+        const double error_m = (carried - se3_exp(speed * time_s) * p).norm();
+        EXPECT_LE(error_m, angle * angle * angle / 6 * p.norm() + 0.5 * angle * way_m + 1e-14);
+    }
+}
+
+// Promise: no motion, or no time, changes no bit of a point.
+TEST(RollingShutter, WithoutMotionNothingChanges) {
+    Random random(2);
+    for (int i = 0; i < 500; ++i) {
+        const Vector3 p = test::random_point_in_view(random);
+        Vector6 speed;
+        for (int k = 0; k < 6; ++k) speed(k) = random.uniform(-3, 3);
+        const Vector3 at_rest = RollingShutter::at_middle_row(p, random.uniform(-0.02, 0.02), Vector6::Zero());
+        const Vector3 at_once = RollingShutter::at_middle_row(p, 0.0, speed);
+        for (int k = 0; k < 3; ++k) {
+            EXPECT_EQ(bits_of(at_rest(k)), bits_of(p(k)));
+            EXPECT_EQ(bits_of(at_once(k)), bits_of(p(k)));
+        }
+    }
+}
+
+// Promise: rows are timed from the middle one, the first and the last half a readout away, in either direction.
+TEST(RollingShutter, RowsAreTimedFromTheMiddle) {
+    for (const double readout_s : {0.026, 0.0}) {
+        RollingShutter shutter;
+        shutter.create(readout_s, kHeight);
+        EXPECT_NEAR(shutter.row_time_s(0), -readout_s / 2, 1e-15);
+        EXPECT_NEAR(shutter.row_time_s(kHeight / 2.0), 0, 1e-15);
+        EXPECT_NEAR(shutter.row_time_s(kHeight), readout_s / 2, 1e-15);
+    }
+}
+
+// Promise: a camera that moves tells its readout within two seconds, to 10 %, read downwards or upwards.
+TEST(RollingShutter, FindsTheReadout) {
+    for (const double readout_s : {0.026, -0.020}) {
+        for (const std::uint64_t seed : {3U, 4U, 5U}) {
+            Tracker tracker(readout_s, -1, seed);
+            for (int i = 0; i < 60; ++i) tracker.frame();
+            EXPECT_NEAR(tracker.shutter.readout_s(), readout_s, 0.1 * std::abs(readout_s)) << "seed " << seed;
+            EXPECT_TRUE(tracker.shutter.is_estimated());
+        }
+    }
+}
+
+// Promise: a global shutter is never taken for a rolling one, however the camera moves.
+TEST(RollingShutter, AGlobalShutterStaysGlobal) {
+    for (const std::uint64_t seed : {6U, 7U}) {
+        Tracker tracker(0.0, -1, seed);
+        for (int i = 0; i < 300; ++i) {
+            tracker.frame();
+            ASSERT_EQ(tracker.shutter.readout_s(), 0.0) << "frame " << i << ", seed " << seed;
+        }
+    }
+}
+
+// Promise: a camera that stands still learns nothing: its noise is no readout, and frames without any motion leave the
+// estimate as it is.
+TEST(RollingShutter, StandingStillTeachesNothing) {
+    Tracker still(0.026, -1, 8);
+    for (int i = 0; i < 300; ++i) {
+        still.frame(0.0);
+        ASSERT_EQ(still.shutter.readout_s(), 0.0) << i;
+    }
+    Tracker moved(0.026, -1, 8);
+    for (int i = 0; i < 30; ++i) moved.frame();
+    const double before_s = moved.shutter.readout_s();
+    ASSERT_NEAR(before_s, 0.026, 0.004);
+    Random random(9);
+    for (int i = 0; i < 100; ++i) {
+        learn(moved.shutter, frame_of(kPoints, random), SE3{}, Vector6::Zero());
+        ASSERT_EQ(bits_of(moved.shutter.readout_s()), bits_of(before_s));
+    }
+}
+
+// Promise: a readout that is given is kept, whatever is seen, 0 too.
+TEST(RollingShutter, AGivenReadoutIsKept) {
+    for (const double given_s : {0.0, 0.01, 0.1}) {
+        Tracker tracker(0.026, given_s, 10);
+        for (int i = 0; i < 40; ++i) {
+            tracker.frame();
+            ASSERT_EQ(bits_of(tracker.shutter.readout_s()), bits_of(given_s));
+        }
+        tracker.shutter.reset();
+        EXPECT_EQ(tracker.shutter.readout_s(), given_s);
+        EXPECT_FALSE(tracker.shutter.is_estimated());
+    }
+}
+
+// Promise: after reset() nothing is left of what was learnt: the same frames give the same bits as the first time.
+TEST(RollingShutter, ResetStartsAnew) {
+    Random random(11);
+    std::vector<std::vector<Seen>> frames;
+    for (int i = 0; i < 20; ++i) frames.push_back(frame_of(kPoints, random));
+    const auto learnt = [&](RollingShutter& shutter) {
+        std::vector<std::uint64_t> out;
+        for (const auto& frame : frames) {
+            learn_turning(shutter, frame);
+            out.push_back(bits_of(shutter.readout_s()));
+        }
+        return out;
+    };
+    RollingShutter shutter;
+    shutter.create(-1, kHeight);
+    const auto first = learnt(shutter);
+    EXPECT_GT(std::abs(shutter.readout_s()), 0.005);
+    shutter.reset();
+    EXPECT_EQ(shutter.readout_s(), 0.0);
+    EXPECT_TRUE(shutter.is_estimated());
+    EXPECT_EQ(learnt(shutter), first);
+}
+
+// Promise: points behind the camera, without depth or far from where the map says, frames of too few points, and
+// frames with a number that is none change nothing, to the bit, now or later.
+TEST(RollingShutter, GarbageChangesNothing) {
+    Random random(12);
+    RollingShutter clean;
+    RollingShutter fed;
+    clean.create(-1, kHeight);
+    fed.create(-1, kHeight);
+    for (int i = 0; i < 20; ++i) {
+        const std::vector<Seen> good = frame_of(kPoints, random);
+        learn_turning(clean, good);
+        std::vector<Seen> mixed;  // good ones in the same order, bad ones between
+        for (const Seen& one : good) {
+            mixed.push_back(one);
+            Seen bad = one;
+            switch (random.below(4)) {
+                case 0: bad.c.p_world = Vector3(0.1, 0.1, -one.c.p_world.z()); break;
+                case 1: bad.c.p_world.z() = random.uniform(-0.05, 0.049); break;
+                case 2:
+                    bad.c.has_depth = false;
+                    bad.c.p_camera = Vector3::Zero();
+                    break;
+                default: bad.c.p_world.x() += 0.5; break;
+            }
+            mixed.push_back(bad);
+        }
+        learn_turning(fed, mixed);
+        ASSERT_EQ(bits_of(fed.readout_s()), bits_of(clean.readout_s())) << i;
+
+        learn_turning(fed, frame_of(29, random));
+        learn_turning(fed, {});
+        std::vector<Seen> poisoned = frame_of(kPoints, random);
+        poisoned[7].c.p_camera.x() = poisoned[7].c.normalised.x() = std::numeric_limits<double>::quiet_NaN();
+        learn_turning(fed, poisoned);
+        ASSERT_EQ(bits_of(fed.readout_s()), bits_of(clean.readout_s())) << i;
+    }
+    EXPECT_GT(std::abs(clean.readout_s()), 0.005);
+    // The thirtieth is what was missing.
+    RollingShutter enough;
+    enough.create(-1, kHeight);
+    for (int i = 0; i < 20; ++i) learn_turning(enough, frame_of(30, random));
+    EXPECT_NE(enough.readout_s(), 0.0);
+}
+
+}  // namespace
+}  // namespace stillmesh
