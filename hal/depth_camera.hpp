@@ -17,6 +17,7 @@ struct CameraInfo {
     CameraModel model;  // intrinsics and distortion of the colour image, size in px
     double depth_units_per_m = 5000.0;
     double frames_per_s = 30.0;
+    double readout_s = -1;  // of a rolling shutter, from the first row to the last; 0: none; negative: unknown
 };
 
 class DepthCamera {

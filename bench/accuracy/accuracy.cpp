@@ -104,21 +104,27 @@ int make_inputs(const Arguments& arguments, bool has_scenes, std::vector<Input>&
 
 int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
     std::string message;
-    Configuration base = Configuration::indoor();
+    Variant base{"on", Configuration::indoor()};
+    const auto set = [&message](Variant& variant, const std::string& setting) {
+        variant.has_readout |= setting.starts_with("camera.readout_s=");
+        return set_parameter(variant.configuration, setting, message);
+    };
     for (const std::string& setting : arguments.settings) {
-        if (!set_parameter(base, setting, message)) return refuse(message);
+        if (!set(base, setting)) return refuse(message);
     }
-    if (arguments.region != "off") variants.push_back({"on", base});
+    if (arguments.region != "off") variants.push_back(base);
     if (arguments.region != "on") {
-        variants.push_back({"off", base});
+        variants.push_back(base);
+        variants.back().name = "off";
         variants.back().configuration.region.is_enabled = false;
     }
     for (const std::string& text : arguments.variants) {
         const std::size_t colon = text.find(':');
         if (colon == std::string::npos) return refuse("--variant: give NAME:key=value[,key=value].");
-        variants.push_back({text.substr(0, colon), base});
+        variants.push_back(base);
+        variants.back().name = text.substr(0, colon);
         for (const std::string& setting : split(text.substr(colon + 1))) {
-            if (!set_parameter(variants.back().configuration, setting, message)) return refuse(message);
+            if (!set(variants.back(), setting)) return refuse(message);
         }
     }
     return kDone;

@@ -61,15 +61,16 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
             message = "not enough memory for another engine.";
             return false;
         }
-        const auto engine =
-            Engine::create(seat->block.bytes(), limits, variant.configuration, source->model(), cpu_kernels());
+        Configuration configuration = variant.configuration;
+        if (!variant.has_readout) configuration.camera.readout_s = source->readout_s();
+        const auto engine = Engine::create(seat->block.bytes(), limits, configuration, source->model(), cpu_kernels());
         if (!engine.is_ok()) {
             message = fmt::format("the engine refuses camera or configuration '{}': {}.", variant.name,
                                   status_name(engine.status()));
             return false;
         }
         seat->engine = engine.value();
-        seat->units_per_frame = variant.configuration.schedule.units_per_frame;
+        seat->units_per_frame = configuration.schedule.units_per_frame;
         if (!options.trajectories.empty() &&
             !seat->trajectory.open(
                 fmt::format("{}/{}_{}_{}.txt", options.trajectories, scene, input.seed, variant.name), message)) {

@@ -22,6 +22,7 @@ struct Input {
 struct Variant {
     std::string name;  // "on" and "off": the region; others by the caller
     Configuration configuration;
+    bool has_readout = false;  // camera.readout_s was set: what the camera knows of itself is not asked for
 };
 
 struct Result {

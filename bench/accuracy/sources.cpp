@@ -232,6 +232,7 @@ public:
         return true;
     }
     [[nodiscard]] const CameraModel& model() const override { return camera_.info().model; }
+    [[nodiscard]] double readout_s() const override { return camera_.info().readout_s; }
     [[nodiscard]] std::uint32_t frame_count() const override {
         return frames_max_ == 0 ? camera_.counts().frames : std::min(frames_max_, camera_.counts().frames);
     }

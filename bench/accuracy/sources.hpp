@@ -21,6 +21,7 @@ class Source {
 public:
     virtual ~Source() = default;
     [[nodiscard]] virtual const CameraModel& model() const = 0;
+    [[nodiscard]] virtual double readout_s() const { return -1; }  // as in CameraInfo
     // Frames of the whole run.
     [[nodiscard]] virtual std::uint32_t frame_count() const = 0;
     // kOk, kEnd; else `message` says what is wrong. Valid until the next call.

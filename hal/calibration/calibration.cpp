@@ -34,10 +34,12 @@ struct Draft {
     double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
     double depth_units_per_m = 0;
     double frames_per_s = 30.0;
+    double readout_s = -1;  // not given
 };
 
 constexpr double kSizeMax = 2047;        // the exact mesh predicates end there
 constexpr double kFocalMax = 20000;      // px
+constexpr double kReadoutMax_s = 0.1;    // three frames of a usual camera
 constexpr double kDistortionMax = 1000;  // a real lens stays far below; the engine checks the shape itself
 
 [[nodiscard]] std::string number_text(double value) {
@@ -96,8 +98,10 @@ Status require_all(std::span<const Field> fields, const std::string& file, std::
     return Status::kOk;
 }
 
+using Fields = std::array<Field, 14>;
+
 // Focal lengths have a lower bound above 0, the factor one that a 16-bit image can use at all.
-std::array<Field, 13> fields_of(Draft& draft, const std::array<std::string_view, 13>& keys, bool needs_size) {
+Fields fields_of(Draft& draft, const std::array<std::string_view, 14>& keys, bool needs_size) {
     return {{{keys[0], &draft.width, needs_size, 1, kSizeMax},
              {keys[1], &draft.height, needs_size, 1, kSizeMax},
              {keys[2], &draft.fx, true, 1, kFocalMax},
@@ -110,7 +114,8 @@ std::array<Field, 13> fields_of(Draft& draft, const std::array<std::string_view,
              {keys[9], &draft.p2, false, -kDistortionMax, kDistortionMax},
              {keys[10], &draft.k3, false, -kDistortionMax, kDistortionMax},
              {keys[11], &draft.depth_units_per_m, true, 100, 100000},
-             {keys[12], &draft.frames_per_s, false, 0.1, 1000}}};
+             {keys[12], &draft.frames_per_s, false, 0.1, 1000},
+             {keys[13], &draft.readout_s, false, 0, kReadoutMax_s}}};
 }
 
 Status finish(const Draft& draft, const std::string& file, CameraInfo& info, std::string& message) {
@@ -141,6 +146,7 @@ Status finish(const Draft& draft, const std::string& file, CameraInfo& info, std
     for (double* const value : {&m.cx, &m.cy, &m.k1, &m.k2, &m.p1, &m.p2, &m.k3}) *value += 0.0;
     info.depth_units_per_m = draft.depth_units_per_m;
     info.frames_per_s = draft.frames_per_s;
+    info.readout_s = draft.readout_s + 0.0;
     return Status::kOk;
 }
 
@@ -148,10 +154,10 @@ Status parse_toml(std::string_view text, const std::string& file, CameraInfo& in
     std::vector<TomlEntry> entries;
     STILLMESH_TRY(parse_toml_document(text, file, entries, message));
     Draft draft;
-    auto fields = fields_of(
-        draft,
-        {"width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "depth_units_per_m", "frames_per_s"},
-        true);
+    auto fields = fields_of(draft,
+                            {"width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3",
+                             "depth_units_per_m", "frames_per_s", "readout_s"},
+                            true);
     for (const auto& [key, value] : entries) {
         const auto field =
             std::find_if(fields.begin(), fields.end(), [&name = key](const Field& f) { return f.key == name; });
@@ -214,11 +220,11 @@ Status yaml_number(const YAML::Node& node, std::string_view key, const std::stri
 
 Status parse_orb_slam(const YAML::Node& root, const std::string& file, CameraInfo& info, std::string& message) {
     Draft draft;
-    auto fields =
-        fields_of(draft,
-                  {"Camera.width", "Camera.height", "Camera.fx", "Camera.fy", "Camera.cx", "Camera.cy", "Camera.k1",
-                   "Camera.k2", "Camera.p1", "Camera.p2", "Camera.k3", "DepthMapFactor", "Camera.fps"},
-                  false);
+    auto fields = fields_of(
+        draft,
+        {"Camera.width", "Camera.height", "Camera.fx", "Camera.fy", "Camera.cx", "Camera.cy", "Camera.k1", "Camera.k2",
+         "Camera.p1", "Camera.p2", "Camera.k3", "DepthMapFactor", "Camera.fps", "Camera.readout_s"},
+        false);
     for (const auto& entry : root) {
         if (!entry.first.IsScalar()) return fail(message, file, "a key is not a plain name.");
         const std::string& written = entry.first.Scalar();
@@ -262,7 +268,7 @@ Status parse_ros(const YAML::Node& root, const std::string& file, CameraInfo& in
     // The first names are what camera_calibration saves, the second what `rostopic echo` prints.
     auto fields = fields_of(draft,
                             {"image_width", "image_height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3",
-                             "depth_units_per_m", "frames_per_s"},
+                             "depth_units_per_m", "frames_per_s", "readout_s"},
                             true);
     constexpr std::array<std::string_view, 16> kOther = {"camera_name",
                                                          "rectification_matrix",
@@ -424,6 +430,7 @@ std::optional<CameraInfo> built_in_calibration(std::string_view name) {
     CameraInfo info;
     info.depth_units_per_m = 5000.0;
     info.frames_per_s = 30.0;
+    info.readout_s = 0.026;  // all are of one family of sensors
     if (name == "tum-fr1") {
         info.model = {640,      480,       517.306408, 516.469215, 318.643040, 255.313989,
                       0.262383, -0.953104, -0.005358,  0.002628,   1.163314};
@@ -487,7 +494,8 @@ std::string calibration_toml(const CameraInfo& info) {
     return "# camera file of stillmesh: pixels, and depth units per metre\n" + line("width", m.width) +
            line("height", m.height) + line("fx", m.fx) + line("fy", m.fy) + line("cx", m.cx) + line("cy", m.cy) +
            line("k1", m.k1) + line("k2", m.k2) + line("p1", m.p1) + line("p2", m.p2) + line("k3", m.k3) +
-           line("depth_units_per_m", info.depth_units_per_m) + line("frames_per_s", info.frames_per_s);
+           line("depth_units_per_m", info.depth_units_per_m) + line("frames_per_s", info.frames_per_s) +
+           (info.readout_s < 0 ? std::string() : line("readout_s", info.readout_s));
 }
 
 }  // namespace stillmesh

@@ -56,13 +56,14 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
     return Status::kOk;
 }
 
-// What the options give: the preset's limits and the scene's defaults, fitted into them, then the file, then single
-// assignments.
-[[nodiscard]] Status configuration_of(const SessionOptions& options, Limits& limits, Configuration& configuration,
-                                      std::string& message) {
+// What the options give: the preset's limits, the scene's defaults, fitted into them, and what the camera knows of
+// itself, then the file, then single assignments.
+[[nodiscard]] Status configuration_of(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
+                                      Configuration& configuration, std::string& message) {
     message.clear();
     limits = limits_of(options.limits);
     configuration = options.scene == "outdoor" ? Configuration::outdoor() : Configuration::indoor();
+    configuration.camera.readout_s = camera.readout_s;
     std::string note;
     if (configuration.features.count > limits.features_max) {
         note = fmt::format("features.count is {} instead of {}: the limits '{}' have no room for more.",
@@ -125,7 +126,7 @@ public:
     // kOk, kInvalid, kUnavailable: `message` says why.
     [[nodiscard]] Status create(const SessionOptions& options, const CameraInfo& camera, std::string& message) {
         Configuration configuration;
-        STILLMESH_TRY(configuration_of(options, limits_, configuration, message));
+        STILLMESH_TRY(configuration_of(options, camera, limits_, configuration, message));
         note_ = message;
         FeatureExtractor* extractor = nullptr;
         if (options.features == "opencv") {
@@ -325,7 +326,7 @@ private:
 Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message) {
     Limits limits;
     Configuration configuration;
-    STILLMESH_TRY(configuration_of(options, limits, configuration, message));
+    STILLMESH_TRY(configuration_of(options, CameraInfo{}, limits, configuration, message));
     sizes = {limits.image_width_max, limits.image_height_max};
     return Status::kOk;
 }
@@ -341,7 +342,7 @@ Status create_engine_session(const SessionOptions& options, const CameraInfo& ca
 Status print_configuration(const SessionOptions& options, std::string& toml, std::string& message) {
     Limits limits;
     Configuration configuration;
-    STILLMESH_TRY(configuration_of(options, limits, configuration, message));
+    STILLMESH_TRY(configuration_of(options, CameraInfo{}, limits, configuration, message));
     toml = configuration_toml(parameters_of(limits, configuration));
     if (!message.empty()) toml = "# " + message + "\n" + toml;
     return Status::kOk;

@@ -116,6 +116,31 @@ TEST_F(Rerun, HoldsTheConfiguration) {
     EXPECT_EQ(json["state_hash"], nlohmann::json::parse(run.text)["state_hash"]);
 }
 
+// Promise: what a camera file tells of the rolling shutter is what the engine takes, unless the user says otherwise, be
+// it that it is to be estimated; a camera that does not tell, the simulated one too, has it estimated.
+TEST_F(Rerun, HoldsTheCamerasReadout) {
+    test::write_text(path("told.toml"), test::read_text(path("frames") + "/camera.toml") + "readout_s = 0.02\n");
+    test::write_text(path("set.toml"), "camera.readout_s = 0.01\n");
+    const std::string frames = "--replay " + path("frames");
+    const std::string told = frames + " --calibration " + path("told.toml");
+    const std::vector<std::pair<std::string, double>> cases = {
+        {frames, -1},
+        {told, 0.02},
+        {told + " --set camera.readout_s=0.03", 0.03},
+        {told + " --set camera.readout_s=-1", -1},
+        {told + " --config " + path("set.toml"), 0.01},
+        {"--simulate static_xyz:1", -1},
+    };
+    for (const auto& [arguments, readout_s] : cases) {
+        const Answer answer = stillmesh_says("run --frames 2 " + arguments + " --record " + path("readout"));
+        ASSERT_EQ(answer.code, 0) << arguments << ": " << answer.text;
+        RecordingReader reader;
+        ASSERT_EQ(reader.open(path("readout")), Status::kOk) << reader.message();
+        EXPECT_EQ(reader.header().configuration.camera.readout_s, readout_s) << arguments;
+        std::filesystem::remove(path("readout"));
+    }
+}
+
 // Promise: a simulated run is repeated from the frames it wrote beside its recording.
 TEST_F(Rerun, RepeatsASimulation) {
     const Answer run = stillmesh_says("run --simulate sitting_xyz:3 --frames 5 --record " + path("simulated") +

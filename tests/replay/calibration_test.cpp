@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 
 #include "engine/base/random.hpp"
 #include "tests/replay/recording_folder.hpp"
@@ -32,8 +33,8 @@ void expect_equal(const CameraInfo& a, const CameraInfo& b) {
     EXPECT_EQ(a.model.height, b.model.height);
     const auto numbers = [](const CameraInfo& i) {
         const CameraModel& m = i.model;
-        return std::array<double, 11>{
-            m.fx, m.fy, m.cx, m.cy, m.k1, m.k2, m.p1, m.p2, m.k3, i.depth_units_per_m, i.frames_per_s};
+        return std::array<double, 12>{
+            m.fx, m.fy, m.cx, m.cy, m.k1, m.k2, m.p1, m.p2, m.k3, i.depth_units_per_m, i.frames_per_s, i.readout_s};
     };
     EXPECT_EQ(numbers(a), numbers(b));
 }
@@ -56,7 +57,8 @@ void expect_equal(const CameraInfo& a, const CameraInfo& b) {
 
 // Promise: the same camera written in the three formats, and the built-in one, is the same camera to the bit.
 TEST(Calibration, ThreeFormatsAgree) {
-    const CameraInfo expected = *built_in_calibration("tum-fr1");
+    CameraInfo expected = *built_in_calibration("tum-fr1");
+    expected.readout_s = -1;  // which the files do not tell
     for (const auto& [text, format] : {std::pair{kToml, CalibrationFormat::kToml},
                                        {kOrbSlam, CalibrationFormat::kYaml},
                                        {kRos, CalibrationFormat::kYaml}}) {
@@ -109,11 +111,47 @@ TEST(Calibration, TomlRoundTrip) {
         info.model.cx = random.uniform(0, info.model.width);
         info.model.cy = random.uniform(0, info.model.height);
         info.depth_units_per_m = random.uniform(100, 100000);
+        if (i % 3 != 0) info.readout_s = i % 3 == 1 ? 0.0 : random.uniform(0, 0.1);
         CameraInfo read;
         std::string message;
         ASSERT_EQ(parse_calibration(calibration_toml(info), CalibrationFormat::kToml, "f", read, message), Status::kOk)
             << message;
         expect_equal(read, info);
+    }
+}
+
+// Promise: a camera may tell how long its rows take, 0 for a global shutter; who does not tell stays unknown, and that
+// is written as nothing. The sensors that are known by name all take 26 ms.
+TEST(Calibration, Readout) {
+    const auto read_of = [](const std::string& text, CalibrationFormat format) {
+        CameraInfo info;
+        std::string message;
+        EXPECT_EQ(parse_calibration(text, format, "f", info, message), Status::kOk) << message;
+        return info;
+    };
+    EXPECT_LT(CameraInfo{}.readout_s, 0);
+    EXPECT_EQ(read_of(kToml, CalibrationFormat::kToml).readout_s, -1);
+    EXPECT_EQ(calibration_toml(read_of(kToml, CalibrationFormat::kToml)).find("readout_s"), std::string::npos);
+    for (const auto& [text, value_s] : {std::pair{"0.026", 0.026}, {"0", 0.0}, {"-0.0", 0.0}, {"0.1", 0.1}}) {
+        const CameraInfo toml = read_of(std::string(kToml) + "readout_s = " + text + "\n", CalibrationFormat::kToml);
+        EXPECT_EQ(toml.readout_s, value_s);
+        EXPECT_FALSE(std::signbit(toml.readout_s));
+        expect_equal(read_of(calibration_toml(toml), CalibrationFormat::kToml), toml);
+        const std::string line = std::string("readout_s: ") + text + "\n";
+        EXPECT_EQ(read_of(kRos + line, CalibrationFormat::kYaml).readout_s, value_s);
+        EXPECT_EQ(read_of(std::string(kOrbSlam) + "Camera." + line, CalibrationFormat::kYaml).readout_s, value_s);
+    }
+    for (const char* const text : {"-1", "-0.001", "0.101", "26"}) {
+        const std::string message =
+            error_of(std::string(kToml) + "readout_s = " + text + "\n", CalibrationFormat::kToml);
+        EXPECT_NE(message.find("key 'readout_s' is " + std::string(text) + "; it must lie between 0 and 0.1."),
+                  std::string::npos)
+            << message;
+    }
+    const std::string nearly = error_of(std::string(kToml) + "readout = 0.026\n", CalibrationFormat::kToml);
+    EXPECT_NE(nearly.find("did you mean 'readout_s'?"), std::string::npos) << nearly;
+    for (const std::string_view name : calibration_names()) {
+        EXPECT_EQ(built_in_calibration(name)->readout_s, 0.026) << name;
     }
 }
 
