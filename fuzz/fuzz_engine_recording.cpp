@@ -66,11 +66,32 @@ void mend(std::vector<std::byte>& bytes) {
     }
 }
 
+// "+", a count, so many edits of today's header (place in two bytes, value in one), then records. A header names every
+// parameter, and is refused when there is one more: seeds that hold a whole one only last until then.
+std::vector<std::byte> edited_header(std::span<const std::byte> from) {
+    std::vector<std::byte> out(kRecordingHeaderBytesMax);
+    const Result<std::size_t> size = encode_header(RecordingHeader{}, out);
+    fuzz::expect(size.is_ok(), "the default header can be written");
+    out.resize(size.value());
+    RecordingHeader header;
+    RecordingProblem problem;
+    fuzz::expect(decode_header(out, header, problem).is_ok(), "and read");
+    auto edits = std::to_integer<std::size_t>(from[1]);
+    from = from.subspan(2);
+    for (; edits > 0 && from.size() >= 3; --edits, from = from.subspan(3)) {
+        const auto at = std::to_integer<std::size_t>(from[0]) | std::to_integer<std::size_t>(from[1]) << 8;
+        out[at % out.size()] = from[2];
+    }
+    out.insert(out.end(), from.begin(), from.end());
+    return out;
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size_bytes) {
     const auto* const first = reinterpret_cast<const std::byte*>(data);
     std::vector<std::byte> bytes(first, first + size_bytes);
+    if (size_bytes >= 2 && data[0] == '+') bytes = edited_header(bytes);
     for (int round = 0; round < 2; ++round) {
         RecordingHeader header;
         RecordingProblem problem;
