@@ -28,6 +28,18 @@ namespace stillmesh {
 
 class Mapping final : public Task {
 public:
+    enum class Stage : std::uint8_t {
+        kIdle,
+        kCull,
+        kTriangulate,
+        kFuse,
+        kChoose,
+        kCollect,
+        kAdjust,
+        kCommit,
+        kRedundant,
+        kEvict,
+    };
     static constexpr std::uint32_t kWindowMax = 12;  // free keyframes
     static constexpr std::uint32_t kFixedMax = 24;
 
@@ -55,20 +67,10 @@ public:
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
 
     void fill(EngineStatistics& statistics) const noexcept;
+    // Of the next piece: who measures what a piece takes wants to know.
+    [[nodiscard]] Stage stage() const noexcept { return stage_; }
 
 private:
-    enum class Stage : std::uint8_t {
-        kIdle,
-        kCull,
-        kTriangulate,
-        kFuse,
-        kChoose,
-        kCollect,
-        kAdjust,
-        kCommit,
-        kRedundant,
-        kEvict,
-    };
     static constexpr std::uint32_t kNeighboursMax = 10;
     static constexpr std::uint32_t kNone = 0xffffffffU;
 
