@@ -96,6 +96,15 @@ SE3 se3_exp(const Vector6& xi) noexcept {
     return motion;
 }
 
+Vector3 moved_a_little(const Vector6& xi, const Vector3& p) noexcept {
+    const Vector3 w(xi(3), xi(4), xi(5));
+    const Vector3 turned = w.cross(p);
+    Vector3 out = p + turned;
+    out += 0.5 * w.cross(turned);
+    out += Vector3(xi(0), xi(1), xi(2));
+    return out;
+}
+
 Vector6 se3_log(const SE3& motion) noexcept {
     const Vector3 w = so3_log(motion.rotation);
     Vector6 xi;

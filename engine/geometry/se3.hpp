@@ -36,6 +36,8 @@ struct SE3 {
 [[nodiscard]] Matrix3 so3_exp(const Vector3& rotation_vector_rad) noexcept;
 [[nodiscard]] Vector3 so3_log(const Matrix3& rotation) noexcept;  // length in [0, pi]
 [[nodiscard]] SE3 se3_exp(const Vector6& xi) noexcept;
+// exp(xi) p to second order of the rotation: for motions within a frame, where the angle stays below 0.1 rad.
+[[nodiscard]] Vector3 moved_a_little(const Vector6& xi, const Vector3& p) noexcept;
 [[nodiscard]] Vector6 se3_log(const SE3& motion) noexcept;
 // Adjoint for xi = [translation, rotation]: exp(Ad(T) xi) = T exp(xi) T^-1.
 [[nodiscard]] Matrix6 se3_adjoint(const SE3& motion) noexcept;

@@ -73,7 +73,13 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
         if (q.z() < 0.1) continue;
         const Vector2 n(q.x() / q.z(), q.y() / q.z());
         if (n.x() > margin_x || n.x() < -margin_x || n.y() > margin_y || n.y() < -margin_y) continue;
-        const Vector2 pixel = distort_to_pixel(camera_, n);
+        Vector2 pixel = distort_to_pixel(camera_, n);
+        if (readout_s_ > 0 || readout_s_ < 0) {
+            const double row_time_s = (pixel.y() / height - 0.5) * readout_s_;
+            const Vector3 p = moved_a_little(speed_ * -row_time_s, q);
+            if (p.z() < 0.1) continue;
+            pixel = distort_to_pixel(camera_, Vector2(p.x() / p.z(), p.y() / p.z()));
+        }
         if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < width && pixel.y() < height)) continue;
         // A point twice as far is seen on the level whose scale is half: which level to expect.
         const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_of_level_[point.level];

@@ -38,6 +38,12 @@ public:
     // The features of a new frame, borrowed until the next; no claims.
     void begin(const FeatureSet& features) noexcept;
     void clear() noexcept;
+    // A camera that moves at `speed` (per second, translation and rotation in its own frame) and reads its rows within
+    // `readout_s` sees a point not where the middle row's camera would. Zero: a global shutter.
+    void set_shutter(double readout_s, const Vector6& speed) noexcept {
+        readout_s_ = readout_s;
+        speed_ = speed;
+    }
     // Points around their projections: those of `local`, or of the whole map without one. The first search claims anew
     // and starts without claims...
     void by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px) noexcept;
@@ -59,6 +65,8 @@ private:
     CameraModel camera_;
     std::span<const double> scale_of_level_;  // as many as the pyramid has levels
     const FeatureSet* features_ = nullptr;
+    double readout_s_ = 0;
+    Vector6 speed_ = Vector6::Zero();
     FeatureGrid grid_;
     std::span<Claim> claims_;  // by feature
 };

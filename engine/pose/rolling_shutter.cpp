@@ -36,13 +36,7 @@ void RollingShutter::reset() noexcept {
 }
 
 Vector3 RollingShutter::at_middle_row(const Vector3& p, double row_time_s, const Vector6& speed) noexcept {
-    // Second order of exp(speed * time) p: the angle stays below 0.1 rad.
-    const Vector3 w(speed(3) * row_time_s, speed(4) * row_time_s, speed(5) * row_time_s);
-    const Vector3 turned = w.cross(p);
-    Vector3 out = p + turned;
-    out += 0.5 * w.cross(turned);
-    out += Vector3(speed(0) * row_time_s, speed(1) * row_time_s, speed(2) * row_time_s);
-    return out;
+    return moved_a_little(speed * row_time_s, p);
 }
 
 void RollingShutter::begin_frame() noexcept {

@@ -161,6 +161,7 @@ void Tracking::measure(const Frame& frame) noexcept {
 
 void Tracking::apply_shutter(const SE3& camera_motion) noexcept {
     shutter_speed_ = se3_log(camera_motion) / seconds(last_time_ns_, time_ns_);
+    matcher_.set_shutter(shutter_.readout_s(), shutter_speed_);
     for (std::size_t i = 0; i < features_.size(); ++i) {
         MeasuredFeature& m = measured_[i];
         const double row_time_s = shutter_.row_time_s(static_cast<double>(features_.keypoints[i].y));

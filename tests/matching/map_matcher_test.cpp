@@ -168,6 +168,35 @@ TEST_F(MapMatcherTest, MoreAddsOnly) {
     EXPECT_EQ(matcher_.claim(1).point_slot_plus_one, 2U);
 }
 
+// Promise: with a rolling shutter a point is looked for where its own row's camera saw it.
+TEST_F(MapMatcherTest, LooksWhereTheRowWasExposed) {
+    const Handle<Keyframe> keyframe = map_.add_keyframe();
+    Vector6 speed = Vector6::Zero();
+    speed(4) = 1.5;  // rad/s about y
+    constexpr double kReadout_s = 0.026;
+    std::vector<Vector3> points;
+    for (int i = 0; i < 40; ++i) points.emplace_back(random_.uniform(-0.5, 0.5), -0.75, 2.0);
+    for (const Vector3& p : points) {
+        const Descriptor d = random_descriptor(random_);
+        add_point(p, d, 0, keyframe);
+        // The top rows are exposed before the middle one: the camera had turned less.
+        const double row_s = (distort_to_pixel(kCamera, {p.x() / p.z(), p.y() / p.z()}).y() / 480 - 0.5) * kReadout_s;
+        const Vector3 seen = se3_exp(speed * row_s).inverse() * p;
+        const Vector2 pixel = distort_to_pixel(kCamera, {seen.x() / seen.z(), seen.y() / seen.z()});
+        add_feature(pixel.x(), pixel.y(), d, 0);
+    }
+    const auto claimed = [&](double radius) {
+        matcher_.by_projection(map_, nullptr, SE3{}, radius);
+        std::size_t n = 0;
+        for (std::size_t i = 0; i < features_.size(); ++i) n += matcher_.claim(i).is_free() ? 0U : 1U;
+        return n;
+    };
+    matcher_.begin(features_);
+    EXPECT_EQ(claimed(3.0), 0U);
+    matcher_.set_shutter(kReadout_s, speed);
+    EXPECT_EQ(claimed(0.5), points.size());
+}
+
 // Promise: matching by descriptor finds the points of a rolled picture, and drops those that turn otherwise.
 TEST_F(MapMatcherTest, OneTurnOfThePicture) {
     constexpr float kRoll = 2.5F;
