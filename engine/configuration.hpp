@@ -78,8 +78,8 @@ struct PoseParameters {
     std::uint32_t coarse_total_max = 1024;  // hypotheses of all groups of a frame together
     std::uint32_t inliers_min = 8;          // fewer: no pose from this frame; fewer than twice that: unsure
     std::uint32_t lost_frames_max = 30;     // predicted for at most so many frames
-    double sure_sigma_m = 0.025;            // of the motion over the last second, all axes together; above: unsure
-    double sure_sigma_rad = 0.025;
+    double sure_sigma_m = 0.03;             // of the motion over the last second, all axes together; above: unsure
+    double sure_sigma_rad = 0.03;
     std::uint32_t sure_inliers_factor = 2;
 };
 

@@ -498,8 +498,11 @@ bool Tracking::estimate() noexcept {
 void Tracking::doubt_jump(const SE3& world_from_camera, bool is_sure) noexcept {
     if (is_sure) return;
     const SE3 off = context_.world_from_camera_predicted.inverse() * world_from_camera;
-    const double beyond_m = std::max(std::sqrt(off.translation.squaredNorm()) - context_.prediction_sigma_m, 0.0);
-    const double beyond_rad = std::max(rotation_angle(off.rotation) - context_.prediction_sigma_rad, 0.0);
+    constexpr double kExpected_sigmas = 2.0;
+    const double beyond_m =
+        std::max(std::sqrt(off.translation.squaredNorm()) - kExpected_sigmas * context_.prediction_sigma_m, 0.0);
+    const double beyond_rad =
+        std::max(rotation_angle(off.rotation) - kExpected_sigmas * context_.prediction_sigma_rad, 0.0);
     doubt_.add(time_ns_, {beyond_m * beyond_m, beyond_rad * beyond_rad});
 }
 
