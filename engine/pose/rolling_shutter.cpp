@@ -19,6 +19,8 @@ constexpr std::uint32_t kUsedMin = 30;
 // A tenth of what such cameras take: not worth being moved by, and within what a global shutter is estimated at.
 constexpr double kNegligible_s = 0.003;
 constexpr double kPriorInfo = 1.0 / (RollingShutter::kReadoutSigma_s * RollingShutter::kReadoutSigma_s);
+// Frames that know next to nothing (the camera stands still) do not make what is known fade.
+constexpr double kInfoMin = 0.1 * kPriorInfo;
 
 }  // namespace
 
@@ -98,6 +100,7 @@ void RollingShutter::end_frame() noexcept {
     if (!(info > 1.0)) return;
     const double found = std::clamp(readout_s_ - kGain * gradient / info, -kReadoutMax_s, kReadoutMax_s);
     info *= kTrust;
+    if (info < kInfoMin) return;
     info_ = info_ * kFade + info;
     weighted_ = weighted_ * kFade + info * found;
     const double estimate = std::clamp(weighted_ / (info_ + kPriorInfo), -kReadoutMax_s, kReadoutMax_s);
