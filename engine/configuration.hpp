@@ -185,8 +185,8 @@ struct MappingParameters {
     bool is_enabled = true;    // off: tracking alone, over a sliding set of keyframes (to measure what mapping earns)
     bool is_adjusting = true;  // local bundle adjustment
     bool is_filtered = true;   // its observation from a point's reference keyframe: what tracking filtered since
-    bool is_fusing = true;
-    bool is_triangulating = true;
+    bool is_fusing = false;
+    bool is_triangulating = false;
     bool is_culling = true;               // redundant keyframes
     std::uint32_t window_keyframes = 10;  // free ones of an adjustment, the new one included
 };

@@ -22,6 +22,8 @@ Limits limits_of(std::uint32_t keyframes, std::uint32_t points) {
 
 Configuration fitting(const Limits& limits) {
     Configuration out;
+    out.mapping.is_fusing = true;  // everything there is
+    out.mapping.is_triangulating = true;
     out.features.count = limits.features_max;
     out.features.levels = limits.pyramid_levels_max;
     out.keyframes.gap_min = 3;
