@@ -20,7 +20,7 @@ constexpr std::uint32_t kUsedMin = 30;
 constexpr double kNegligible_s = 0.003;
 constexpr double kPriorInfo = 1.0 / (RollingShutter::kReadoutSigma_s * RollingShutter::kReadoutSigma_s);
 // Frames that know next to nothing (the camera stands still) do not make what is known fade.
-constexpr double kInfoMin = 0.1 * kPriorInfo;
+constexpr double kInfoMin = 0.01 * kPriorInfo;
 
 }  // namespace
 
