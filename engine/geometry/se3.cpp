@@ -86,6 +86,10 @@ Vector3 so3_log(const Matrix3& rotation) noexcept {
     return (2.0 * arc_tan2(sin_half, q.w()) / sin_half) * axis;
 }
 
+Matrix3 so3_log_derivative(const Vector3& log_rad) noexcept {
+    return rodrigues(log_rad, 0.5, inverse_jacobian_term(log_rad.squaredNorm()));
+}
+
 SE3 se3_exp(const Vector6& xi) noexcept {
     const Vector3 rho = xi.head<3>();
     const Vector3 w = xi.tail<3>();

@@ -35,6 +35,8 @@ struct SE3 {
 [[nodiscard]] Matrix3 skew(const Vector3& v) noexcept;
 [[nodiscard]] Matrix3 so3_exp(const Vector3& rotation_vector_rad) noexcept;
 [[nodiscard]] Vector3 so3_log(const Matrix3& rotation) noexcept;  // length in [0, pi]
+// How the logarithm moves: so3_log(R exp(w)) = so3_log(R) + this(so3_log(R)) w, to first order of w.
+[[nodiscard]] Matrix3 so3_log_derivative(const Vector3& log_rad) noexcept;
 [[nodiscard]] SE3 se3_exp(const Vector6& xi) noexcept;
 // exp(xi) p to second order of the rotation: for motions within a frame, where the angle stays below 0.1 rad.
 [[nodiscard]] Vector3 moved_a_little(const Vector6& xi, const Vector3& p) noexcept;
