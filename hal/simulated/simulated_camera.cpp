@@ -58,14 +58,14 @@ constexpr float kLevelOffset[kExposures] = {0.0F, 0.125F, 0.25F, 0.375F};
 }  // namespace
 
 struct SimulatedCamera::State {
-    State(const Scene& scene, std::uint64_t seed, double duration_s, const Pinhole& pinhole)
-        : world(scene, seed, duration_s),
+    State(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s, const Pinhole& pinhole)
+        : world(scene, seed, day, duration_s),
           renderer(pinhole),
           sum(static_cast<std::size_t>(pinhole.width) * pinhole.height),
           grey(sum.size()),
           mask(sum.size()),
           depth(sum.size()) {
-        Random random(seed ^ 0x6578'706f'7375'7265ULL);
+        Random random(day ^ 0x6578'706f'7375'7265ULL);
         for (double& phase : exposure_phase) phase = random.uniform(0, 2 * kPi);
     }
 
@@ -135,7 +135,8 @@ Status SimulatedCamera::open() noexcept {
     info_.model.cy = pinhole.cy;
     info_.depth_units_per_m = 5000.0;
     info_.frames_per_s = kFramesPerSecond;
-    state_ = std::make_unique<State>(*found, options_.seed, frame_count_ / kFramesPerSecond, pinhole);
+    day_ = options_.day == 0 ? options_.seed : options_.day;
+    state_ = std::make_unique<State>(*found, options_.seed, day_, frame_count_ / kFramesPerSecond, pinhole);
     next_ = 0;
     message_.clear();
     return Status::kOk;
@@ -168,7 +169,7 @@ Status SimulatedCamera::poll(Frame& frame) noexcept {
     const double gain = 1.2 + 0.10 * sine(0.43 * t + s.exposure_phase[0]) +
                         0.06 * sine(1.31 * t + s.exposure_phase[1]) + 0.02 * sine(4.1 * t + s.exposure_phase[2]);
     const auto factor = static_cast<float>(gain / kExposures);
-    const std::uint32_t key = scramble(static_cast<std::uint32_t>(options_.seed) * 7919U + next_);
+    const std::uint32_t key = scramble(static_cast<std::uint32_t>(day_) * 7919U + next_);
     for (std::size_t i = 0; i < s.sum.size(); ++i) {
         const float value = s.sum[i] * factor;
         const float noise = (1.3F + 0.008F * value) * bell(scramble(static_cast<std::uint32_t>(i) * 2891336453U + key));

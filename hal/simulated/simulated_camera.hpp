@@ -18,6 +18,8 @@ namespace stillmesh {
 struct SimulationOptions {
     std::string scene;                      // a name of simulated_scenes()
     std::uint64_t seed = 1;                 // textures, furniture, ways of people, phase of the camera
+    std::uint64_t day = 0;                  // not 0: the seed's room on another day: people, the camera's way and the
+                                            // light are those of this number instead
     std::uint32_t frames = 0;               // 0: the scene's own length
     std::uint32_t width = 640;              // px, 32..2047
     std::uint32_t height = 480;             // px, 32..2047
@@ -73,6 +75,7 @@ private:
     SimulationOptions options_;
     CameraInfo info_;
     std::string message_;
+    std::uint64_t day_ = 0;  // seed of all but the room
     std::uint32_t frame_count_ = 0;
     std::uint32_t next_ = 0;
     SimulatedPose pose_;

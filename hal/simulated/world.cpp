@@ -4,13 +4,13 @@
 
 namespace stillmesh::simulated {
 
-World::World(const Scene& scene, std::uint64_t seed, double duration_s)
+World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s)
     : scene_(scene),
-      seed_(seed),
+      day_(day),
       random_(seed * 0x9e37'79b9ULL + 0x5ce'e0ffULL),
       side_(random_.uniform() < 0.5 ? -1.0 : 1.0),
       duration_s_(duration_s),
-      camera_(scene.motion, side_, seed) {
+      camera_(scene.motion, side_, day) {
     const Coat plain = coat(Pattern::kPlainWall, 200);
     const Coat carpet = coat(Pattern::kCarpet, 300);
     const Coat ceiling = coat(Pattern::kCeiling, 420);
@@ -254,7 +254,7 @@ void World::add_desk(const DeskPlace& place) {
 }
 
 void World::add_people(std::uint32_t count) {
-    random_ = Random(seed_ * 0x2545'f491ULL + 0x9e09'1eULL);  // whatever stands about changes nobody's way
+    random_ = Random(day_ * 0x2545'f491ULL + 0x9e09'1eULL);  // whatever stands about changes nobody's way
     const DeskPlace desk = desk_place(scene_, side_);
     people_.resize(count);
     for (Person& person : people_) {

@@ -13,7 +13,8 @@ namespace stillmesh::simulated {
 
 class World {
 public:
-    World(const Scene& scene, std::uint64_t seed, double duration_s);
+    // `day` is the seed of all but the room: who is there, and how the camera goes.
+    World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s);
 
     void draw(Renderer& renderer, double time_s) const;
     [[nodiscard]] const CameraPath& camera() const noexcept { return camera_; }
@@ -71,7 +72,7 @@ private:
     [[nodiscard]] Rigid trolley_at(double time_s) const noexcept;
 
     Scene scene_;
-    std::uint64_t seed_;
+    std::uint64_t day_;
     Random random_;
     double side_;  // -1: mirrored
     double duration_s_;

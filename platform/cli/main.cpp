@@ -65,7 +65,7 @@ int program(int argc, char** argv) {
         ->group("Camera (one of the first two)");
     run_app
         ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
-        ->type_name("SCENE[:SEED]")
+        ->type_name("SCENE[:SEED[+DAY]]")
         ->group("Camera (one of the first two)");
     run_app
         ->add_option("--calibration", arguments.calibration,
@@ -166,6 +166,8 @@ int program(int argc, char** argv) {
         app.add_subcommand("simulate", "write a simulated recording with ground truth and dynamic masks");
     simulate_command->add_option("scene", simulation.scene, "such as walking_xyz")->required()->type_name("NAME");
     simulate_command->add_option("--seed", simulation.seed, "another world; 1 if not given")->type_name("N");
+    simulate_command->add_option("--day", simulation.day, "the same world on another day: other people, other light")
+        ->type_name("N");
     simulate_command->add_option("--frames", simulation.frames, "how many; the scene's own length if not given")
         ->type_name("N");
     simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");

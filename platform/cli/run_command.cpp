@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
@@ -135,11 +136,18 @@ int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
     const std::size_t colon = arguments.simulate.find(':');
     options.scene = arguments.simulate.substr(0, colon);
     if (colon != std::string::npos) {
-        const std::string_view seed = std::string_view(arguments.simulate).substr(colon + 1);
-        const auto [end, error] = std::from_chars(seed.data(), seed.data() + seed.size(), options.seed);
-        if (error != std::errc() || end != seed.data() + seed.size()) {
-            return refuse(
-                fmt::format("--simulate {}: the seed is a whole number, as in walking_xyz:2.", arguments.simulate));
+        const std::string_view seeds = std::string_view(arguments.simulate).substr(colon + 1);
+        const std::size_t plus = std::min(seeds.find('+'), seeds.size());
+        const auto read = [](std::string_view text, std::uint64_t& number) {
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+            return error == std::errc() && end == text.data() + text.size();
+        };
+        if (!read(seeds.substr(0, plus), options.seed) ||
+            (plus < seeds.size() && (!read(seeds.substr(plus + 1), options.day) || options.day == 0))) {
+            return refuse(fmt::format(
+                "--simulate {}: the seed is a whole number, as in walking_xyz:2; walking_xyz:2+7 is the same room on "
+                "day 7, with other people, another camera's way and other light.",
+                arguments.simulate));
         }
     }
     // As `stillmesh simulate --frames N`: the same frames.
@@ -147,6 +155,7 @@ int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
     options.frames = static_cast<std::uint32_t>(arguments.loop.frames_max);
     RunRecord record;
     record.input = fmt::format("simulated {}, seed {}", options.scene, options.seed);
+    if (options.day != 0) record.input += fmt::format(", day {}", options.day);
     record.calibration = "the simulated camera's own";
     SimulatedCamera simulated(std::move(options));
     TruthfulCamera camera(simulated, record.truth);

@@ -11,7 +11,7 @@ namespace stillmesh {
 
 struct RunArguments {
     std::string replay;         // folder in the TUM layout; this or `simulate`
-    std::string simulate;       // SCENE[:SEED]
+    std::string simulate;       // SCENE[:SEED[+DAY]]
     std::string calibration;    // file or name; empty: the folder's own
     std::string report;         // folder; empty: none
     std::string record_frames;  // folder; empty: none

@@ -62,7 +62,8 @@ private:
 }  // namespace
 
 int simulate_command(const SimulateOptions& options) {
-    SimulatedCamera camera({.scene = options.scene, .seed = options.seed, .frames = options.frames});
+    SimulatedCamera camera(
+        {.scene = options.scene, .seed = options.seed, .day = options.day, .frames = options.frames});
     if (camera.open() != Status::kOk) return complain(kExitUsage, camera.message() + ".");
 
     std::error_code error;

@@ -12,6 +12,7 @@ struct SimulateOptions {
     std::string scene;  // such as walking_xyz
     std::string out;    // folder to make; must not be there, or be empty
     std::uint64_t seed = 1;
+    std::uint64_t day = 0;     // not 0: the same room, another day
     std::uint32_t frames = 0;  // 0: the scene's own length
     bool is_json = false;      // summary as JSON, no progress
 };

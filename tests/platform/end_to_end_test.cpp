@@ -527,6 +527,8 @@ TEST(EndToEnd, SimulatedScenesByName) {
         {"--simulate walking_xyz:", "the seed is a whole number"},
         {"--simulate walking_xyz:1x", "the seed is a whole number"},
         {"--simulate walking_xyz:-1", "the seed is a whole number"},
+        {"--simulate walking_xyz:1+", "the seed is a whole number"},
+        {"--simulate walking_xyz:1+0", "the seed is a whole number"},
         {"--simulate walking_xyz --calibration tum-fr1", "brings its own"},
         {"--simulate walking_xyz --replay x", "give one camera"},
     };

@@ -204,6 +204,33 @@ TEST(SimulatedCamera, RefusesWithASentence) {
     }
 }
 
+// Promise: another day is the same room (what does not move is found again where the true poses say), with another way
+// of the camera, other people and other light; no day is the seed's own.
+TEST(SimulatedCamera, AnotherDayIsTheSameRoom) {
+    SimulationOptions options = small("static_xyz", 2, 2);
+    options.width = 320;
+    options.height = 240;
+    CameraInfo info;
+    const std::vector<Kept> first = run(options, info);
+    options.day = 7;
+    const std::vector<Kept> other = run(options, info);
+    const Agreement same_room = compare(first[0], other[0], info.model, 0);
+    ASSERT_GT(same_room.checked, 2000);
+    EXPECT_GT(same_room.depth_agrees / same_room.checked, 0.95);
+    EXPECT_NE(first[0].pose.t, other[0].pose.t);
+    options.day = 0;
+    options.seed = 3;
+    const Agreement other_room = compare(first[0], run(options, info)[0], info.model, 0);
+    EXPECT_LT(other_room.depth_agrees / other_room.checked, 0.8);
+
+    SimulationOptions walking = small("walking_xyz", 2, 2);
+    const std::uint64_t own = hash_of(walking);
+    walking.day = 2;
+    EXPECT_EQ(hash_of(walking), own);
+    walking.day = 3;
+    EXPECT_NE(hash_of(walking), own);
+}
+
 // Promise: truth and pixels belong together: what does not move is found again, in depth and grey, where the true poses
 // say; with a truth 5 cm wrong it is not.
 TEST(SimulatedCamera, TruthExplainsWhatStandsStill) {
