@@ -95,18 +95,24 @@ ConfigurationProblem validate(const Configuration& configuration, const Limits& 
 }
 
 Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits, const Configuration& configuration,
-                               const CameraModel& camera, const Kernels& kernels,
-                               FeatureExtractor* extractor) noexcept {
+                               const CameraModel& camera, const Kernels& kernels, FeatureExtractor* extractor,
+                               std::span<const std::byte> vocabulary) noexcept {
     if (stillmesh::validate(limits).key != nullptr) return Status::kInvalid;
     if (stillmesh::validate(configuration, limits).key != nullptr) return Status::kInvalid;
     if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
     if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
     if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
     if (block.size() < static_bytes_needed(limits)) return Status::kFull;
+    Vocabulary opened;
+    const char* sentence = nullptr;
+    if (!vocabulary.empty() && opened.open(vocabulary, limits.vocabulary_words_max, sentence) != Status::kOk) {
+        return Status::kCorrupt;
+    }
     Arena arena(block);
     EngineState& state = arena.array<EngineState>(1)[0];
     state.limits = limits;
     state.camera = camera;
+    state.vocabulary = opened;
     state.tracking.create(arena, limits, configuration, camera, kernels, extractor);
     state.mapping.create(arena, limits, configuration, camera, state.tracking);
     state.scheduler.create(configuration.schedule.slice_units);

@@ -156,13 +156,16 @@ struct ConfigurationProblem {
 class STILLMESH_API Engine {
 public:
     // The engine lies inside `block` (at least bytes_needed(limits), aligned to kArenaAlignment), which must outlive
-    // it; so must `kernels` and `extractor` (nullptr: the engine's own).
+    // it; so must `kernels`, `extractor` (nullptr: the engine's own) and the bytes of `vocabulary` (empty: no place is
+    // ever recognised), which are checked here and then used where they lie.
     //   kInvalid  camera larger than the limits, below 33x33 px or not usable, or a configuration that validate()
     //             refuses
+    //   kCorrupt  no vocabulary that Vocabulary::open() takes, which says why
     //   kFull     block too small
     [[nodiscard]] static Result<Engine*> create(std::span<std::byte> block, const Limits& limits,
                                                 const Configuration& configuration, const CameraModel& camera,
-                                                const Kernels& kernels, FeatureExtractor* extractor = nullptr) noexcept;
+                                                const Kernels& kernels, FeatureExtractor* extractor = nullptr,
+                                                std::span<const std::byte> vocabulary = {}) noexcept;
 
     // Tracks one frame to completion; its pixels are borrowed until the call returns.
     //   kOk       pose() is for this frame, whatever its state

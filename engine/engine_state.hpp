@@ -6,6 +6,7 @@
 
 #include "engine/base/arena.hpp"
 #include "engine/engine.hpp"
+#include "engine/place/vocabulary.hpp"
 #include "engine/schedule/scheduler.hpp"
 #include "engine/tasks/mapping.hpp"
 #include "engine/tasks/tracking.hpp"
@@ -15,6 +16,7 @@ namespace stillmesh {
 struct EngineState final : Engine {
     Limits limits;
     CameraModel camera;
+    Vocabulary vocabulary;  // empty: none
     Tracking tracking;
     Mapping mapping;
     Scheduler scheduler;  // of the background tasks, in the order of add() in create()

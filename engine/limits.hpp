@@ -14,13 +14,14 @@ struct Limits {
     std::uint32_t map_points_max = 20000;   // full: the least recently seen are forgotten
     std::uint32_t groups_max = 128;         // of the mesh; smaller ones beyond it stay without a vote
     std::uint32_t local_points_max = 6000;  // that a frame is matched against; farther ones are left out
+    std::uint32_t vocabulary_words_max = 10000;  // a larger vocabulary is refused; at most 65535
 
     // The desk and the robot with memory to spare: at most 48 MiB.
     [[nodiscard]] static constexpr Limits room() noexcept { return {}; }
     // A small board: at most 8 MiB.
-    [[nodiscard]] static constexpr Limits pocket() noexcept { return {640, 480, 8, 500, 32, 4000, 64, 2500}; }
+    [[nodiscard]] static constexpr Limits pocket() noexcept { return {640, 480, 8, 500, 32, 4000, 64, 2500, 10000}; }
     // For tests: every full pool happens within seconds; at most 512 KiB.
-    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 300, 16, 200}; }
+    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 300, 16, 200, 1000}; }
 };
 
 // Calls visitor(name, value, min, max, unit, sentence) for every limit, as visit_parameters does for a configuration;
@@ -36,6 +37,7 @@ constexpr void visit_limits(Limits& l, Visitor&& v) {
     v("limits.map_points_max", l.map_points_max, 50.0, 16777215.0, "", "points of the map, at least features_max");
     v("limits.groups_max", l.groups_max, 1.0, 65534.0, "", "groups of the mesh");
     v("limits.local_points_max", l.local_points_max, 1.0, 16777215.0, "", "points that a frame is matched against");
+    v("limits.vocabulary_words_max", l.vocabulary_words_max, 2.0, 65535.0, "", "words of the vocabulary");
 }
 
 }  // namespace stillmesh

@@ -4,7 +4,7 @@
 
 #include "engine/base/numbers.hpp"
 #include "engine/geometry/camera.hpp"
-#include "engine/matching/hamming.hpp"
+#include "engine/features/hamming.hpp"
 
 namespace stillmesh {
 namespace {

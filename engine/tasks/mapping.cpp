@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/base/numbers.hpp"
-#include "engine/matching/hamming.hpp"
+#include "engine/features/hamming.hpp"
 
 namespace stillmesh {
 namespace {

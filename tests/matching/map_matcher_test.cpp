@@ -9,7 +9,7 @@
 #include "engine/base/arena.hpp"
 #include "engine/base/random.hpp"
 #include "engine/geometry/camera.hpp"
-#include "engine/matching/hamming.hpp"
+#include "engine/features/hamming.hpp"
 
 namespace stillmesh {
 namespace {

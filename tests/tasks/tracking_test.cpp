@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/matching/hamming.hpp"
+#include "engine/features/hamming.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/frames.hpp"
 #include "tests/support/memory.hpp"

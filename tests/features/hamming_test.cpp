@@ -1,4 +1,4 @@
-#include "engine/matching/hamming.hpp"
+#include "engine/features/hamming.hpp"
 
 #include <gtest/gtest.h>
 

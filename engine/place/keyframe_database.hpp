@@ -1,0 +1,129 @@
+// Which keyframes look like a frame: the inverted index. For every word the keyframes that have it, as a linked list
+// through fixed memory: a keyframe's postings lie in its own slot's rows, so there is room for every keyframe that the
+// map can hold, and nothing is ever full. Also keeps each keyframe's direct index. Keyframes are named by their slot in
+// the map's pool: remove() them when they are released, add() them anew when their words change. Memory: 20 bytes times
+// keyframes_max times features_max. Cost: adding and removing one step per word; a query one step per posting of its
+// words, in slices (PlaceQuery).
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/fixed_vector.hpp"
+#include "engine/limits.hpp"
+#include "engine/place/bag_of_words.hpp"
+#include "engine/schedule/task.hpp"
+
+namespace stillmesh {
+
+class KeyframeDatabase {
+public:
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
+        arena.array<Posting>(rows);
+        arena.array<WordOfFeature>(rows);
+        arena.array<Entry>(limits.keyframes_max);
+        arena.array<std::uint32_t>(limits.vocabulary_words_max);
+    }
+    void create(Arena& arena, const Limits& limits) noexcept;
+    void reset() noexcept;
+
+    // Takes in the direct index and the bag of a keyframe whose static weights have settled. Its slot must be free.
+    void add(std::uint32_t slot, const FrameWords& words) noexcept;
+    // Nothing happens when it is not in.
+    void remove(std::uint32_t slot) noexcept;
+    [[nodiscard]] bool has(std::uint32_t slot) const noexcept { return entries_[slot].is_in; }
+    [[nodiscard]] std::uint32_t size() const noexcept { return size_; }
+    [[nodiscard]] std::uint32_t slots_count() const noexcept { return static_cast<std::uint32_t>(entries_.size()); }
+
+    // Of a keyframe that is in.
+    [[nodiscard]] std::span<const WordOfFeature> direct_index(std::uint32_t slot) const noexcept;
+    // How alike a keyframe and a bag, or two keyframes, are: bag_score().
+    [[nodiscard]] std::uint32_t score(std::uint32_t slot, std::span<const WordWeight> bag) const noexcept;
+    [[nodiscard]] std::uint32_t score(std::uint32_t slot_a, std::uint32_t slot_b) const noexcept;
+
+    // Calls visit(keyframe slot, weight) for every keyframe that has the word, the latest added first. Returns how many.
+    template <typename Visit>
+    std::uint32_t visit_keyframes(std::uint32_t word, Visit&& visit) const noexcept {
+        std::uint32_t count = 0;
+        for (std::uint32_t at = first_of_word_[word]; at != 0; at = postings_[at - 1].next_plus_one, ++count) {
+            visit(static_cast<std::uint32_t>(postings_[at - 1].slot), postings_[at - 1].weight);
+        }
+        return count;
+    }
+    // Grows with every add(): what was added after a query began does not belong to it.
+    [[nodiscard]] std::uint64_t adds() const noexcept { return adds_; }
+    [[nodiscard]] std::uint64_t added_at(std::uint32_t slot) const noexcept { return entries_[slot].added_at; }
+
+    // Everything computed anew: nullptr, or what is wrong. For tests; slow.
+    [[nodiscard]] const char* find_fault() const noexcept;
+
+private:
+    // A word of a keyframe's bag, linked with the same word of others. Rows of a slot are sorted by word.
+    struct Posting {
+        std::uint32_t weight = 0;
+        std::uint32_t next_plus_one = 0;      // row + 1; 0: the last
+        std::uint32_t previous_plus_one = 0;  // 0: the first
+        std::uint16_t word = 0;
+        std::uint16_t slot = 0;
+    };
+    struct Entry {
+        std::uint64_t added_at = 0;
+        std::uint32_t postings = 0;
+        std::uint32_t features = 0;
+        bool is_in = false;
+    };
+    [[nodiscard]] std::span<const Posting> postings_of(std::uint32_t slot) const noexcept {
+        return postings_.subspan(static_cast<std::size_t>(slot) * features_max_, entries_[slot].postings);
+    }
+
+    std::span<Posting> postings_;             // features_max per slot
+    std::span<WordOfFeature> direct_;         // likewise
+    std::span<Entry> entries_;                // by slot
+    std::span<std::uint32_t> first_of_word_;  // row + 1; 0: no keyframe has it
+    std::uint32_t features_max_ = 0;
+    std::uint32_t size_ = 0;
+    std::uint64_t adds_ = 0;
+};
+
+struct PlaceCandidate {
+    std::uint32_t keyframe_slot = 0;
+    std::uint32_t score = 0;         // bag_score(), 1 to kBagWeightOne
+    std::uint32_t common_words = 0;  // that both have
+};
+
+// One question to the database, cut into slices anywhere: the answer is the same. Keyframes that went meanwhile are left
+// out of it, and those that came (or came back) meanwhile.
+class PlaceQuery {
+public:
+    // A unit is so many postings; a step overdraws by at most the postings of one word, keyframes_max.
+    static constexpr std::uint32_t kPostingsPerUnit = 32;
+
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        FixedVector<WordWeight>::plan(arena, limits.features_max);
+        arena.array<PlaceCandidate>(limits.keyframes_max);
+        FixedVector<PlaceCandidate>::plan(arena, limits.keyframes_max);
+    }
+    void create(Arena& arena, const Limits& limits) noexcept;
+    void reset() noexcept;
+
+    // Forgets an earlier question. `bag` is copied.
+    void begin(const KeyframeDatabase& database, std::span<const WordWeight> bag) noexcept;
+    // kIdle: no question, or answered already; kDone: candidates() is the answer.
+    Progress step(const KeyframeDatabase& database, WorkBudget& budget) noexcept;
+    [[nodiscard]] bool is_running() const noexcept { return is_running_; }
+
+    // All keyframes that share a word, the most alike first (ties: the lower slot). Empty until answered.
+    [[nodiscard]] std::span<const PlaceCandidate> candidates() const noexcept { return candidates_.span(); }
+
+private:
+    FixedVector<WordWeight> bag_;
+    std::span<PlaceCandidate> scores_;  // by slot
+    FixedVector<PlaceCandidate> candidates_;
+    std::uint64_t begun_at_ = 0;  // adds() of the database
+    std::uint32_t next_word_ = 0;
+    std::uint32_t postings_ = 0;  // of the unit that has begun
+    bool is_running_ = false;
+};
+
+}  // namespace stillmesh

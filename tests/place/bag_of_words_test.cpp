@@ -1,0 +1,3 @@
+#include "engine/place/bag_of_words.hpp"
+
+#include <gtest/gtest.h>

@@ -1,0 +1,3 @@
+#include "engine/place/keyframe_database.hpp"
+
+#include <gtest/gtest.h>
