@@ -41,8 +41,8 @@ template <typename A, typename B>
     }
     return sum;
 }
-// How alike two bags are, 0 to kBagWeightOne: 1 - |a - b| / 2 in the L1 norm, which is the sum of the smaller weights of
-// the words they share.
+// How alike two bags are, 0 to kBagWeightOne: 1 - |a - b| / 2 in the L1 norm, which is the sum of the smaller weights
+// of the words they share.
 [[nodiscard]] constexpr std::uint32_t bag_score(std::span<const WordWeight> a, std::span<const WordWeight> b) noexcept {
     return common_weight(a, b);
 }
@@ -79,8 +79,8 @@ private:
     std::span<WordOfFeature> scratch_;
 };
 
-// Calls visit(features of a, features of b) for every node at `level` that both frames have features under, in the order
-// of the tree. a and b are direct indices.
+// Calls visit(features of a, features of b) for every node at `level` that both frames have features under, in the
+// order of the tree. a and b are direct indices.
 template <typename Visit>
 void visit_common_nodes(const Vocabulary& vocabulary, std::uint32_t level, std::span<const WordOfFeature> a,
                         std::span<const WordOfFeature> b, Visit&& visit) noexcept {

@@ -44,7 +44,8 @@ void KeyframeDatabase::remove(std::uint32_t slot) noexcept {
     STILLMESH_CHECK(slot < entries_.size());
     if (!entries_[slot].is_in) return;
     for (const Posting& posting : postings_of(slot)) {
-        if (posting.next_plus_one != 0) postings_[posting.next_plus_one - 1].previous_plus_one = posting.previous_plus_one;
+        if (posting.next_plus_one != 0)
+            postings_[posting.next_plus_one - 1].previous_plus_one = posting.previous_plus_one;
         if (posting.previous_plus_one != 0) {
             postings_[posting.previous_plus_one - 1].next_plus_one = posting.next_plus_one;
         } else {

@@ -42,7 +42,8 @@ public:
     [[nodiscard]] std::uint32_t score(std::uint32_t slot, std::span<const WordWeight> bag) const noexcept;
     [[nodiscard]] std::uint32_t score(std::uint32_t slot_a, std::uint32_t slot_b) const noexcept;
 
-    // Calls visit(keyframe slot, weight) for every keyframe that has the word, the latest added first. Returns how many.
+    // Calls visit(keyframe slot, weight) for every keyframe that has the word, the latest added first. Returns how
+    // many.
     template <typename Visit>
     std::uint32_t visit_keyframes(std::uint32_t word, Visit&& visit) const noexcept {
         std::uint32_t count = 0;
@@ -92,8 +93,8 @@ struct PlaceCandidate {
     std::uint32_t common_words = 0;  // that both have
 };
 
-// One question to the database, cut into slices anywhere: the answer is the same. Keyframes that went meanwhile are left
-// out of it, and those that came (or came back) meanwhile.
+// One question to the database, cut into slices anywhere: the answer is the same. Keyframes that went meanwhile are
+// left out of it, and those that came (or came back) meanwhile.
 class PlaceQuery {
 public:
     // A unit is so many postings; a step overdraws by at most the postings of one word, keyframes_max.

@@ -1,8 +1,8 @@
 // A vocabulary of binary descriptors: a tree of medians whose leaves are words, each with the weight that its rarity
-// gives it (Galvez-Lopez and Tardos 2012; method.md 7 and 9). It is a view over bytes that somebody else keeps, read-only
-// and for as long as it is used: checked once at open(), then used in place, without a copy. Format bit by bit:
-// docs/SPEC-vocabulary.md. Limits: 65535 words, 32 children, 8 levels. A word costs `branching` descriptor distances per
-// level.
+// gives it (Galvez-Lopez and Tardos 2012; method.md 7 and 9). It is a view over bytes that somebody else keeps,
+// read-only and for as long as it is used: checked once at open(), then used in place, without a copy. Format bit by
+// bit: docs/SPEC-vocabulary.md. Limits: 65535 words, 32 children, 8 levels. A word costs `branching` descriptor
+// distances per level.
 //
 // Words are numbered in the order of the tree, so that the words below any node are one range: a list of features
 // sorted by word is a direct index for every level at once.
@@ -38,7 +38,7 @@ struct VocabularyInfo {
     std::uint32_t images = 0;       // that it was trained from
     std::uint64_t descriptors = 0;  // likewise
     std::uint64_t seed = 0;
-    std::uint32_t pattern_crc = 0;     // of the descriptor's sampling pattern; 0: not told
+    std::uint32_t pattern_crc = 0;      // of the descriptor's sampling pattern; 0: not told
     char name[kVocabularyNameBytes]{};  // printable ASCII, ends with a zero
 };
 
@@ -97,7 +97,8 @@ private:
 
 // --- for the trainer
 
-// Writes the header of a vocabulary whose blocks and weights are in their place in `bytes` already, check sums included.
+// Writes the header of a vocabulary whose blocks and weights are in their place in `bytes` already, check sums
+// included.
 //   kFull  bytes is not file_bytes(...) long
 [[nodiscard]] STILLMESH_API Status write_vocabulary_header(const VocabularyInfo& info,
                                                            std::span<std::byte> bytes) noexcept;
