@@ -1,6 +1,7 @@
 #include "engine/map/map.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "engine/base/sort.hpp"
 
@@ -42,6 +43,7 @@ void Map::reset() noexcept {
     keyframes_.reset();
     std::fill(observers_.begin(), observers_.end(), 0);
     std::fill(shared_.begin(), shared_.end(), 0);
+    readout_s_ = 0;
     statistics_ = MapStatistics{};
     changes_ = StateHash{};
 }
@@ -404,6 +406,50 @@ bool Map::is_redundant(Handle<Keyframe> keyframe) const noexcept {
 }
 
 // --- the checker -----------------------------------------------------------------------------------------------------
+
+// --- readout ---------------------------------------------------------------------------------------------------------
+
+void Map::express_with_readout(double readout_s) noexcept {
+    const double change_s = readout_s - readout_s_;
+    readout_s_ = readout_s;
+    for (std::uint32_t slot = 0; slot < points_.slots_count(); ++slot) {
+        if (!points_.is_taken(slot)) continue;
+        MapPoint& point = points_.at(slot);
+        for (int i = 0; i < 3; ++i) {
+            point.world[i] += static_cast<double>(point.world_by_readout[i]) * change_s;
+            point.anchor[i] += static_cast<double>(point.anchor_by_readout[i]) * change_s;
+        }
+    }
+    for (std::uint32_t slot = 0; slot < keyframes_.slots_count(); ++slot) {
+        if (!keyframes_.is_taken(slot)) continue;
+        Keyframe& keyframe = keyframes_.at(slot);
+        keyframe.world_from_camera = keyframe.world_from_camera * se3_exp(keyframe.pose_by_readout * change_s);
+        renormalise(keyframe.world_from_camera.rotation);
+    }
+    changes_.add(readout_s);
+}
+
+bool Map::carry_observations(Handle<Keyframe> handle, std::uint32_t image_height) noexcept {
+    Keyframe& keyframe = *keyframes_.find(handle);
+    const double change_s = readout_s_ - keyframe.readout_s;
+    if (std::abs(change_s) < 1e-9) return false;
+    keyframe.readout_s = readout_s_;
+    Vector6 turning = keyframe.speed;
+    for (int i = 0; i < 3; ++i) turning(i) = 0;
+    for (Observation& o : observations_of(handle.slot())) {
+        const double row = static_cast<double>(o.y) / static_cast<double>(image_height) - 0.5;
+        // How far away it is nobody may know: turned only.
+        const bool has_depth = o.var_z >= 0;
+        const double z = has_depth ? static_cast<double>(o.z_m) : 1.0;
+        const Vector3 seen(static_cast<double>(o.normalised_x) * z, static_cast<double>(o.normalised_y) * z, z);
+        const Vector3 p = moved_a_little((has_depth ? keyframe.speed : turning) * (row * change_s), seen);
+        if (!(p.z() > 0.5 * z)) continue;
+        o.normalised_x = static_cast<float>(p.x() / p.z());
+        o.normalised_y = static_cast<float>(p.y() / p.z());
+        if (has_depth) o.z_m = static_cast<float>(p.z());
+    }
+    return true;
+}
 
 const char* Map::find_fault() const noexcept {
     const std::uint32_t count = keyframes_.slots_count();

@@ -25,6 +25,8 @@ struct MapPoint {
     double anchor[3] = {};              // m; where it was first seen (of a moving point: about a second ago)
     double var_z = 0, var_lateral = 0;  // of `world`, along and across the ray, m^2
     double anchor_var_z = 0, anchor_var_lateral = 0;  // of `anchor`
+    float world_by_readout[3] = {};   // m/s; how `world` moves with the rolling shutter's readout (engine/pose)
+    float anchor_by_readout[3] = {};  // m/s; likewise
     Descriptor descriptor;
     std::int64_t created_ns = 0;
     std::int64_t anchor_ns = 0;
@@ -43,6 +45,12 @@ struct MapPoint {
 [[nodiscard]] inline Vector3 vector_of(const double (&p)[3]) noexcept {
     return {p[0], p[1], p[2]};
 }
+[[nodiscard]] inline Vector3 vector_of(const float (&p)[3]) noexcept {
+    return {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
+}
+inline void store(const Vector3& v, float (&p)[3]) noexcept {
+    for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(v(i));
+}
 inline void store(const Vector3& v, double (&p)[3]) noexcept {
     p[0] = v.x();
     p[1] = v.y();
@@ -51,6 +59,9 @@ inline void store(const Vector3& v, double (&p)[3]) noexcept {
 
 struct Keyframe {
     SE3 world_from_camera;
+    Vector6 pose_by_readout = Vector6::Zero();  // per second, in the camera: how the pose moves with the readout
+    Vector6 speed = Vector6::Zero();            // of the camera, per second, in its own frame
+    double readout_s = 0;                       // that its observations were carried to the middle row with
     SE3 parent_from_camera;   // when it was inserted, or given this parent
     Handle<Keyframe> parent;  // in the spanning tree; null: the root
     std::int64_t time_ns = 0;
@@ -174,6 +185,14 @@ public:
     std::uint32_t best_covisible(std::uint32_t slot, std::span<std::uint32_t> best,
                                  std::uint32_t shared_min = 1) const noexcept;
 
+    // --- the readout that all of it is expressed with (engine/pose/rolling_shutter.hpp)
+    [[nodiscard]] double readout_s() const noexcept { return readout_s_; }
+    // Points and keyframes where they would be had the readout been this one all along; observations follow when they
+    // are asked for. Cost: one pass over both pools.
+    void express_with_readout(double readout_s) noexcept;
+    // The observations of a live keyframe with the map's readout; what was done.
+    bool carry_observations(Handle<Keyframe> keyframe, std::uint32_t image_height) noexcept;
+
     // Everything that is kept incrementally, computed anew: nullptr, or what is wrong. For tests; slow.
     [[nodiscard]] const char* find_fault() const noexcept;
 
@@ -214,6 +233,7 @@ private:
     std::span<std::uint64_t> by_age_;      // scratch: (last seen frame, slot) packed
     std::size_t words_ = 0;
     std::uint32_t features_max_ = 0;
+    double readout_s_ = 0;
     MapStatistics statistics_;
     StateHash changes_;
 };

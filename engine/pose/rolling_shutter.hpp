@@ -5,7 +5,11 @@
 //
 // The time of a readout is seldom known. Here it is estimated with the poses: one more unknown beside the six of each
 // frame, each frame adds what it knows of it once its own pose is accounted for. A camera that stands still adds next
-// to nothing, one that turns a lot. Cost: one pass over the matches a frame.
+// to nothing, one that turns a lot. The map was made with a readout too: of two frames that move alike each warps the
+// world as the other does, and nothing can be told. So each map point and each pose says how it moves with the readout
+// (the derivative is carried through the filters that made them): only the difference counts, and when the readout
+// believed changes, the map moves along (Map::express_with_readout). Cost: one pass over the matches a frame; one over
+// the map at a change.
 #pragma once
 
 #include <span>
@@ -20,7 +24,7 @@ public:
     // Without evidence there is no rolling shutter, with this deviation; the estimate stays within kReadoutMax_s either
     // way (a sensor may be read upwards).
     static constexpr double kReadoutMax_s = 0.04;
-    static constexpr double kReadoutSigma_s = 0.004;
+    static constexpr double kReadoutSigma_s = .01;
 
     // `readout_s` from the first row to the last; negative: estimated.
     void create(double readout_s, std::uint32_t image_height) noexcept;
@@ -35,15 +39,26 @@ public:
     // camera's motion per second, translation m/s and rotation rad/s in its own frame.
     [[nodiscard]] static Vector3 at_middle_row(const Vector3& p, double row_time_s, const Vector6& speed) noexcept;
 
-    // What this frame knows of the readout: its static matches one by one, carried to the middle row with `speed`; q is
-    // the map's point in the camera, y_px where it was seen.
-    void begin_frame() noexcept;
-    void add(const Correspondence& c, const Vector3& q, double y_px, const Vector6& speed, double chi2_max) noexcept;
-    void end_frame() noexcept;
+    // How a point measured at y_px moves with the readout, in the camera, m/s; p where it was carried to.
+    [[nodiscard]] Vector3 by_readout(const Vector3& p, double y_px, const Vector6& speed) const noexcept {
+        const Vector3 turning(speed(3), speed(4), speed(5));
+        const Vector3 moved = turning.cross(p) + Vector3(speed(0), speed(1), speed(2));
+        return moved * (y_px * inverse_height_ - 0.5);
+    }
 
-private:
+    // What this frame knows of the readout: its static matches one by one, carried to the middle row with `speed`; q is
+    // the map's point in the camera, q_by_readout how that moves with the readout, y_px where it was seen.
+    void begin_frame() noexcept;
+    void add(const Correspondence& c, const Vector3& q, const Vector3& q_by_readout, double y_px, const Vector6& speed,
+             double chi2_max) noexcept;
+    // How the frame's pose moves with the readout, per second, in the camera. Only what `counts` is learnt from.
+    [[nodiscard]] Vector6 end_frame(bool counts) noexcept;
+    // Believes what was learnt, if it is worth it: false, and nothing changed, within kStep_s.
+    bool adopt() noexcept;
+
     double given_s_ = -1;
-    double readout_s_ = 0;
+    double readout_s_ = 0;   // in use
+    double estimate_s_ = 0;  // what readout_s_ should be
     double inverse_height_ = 0;
     bool is_estimated_ = true;
     double info_ = 0;      // of the estimate, 1/s^2

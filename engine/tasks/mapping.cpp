@@ -360,7 +360,12 @@ std::uint32_t Mapping::choose_window() noexcept {
     problem_keyframe_count_ = problem_point_count_ = problem_observation_count_ = 0;
     const AdjustmentSizes limits = sizes(limits_);
     const std::uint32_t free_max = std::min(limits.free_keyframes_max, configuration_.mapping.window_keyframes);
+    std::uint32_t units = 0;
+    readout_s_ = map_->readout_s();
     const auto take_in = [&](Handle<Keyframe> handle, bool is_fixed) {
+        if (map_->carry_observations(handle, camera_.height)) {
+            units += static_cast<std::uint32_t>(map_->observations(handle).size()) / 4;
+        }
         ProblemKeyframe& in = problem_keyframes_[problem_keyframe_count_];
         in.handle = handle;
         in.world_from_camera = map_->keyframes().find(handle)->world_from_camera;
@@ -374,7 +379,6 @@ std::uint32_t Mapping::choose_window() noexcept {
     free_count_ = problem_keyframe_count_;
     // Points of the free keyframes that two of all keyframes see, newest keyframe first; who else sees them.
     std::fill(counts_.begin(), counts_.end(), std::uint16_t{0});
-    std::uint32_t units = 0;
     for (std::uint32_t k = 0; k < free_count_; ++k) {
         const std::span<const Observation> seen = map_->observations(problem_keyframes_[k].handle);
         units += static_cast<std::uint32_t>(seen.size()) / 8;
@@ -510,7 +514,8 @@ void Mapping::correct_keyframes() noexcept {
         if (in.is_fixed) continue;
         const SE3& pose = adjustment_.pose(in.index);
         corrections_[in.handle.slot()] = {transform_between(pose, in.world_from_camera), true};
-        keyframe->world_from_camera = pose;
+        // What was learnt of the readout meanwhile stays.
+        keyframe->world_from_camera = pose * se3_exp(keyframe->pose_by_readout * (map_->readout_s() - readout_s_));
         for (int i = 0; i < 3; ++i) map_->note_change(pose.translation(i));
     }
     // Newer ones, oldest first, so that each finds its parent corrected.

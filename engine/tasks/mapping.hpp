@@ -131,6 +131,7 @@ private:
     std::span<std::uint16_t> counts_;         // by keyframe slot: observations of points of the problem
     std::span<Correction> corrections_;       // by keyframe slot
     ProblemKeyframe problem_keyframes_[kWindowMax + kFixedMax];
+    double readout_s_ = 0;  // of the map, when the window was chosen
     std::uint32_t problem_keyframe_count_ = 0;
     std::uint32_t problem_point_count_ = 0;
     std::uint32_t problem_observation_count_ = 0;

@@ -114,6 +114,9 @@ void Tracking::reset() noexcept {
     covariance_ = Matrix6::Zero();
     doubt_.reset();
     shutter_.reset();
+    shutter_speed_ = Vector6::Zero();
+    pose_by_readout_ = Vector6::Zero();
+    pose_by_readout_previous_ = Vector6::Zero();
     context_ = RegionContext{};
     random_ = Random(configuration_.seed);
     hash_ = StateHash{};
@@ -181,16 +184,59 @@ void Tracking::apply_shutter(const SE3& camera_motion) noexcept {
     }
 }
 
-void Tracking::learn_shutter(const SE3& world_from_camera) noexcept {
+void Tracking::learn_shutter(const SE3& world_from_camera, bool counts) noexcept {
     if (!shutter_.is_estimated()) return;
     const SE3 camera_from_world = world_from_camera.inverse();
     shutter_.begin_frame();
     for (const std::uint16_t i : chosen_) {
         const Correspondence& c = correspondences_[i];
-        shutter_.add(c, camera_from_world * c.p_world, static_cast<double>(features_.keypoints[c.feature].y),
-                     shutter_speed_, configuration_.region.point_chi2_max);
+        const MapPoint& point = map_.points().at(c.point_slot);
+        shutter_.add(c, camera_from_world * c.p_world,
+                     camera_from_world.rotation * vector_of(point.world_by_readout),
+                     static_cast<double>(features_.keypoints[c.feature].y), shutter_speed_,
+                     configuration_.region.point_chi2_max);
     }
-    shutter_.end_frame();
+    pose_by_readout_previous_ = pose_by_readout_;
+    pose_by_readout_ = shutter_.end_frame(counts);
+}
+
+// How fast the camera was in the first frame shows in the second: as fast as then.
+void Tracking::backdate_speed() noexcept {
+    const Handle<Keyframe> first = map_.recent_keyframe(0);
+    if (first.is_null() || map_.keyframes().find(first)->time_ns != start_time_ns_) return;
+    Keyframe& keyframe = *map_.keyframes().find(first);
+    keyframe.speed = shutter_speed_;
+    keyframe.readout_s = shutter_.readout_s();
+    for (const Observation& o : map_.observations(first)) {
+        MapPoint* const point = map_.points().find(o.point);
+        if (point == nullptr) continue;
+        const Vector3 moves = keyframe.world_from_camera.rotation *
+                              shutter_.by_readout(keyframe.world_from_camera.inverse() * vector_of(point->world),
+                                                  static_cast<double>(o.y), shutter_speed_);
+        store(moves, point->world_by_readout);
+        store(moves, point->anchor_by_readout);
+    }
+}
+
+// How a point that this frame measures at p moves with the readout, in the world, m/s.
+Vector3 Tracking::by_readout(const SE3& world_from_camera, const Vector3& p, std::size_t feature) const noexcept {
+    const Vector3 turning(pose_by_readout_(3), pose_by_readout_(4), pose_by_readout_(5));
+    const Vector3 in_camera =
+        shutter_.by_readout(p, static_cast<double>(features_.keypoints[feature].y), shutter_speed_) +
+        turning.cross(p) + Vector3(pose_by_readout_(0), pose_by_readout_(1), pose_by_readout_(2));
+    return world_from_camera.rotation * in_camera;
+}
+
+// The map, and where the camera was, as they would be had the readout been known all along.
+void Tracking::adopt_readout() noexcept {
+    const double before_s = shutter_.readout_s();
+    if (!shutter_.adopt()) return;
+    const double change_s = shutter_.readout_s() - before_s;
+    map_.express_with_readout(shutter_.readout_s());
+    world_from_camera_ = world_from_camera_ * se3_exp(pose_by_readout_ * change_s);
+    world_from_camera_previous_ = world_from_camera_previous_ * se3_exp(pose_by_readout_previous_ * change_s);
+    renormalise(world_from_camera_.rotation);
+    renormalise(world_from_camera_previous_.rotation);
 }
 
 // Constant velocity in the camera frame.
@@ -319,6 +365,7 @@ void Tracking::track(const Frame& frame) noexcept {
         }
     }
     if (configuration_.mapping.is_enabled && pose_.state == PoseState::kTracked) notice_empty_places(frame);
+    adopt_readout();
     previous_time_ns_ = last_time_ns_;
     last_time_ns_ = frame.time_ns;
     hash_.add(static_cast<std::uint64_t>(frame.time_ns));
@@ -355,6 +402,7 @@ void Tracking::start_map() noexcept {
     world_from_camera_ = SE3{};
     world_from_camera_previous_ = SE3{};
     has_map_ = true;
+    map_.express_with_readout(shutter_.readout_s());
     start_time_ns_ = time_ns_;
     measured_time_ns_ = time_ns_;
     has_velocity_ = false;
@@ -473,7 +521,8 @@ bool Tracking::estimate() noexcept {
     const bool is_sure = choice.margin >= configuration_.region.margin_min &&
                          choice.score >= configuration_.region.score_min &&
                          fit.inliers >= configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
-    if (is_sure && lost_frames_ == 0) learn_shutter(fit.world_from_camera);
+    if (lost_frames_ == 0 && last_time_ns_ == start_time_ns_) backdate_speed();
+    learn_shutter(fit.world_from_camera, is_sure && lost_frames_ == 0);
     if (prior_or_none != nullptr) doubt_jump(fit.world_from_camera, is_sure);
     world_from_camera_previous_ = world_from_camera_;
     world_from_camera_ = fit.world_from_camera;
@@ -646,6 +695,13 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 moved.x() = moved.z() * (q.x() / q.z() + gain_lateral * (c.normalised.x() - q.x() / q.z()));
                 moved.y() = moved.z() * (q.y() / q.z() + gain_lateral * (c.normalised.y() - q.y() / q.z()));
                 store(world_from_camera * moved, point.world);
+                const Vector3 learnt = camera_from_world.rotation *
+                                       (by_readout(world_from_camera, c.p_camera, c.feature) -
+                                        vector_of(point.world_by_readout));
+                store(vector_of(point.world_by_readout) +
+                          world_from_camera.rotation * Vector3(learnt.x() * gain_lateral, learnt.y() * gain_lateral,
+                                                               learnt.z() * gain_z),
+                      point.world_by_readout);
                 point.var_z = std::max(point.var_z * (1.0 - gain_z), weights.variance_min * var_z);
                 point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), weights.variance_min * lateral);
             }
@@ -657,6 +713,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
         if (point.is_suspect && c.has_depth) {
             // Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
             store(world_from_camera * c.p_camera, point.world);
+            store(by_readout(world_from_camera, c.p_camera, c.feature), point.world_by_readout);
             point.var_z = measured_[c.feature].var_z;
             point.var_lateral = measured_[c.feature].var_pixel * c.p_camera.z() * c.p_camera.z();
             point.descriptor = features_.descriptors[c.feature];
@@ -665,6 +722,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
             point.level = features_.keypoints[c.feature].level;
             if (!c.is_dynamic || seconds(point.anchor_ns, time_ns_) > weights.anchor_age_s) {
                 store(world_from_camera * c.p_camera, point.anchor);
+                store(vector_of(point.world_by_readout), point.anchor_by_readout);
                 point.anchor_var_z = point.var_z;
                 point.anchor_var_lateral = point.var_lateral;
                 point.anchor_ns = time_ns_;
@@ -720,6 +778,9 @@ void Tracking::make_keyframe() noexcept {
     const Handle<Keyframe> handle = map_.add_keyframe();
     Keyframe& keyframe = *map_.keyframes().find(handle);
     keyframe.world_from_camera = world_from_camera_;
+    keyframe.pose_by_readout = pose_by_readout_;
+    keyframe.speed = shutter_speed_;
+    keyframe.readout_s = shutter_.readout_s();
     keyframe.time_ns = time_ns_;
     keyframe.frame = frame_;
     keyframe.last_useful_frame = frame_;
@@ -785,8 +846,11 @@ void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::ui
     if (!taken.is_ok()) return;  // all others were seen in this very frame; the pool counts the refusal
     MapPoint& point = *map_.points().find(taken.value());
     const MeasuredFeature& m = measured_[feature];
-    store(world_from_camera_ * back_project(m.normalised, m.z_m), point.world);
+    const Vector3 p = back_project(m.normalised, m.z_m);
+    store(world_from_camera_ * p, point.world);
     store(vector_of(point.world), point.anchor);
+    store(by_readout(world_from_camera_, p, feature), point.world_by_readout);
+    store(vector_of(point.world_by_readout), point.anchor_by_readout);
     point.var_z = m.var_z;
     point.var_lateral = m.var_pixel * m.z_m * m.z_m;
     point.anchor_var_z = point.var_z;

@@ -335,6 +335,73 @@ TEST(Map, TheCheckerCanFail) {
     EXPECT_NE(map->find_fault(), nullptr);
 }
 
+// Promise: a map expressed with another readout is the map that would have been made with it: observations carried,
+// points and poses moved by what they said they would, and back again.
+TEST(Map, IsExpressedWithAnotherReadout) {
+    MapInMemory map(small(4, 10, 8));
+    Random random(3);
+    const Handle<Keyframe> handle = add_keyframe(*map, 1);
+    Vector6 speed;
+    speed << 0.3, -0.2, 0.1, 0.8, -1.2, 0.5;
+    {
+        Keyframe& keyframe = *map->keyframes().find(handle);
+        keyframe.world_from_camera = se3_exp(speed * 0.3);
+        keyframe.speed = speed;
+        keyframe.pose_by_readout = speed * 0.01;
+    }
+    const SE3 pose = map->keyframes().find(handle)->world_from_camera;
+    std::vector<Vector3> seen;
+    for (int i = 0; i < 8; ++i) {
+        const Handle<MapPoint> point = add_point(*map);
+        MapPoint& p = *map->points().find(point);
+        store(Vector3(0.1 * i, 0.2, 2.0), p.world);
+        store(Vector3(0.1 * i, 0.3, 2.0), p.anchor);
+        store(Vector3(1.0, 0.5, -0.25), p.world_by_readout);
+        store(Vector3(-1.0, 0.0, 0.5), p.anchor_by_readout);
+        Observation o = observation_of(point, static_cast<float>(10 * i));
+        o.y = static_cast<float>(random.uniform(0, 119));
+        o.normalised_x = static_cast<float>(random.uniform(-0.5, 0.5));
+        o.normalised_y = static_cast<float>(o.y / 120 - 0.5);
+        o.z_m = i == 0 ? 0.0F : 2.0F;
+        o.var_z = i == 0 ? -1.0F : 1e-4F;
+        map->add_observation(handle, o);
+        seen.emplace_back(static_cast<double>(o.normalised_x), static_cast<double>(o.normalised_y), 1.0);
+    }
+    EXPECT_FALSE(map->carry_observations(handle, 120));
+    const std::uint64_t before = map->changes_hash();
+    map->express_with_readout(0.02);
+    EXPECT_NE(map->changes_hash(), before);
+    EXPECT_EQ(map->readout_s(), 0.02);
+    for (const Observation& o : map->observations(handle)) {
+        const MapPoint& p = *map->points().find(o.point);
+        const double x = static_cast<double>(o.x) / 100;
+        EXPECT_NEAR(p.world[0], x + 0.02, 1e-7);
+        EXPECT_NEAR(p.world[2], 2.0 - 0.005, 1e-7);
+        EXPECT_NEAR(p.anchor[0], x - 0.02, 1e-7);
+        EXPECT_NEAR(p.anchor[2], 2.01, 1e-7);
+    }
+    const SE3 expected = pose * se3_exp(speed * (0.01 * 0.02));
+    EXPECT_LE((map->keyframes().find(handle)->world_from_camera.translation - expected.translation).norm(), 1e-12);
+    EXPECT_TRUE(map->carry_observations(handle, 120));
+    EXPECT_FALSE(map->carry_observations(handle, 120));
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        const Observation& o = map->observations(handle)[i];
+        Vector6 carrying = speed * ((static_cast<double>(o.y) / 120 - 0.5) * 0.02);
+        const double z = i == 0 ? 1.0 : 2.0;
+        if (i == 0) carrying.head<3>().setZero();
+        const Vector3 p = se3_exp(carrying) * (seen[i] * z);
+        EXPECT_NEAR(static_cast<double>(o.normalised_x), p.x() / p.z(), 2e-5) << i;
+        EXPECT_NEAR(static_cast<double>(o.normalised_y), p.y() / p.z(), 2e-5) << i;
+        EXPECT_NEAR(static_cast<double>(o.z_m), i == 0 ? 0.0 : p.z(), 1e-4) << i;
+    }
+    map->express_with_readout(0.0);
+    EXPECT_TRUE(map->carry_observations(handle, 120));
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        EXPECT_NEAR(static_cast<double>(map->observations(handle)[i].normalised_x), seen[i].x(), 1e-4) << i;
+    }
+    EXPECT_LE((map->keyframes().find(handle)->world_from_camera.translation - pose.translation).norm(), 1e-12);
+}
+
 // Promise: the local map lists points once, new ones at once, never more than its limit, and at most half the
 // keyframes.
 TEST(LocalMap, ListsPointsOnce) {
