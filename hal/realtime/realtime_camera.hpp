@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "hal/depth_camera.hpp"
+#include "hal/live/frame_times.hpp"
 
 namespace stillmesh {
 
@@ -23,7 +24,7 @@ struct RealtimeClock {
     std::function<void(std::int64_t)> sleep_until_ns;
 };
 
-class RealtimeCamera final : public DepthCamera {
+class RealtimeCamera final : public DepthCamera, public FrameTimes {
 public:
     static constexpr std::size_t kSlots = 6;
 
@@ -43,10 +44,10 @@ public:
     void close() noexcept override;
 
     // When the last frame given out was due: the begin of its latency.
-    [[nodiscard]] std::int64_t due_ns() const noexcept { return given_due_ns_; }
+    [[nodiscard]] std::int64_t due_ns() const noexcept override { return given_due_ns_; }
     // When the next frame is due; a frame period from now if the source does not have it yet.
-    [[nodiscard]] std::int64_t next_due_ns() noexcept;
-    [[nodiscard]] std::uint64_t dropped() noexcept;
+    [[nodiscard]] std::int64_t next_due_ns() noexcept override;
+    [[nodiscard]] std::uint64_t dropped() noexcept override;
     // How long the clock waited for the source.
     [[nodiscard]] std::int64_t source_late_ns() noexcept;
     // Whether all that is due has been polled from the source.

@@ -114,6 +114,10 @@ Status SimulatedCamera::open() noexcept {
         message_ = "the exposure must be 0 to 33 ms";
         return Status::kInvalid;
     }
+    if (!(options_.depth_baseline_m > -1 && options_.depth_baseline_m < 1)) {
+        message_ = "the depth camera must stand within 1 m of the colour camera";
+        return Status::kInvalid;
+    }
     frame_count_ = options_.frames == 0 ? found->frames : options_.frames;
     if (frame_count_ > 1'000'000) {
         message_ = "at most 1000000 frames";
@@ -190,8 +194,10 @@ Status SimulatedCamera::poll(Frame& frame) noexcept {
         dynamic_count += is_dynamic;
     }
     dynamic_share_ = static_cast<double>(dynamic_count) / static_cast<double>(ids.size());
-    if (options_.depth_lag_ns != 0) {
-        s.renderer.begin(path.at(t + lag), 0, 0);
+    if (options_.depth_lag_ns != 0 || options_.depth_baseline_m != 0) {
+        Rigid depth_pose = path.at(t + lag);
+        depth_pose.translation = depth_pose * Vec3{-options_.depth_baseline_m, 0, 0};
+        s.renderer.begin(depth_pose, 0, 0);
         s.world.draw(s.renderer, t + lag);
     }
     sense_depth(s.renderer, scramble(key), static_cast<float>(info_.depth_units_per_m), s.depth);

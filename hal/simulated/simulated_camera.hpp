@@ -25,6 +25,7 @@ struct SimulationOptions {
     std::uint32_t height = 480;             // px, 32..2047
     std::int64_t depth_lag_ns = 0;          // depth is taken this much later than colour; within +-33 ms
     std::int64_t exposure_ns = 12'000'000;  // 0: no motion blur
+    double depth_baseline_m = 0;  // the depth camera stands so far to the left, its depth is not registered; below 1
 };
 
 struct SimulatedScene {

@@ -1,0 +1,110 @@
+// A depth camera through OpenNI2, live or from an .oni file. Live: OpenNI2's threads bring images, a callback pairs
+// them by time and puts the newest pair into one fixed slot without copying a pixel; what was there is dropped and
+// counted. A file: every pair in order, as fast as it is asked for. Colour and depth are upright (not mirrored), of one
+// size, depth in the colour camera's view: by the device where it can, else here. Every wait is bounded, also for
+// drivers that hang: opening and closing run on a thread that is left behind if it takes too long. Memory: OpenNI2
+// keeps its own frames on the heap; ours are at most one colour and two depth images, taken in open(). Cost: next to
+// nothing per frame when the device does all; some 1.5 ms where depth is registered here.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "hal/depth_camera.hpp"
+#include "hal/live/frame_pairer.hpp"
+#include "hal/live/frame_times.hpp"
+
+namespace stillmesh {
+
+enum class Exposure : std::uint8_t {
+    kAuto,   // the device's own automatics, exposure and white balance
+    kFixed,  // as they stand when the camera is opened
+};
+
+enum class Registration : std::uint8_t {
+    kAuto,  // the device, else here; a file is taken as registered, since files do not say
+    kHere,  // here, with the baseline of the PrimeSense kind
+    kNone,  // depth is in the colour camera's view already
+};
+
+struct OpenNi2Options {
+    std::string device{};            // "auto" or empty: the first; a URI, a serial number, or a FILE.oni
+    std::string calibration{};       // file or name; empty: from the field of view
+    std::uint32_t width_max = 640;   // px; larger modes are not asked for
+    std::uint32_t height_max = 480;  // px
+    Exposure exposure = Exposure::kAuto;
+    Registration registration = Registration::kAuto;
+    double baseline_m = 0.025;         // for kHere: colour camera to the right of the depth camera
+    std::string record{};              // .oni file that everything goes into; empty: none
+    std::uint32_t open_max_ms = 6000;  // opening or closing longer than this has failed
+};
+
+struct OpenNi2Counts {
+    PairingCounts pairing;
+    std::uint64_t images_colour = 0, images_depth = 0;  // brought by the driver
+    std::uint64_t images_missing = 0;                   // numbers of images that never came: lost before us
+    std::uint64_t dropped = 0;                          // pairs overtaken in the slot
+    std::uint64_t wrong_form = 0;                       // pairs of another size or format
+    std::int64_t reader_cpu_ns = 0;                     // of the thread that reads
+    std::int64_t poll_cpu_ns = 0;                       // of poll(), on the caller's thread
+};
+
+class OpenNi2Camera final : public DepthCamera, public FrameTimes {
+public:
+    explicit OpenNi2Camera(OpenNi2Options options);
+    ~OpenNi2Camera();
+    OpenNi2Camera(const OpenNi2Camera&) = delete;
+    OpenNi2Camera& operator=(const OpenNi2Camera&) = delete;
+
+    // kOk; kUnavailable: no such device (now), or it does not answer; kInvalid: it cannot be used: message() says why.
+    [[nodiscard]] Status open() noexcept override;
+    [[nodiscard]] const CameraInfo& info() const noexcept override { return info_; }
+    // As the port says. kEnd: the file has ended.
+    [[nodiscard]] Status poll(Frame& frame) noexcept override;
+    [[nodiscard]] Status wait(std::uint32_t timeout_ms) noexcept override;
+    void close() noexcept override;
+
+    [[nodiscard]] std::int64_t due_ns() const noexcept override { return due_ns_; }
+    [[nodiscard]] std::int64_t next_due_ns() noexcept override;
+    [[nodiscard]] std::uint64_t dropped() noexcept override { return counts().dropped; }
+
+    [[nodiscard]] const std::string& message() const noexcept { return message_; }
+    // What was found when it was opened: device, mode, registration, intrinsics.
+    [[nodiscard]] const std::string& device() const noexcept { return device_; }
+    [[nodiscard]] const std::string& calibration_source() const noexcept { return calibration_source_; }
+    [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
+    [[nodiscard]] bool is_file() const noexcept;
+    // Pairs at most; 0: unknown (live).
+    [[nodiscard]] std::uint64_t frames_expected() const noexcept { return frames_expected_; }
+    // Over all openings.
+    [[nodiscard]] OpenNi2Counts counts() const noexcept;
+
+private:
+    struct Session;  // everything that belongs to one opening
+    struct Opened;
+
+    [[nodiscard]] Status refuse(Status status, std::string why);
+    [[nodiscard]] Status calibrate(double fov_x);
+    void prepare_conversion();
+    void convert(Frame& frame);
+
+    OpenNi2Options options_;
+    CameraInfo info_;
+    CameraInfo given_;  // the calibration, as it was read
+    bool has_calibration_ = false;
+    std::string message_, device_, calibration_source_;
+    std::vector<std::string> notes_;
+    std::uint64_t frames_expected_ = 0;
+    std::int64_t due_ns_ = 0;
+    std::int64_t poll_cpu_ns_ = 0;
+    OpenNi2Counts before_;  // of the openings before this one
+    std::shared_ptr<Session> session_;
+    std::shared_ptr<void> runtime_;  // keeps OpenNI2 running between two openings: it hears what is plugged in
+    // Images that are made here: registered or scaled depth, upright depth and colour.
+    struct Conversion;
+    std::unique_ptr<Conversion> conversion_;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,44 @@
+#include "hal/live/device_clock.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace stillmesh {
+namespace {
+
+// Promise: a clock that drifts and delays that vary: the host's time of a stamp is right to within the smallest delay
+// plus what the clocks drift in two windows.
+TEST(DeviceClock, FollowsADriftingClock) {
+    std::mt19937 random(3);
+    DeviceClock clock;
+    const std::int64_t start_ns = 77'000'000'000;
+    for (std::int64_t i = 0; i < 60 * 30 * 10; ++i) {
+        const std::int64_t true_ns = start_ns + i * 33'333'000;
+        const auto stamp_us = static_cast<std::int64_t>(5e6 + static_cast<double>(true_ns - start_ns) * 1e-3 * 1.00005);
+        const std::int64_t delay_ns = 2'000'000 + static_cast<std::int64_t>(random() % 8'000'000);
+        const std::int64_t host_ns = clock.host_ns(stamp_us, true_ns + delay_ns);
+        ASSERT_LE(host_ns, true_ns + delay_ns);
+        if (i < 100) continue;
+        ASSERT_GT(host_ns, true_ns + 2'000'000 - 1'200'000) << i;
+        ASSERT_LT(host_ns, true_ns + 2'000'000 + 1'200'000) << i;
+    }
+    EXPECT_FALSE(clock.is_host_clock());
+}
+
+// Promise: stamps of the host's own clock are taken as they are; one from the future ends that; any number is safe.
+TEST(DeviceClock, HostClockAndNonsense) {
+    DeviceClock clock;
+    EXPECT_EQ(clock.host_ns(5'000'000, 5'003'000'000), 5'000'000'000);
+    EXPECT_TRUE(clock.is_host_clock());
+    EXPECT_EQ(clock.host_ns(5'033'000, 5'041'000'000), 5'033'000'000);
+    EXPECT_EQ(clock.host_ns(5'066'000, 5'065'000'000), 5'065'000'000);
+    EXPECT_FALSE(clock.is_host_clock());
+    for (const std::int64_t stamp_us :
+         {std::int64_t{-1}, std::int64_t{0}, INT64_MAX, INT64_MIN, std::int64_t{1} << 40}) {
+        EXPECT_LE(clock.host_ns(stamp_us, 6'000'000'000), 6'000'000'000);
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh

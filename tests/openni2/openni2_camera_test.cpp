@@ -1,0 +1,371 @@
+#include "hal/openni2/openni2_camera.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/openni2/rig.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::CameraRig;
+using test::within;
+
+// The next frame within a time; the status of the last poll else.
+Status next(OpenNi2Camera& camera, Frame& frame, std::int64_t timeout_ms = 1000) {
+    const std::int64_t end_ns = test::now_ns() + timeout_ms * 1'000'000;
+    for (;;) {
+        const Status status = camera.poll(frame);
+        if (status != Status::kTimedOut || test::now_ns() > end_ns) return status;
+        static_cast<void>(camera.wait(50));
+    }
+}
+
+// Promise: the first camera found is opened upright and registered, and its pixels are the driver's, bit for bit.
+TEST(OpenNi2Camera, ServesWhatTheDriverServes) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    OpenNi2Camera camera({});
+    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+    const CameraInfo& info = camera.info();
+    EXPECT_EQ(info.model.width, 320U);
+    EXPECT_EQ(info.model.height, 240U);
+    EXPECT_NEAR(info.model.fx, rig.head().fx, 0.01);
+    EXPECT_EQ(info.model.cx, 159.5);
+    EXPECT_EQ(info.depth_units_per_m, 1000.0);
+    EXPECT_EQ(info.frames_per_s, 30.0);
+    EXPECT_EQ(rig.camera().is_mirroring, 0U);
+    EXPECT_EQ(rig.camera().is_registering, 1U);
+    std::int64_t last_ns = 0;
+    for (int i = 0; i < 20; ++i) {
+        Frame frame;
+        ASSERT_EQ(next(camera, frame), Status::kOk) << camera.message();
+        ASSERT_GT(frame.time_ns, last_ns);
+        last_ns = frame.time_ns;
+        EXPECT_NEAR(static_cast<double>(frame.time_ns), static_cast<double>(test::now_ns(CLOCK_REALTIME)), 1e8);
+        EXPECT_EQ(frame.depth_time_ns - frame.time_ns, 1'500'000);
+        const int index = rig.shown_at(camera.due_ns() / 1000);
+        ASSERT_GE(index, 0) << "the driver stamps with the host's clock, and that is known";
+        ASSERT_EQ(frame.format, PixelFormat::kRgb8);
+        long wrong = 0;
+        for (std::uint32_t y = 0; y < 240; ++y) {
+            for (std::uint32_t x = 0; x < 320; ++x) {
+                const std::size_t at = std::size_t{y} * 320 + x;
+                wrong += frame.colour.row(y)[3 * x] != rig.grey(static_cast<std::uint32_t>(index))[at];
+                wrong += frame.depth.at(x, y) != rig.depth_mm(static_cast<std::uint32_t>(index))[at];
+            }
+        }
+        EXPECT_EQ(wrong, 0);
+    }
+    EXPECT_EQ(camera.counts().dropped, 0U);
+    EXPECT_EQ(camera.counts().images_missing, 0U);
+    EXPECT_NEAR(camera.counts().pairing.lag_mean_ms(), 1.5, 0.001);
+}
+
+// Pixels of a frame that are not the rendered frame's.
+long wrong_pixels(const CameraRig& rig, const Frame& frame, std::uint32_t index) {
+    long wrong = 0;
+    const std::uint32_t channels = channels_of(frame.format);
+    for (std::uint32_t y = 0; y < frame.colour.height; ++y) {
+        for (std::uint32_t x = 0; x < frame.colour.width; ++x) {
+            const std::size_t at = std::size_t{y} * frame.colour.width + x;
+            wrong += frame.colour.row(y)[channels * x] != rig.grey(index)[at];
+            wrong += frame.depth.at(x, y) != rig.depth_mm(index)[at];
+        }
+    }
+    return wrong;
+}
+
+// Promise: nobody is served but by the camera asked for: by URI, by serial number, the first; and what is not there is
+// named, with what is.
+TEST(OpenNi2Camera, ChoosesByUriOrSerial) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    {
+        OpenNi2Camera none({});
+        EXPECT_EQ(none.open(), Status::kUnavailable);
+        EXPECT_NE(none.message().find("no camera is plugged in"), std::string::npos) << none.message();
+    }
+    rig.camera(0).is_plugged = rig.camera(1).is_plugged = 1;
+    for (const char* const name : {"auto", "stillmesh://0", "TEST0001", "stillmesh://1", "TEST0002"}) {
+        OpenNi2Camera camera({.device = name});
+        ASSERT_EQ(camera.open(), Status::kOk) << name << camera.message();
+        const bool is_second = std::string(name).find('1', 12) != std::string::npos || std::string(name) == "TEST0002";
+        EXPECT_NE(camera.device().find(is_second ? "stillmesh://1, serial TEST0002" : "stillmesh://0, serial TEST0001"),
+                  std::string::npos)
+            << camera.device();
+    }
+    OpenNi2Camera other({.device = "TEST0003"});
+    EXPECT_EQ(other.open(), Status::kUnavailable);
+    EXPECT_NE(other.message().find("stillmesh://0 stillmesh://1"), std::string::npos) << other.message();
+    rig.camera(0).does_open_fail = 1;
+    rig.camera(1).is_plugged = 0;
+    OpenNi2Camera denied({});
+    ASSERT_TRUE(within(1000, [&] {
+        return denied.open() == Status::kUnavailable && denied.message().find("permission denied") != std::string::npos;
+    })) << denied.message();
+    EXPECT_EQ(rig.camera(0).opens, rig.camera(0).closes);
+    EXPECT_EQ(rig.camera(1).opens, rig.camera(1).closes);
+}
+
+// Promise: a camera that is never polled in time costs the newest frame nothing: it is there, the ones before it are
+// dropped and counted, and the frame in use is not touched.
+TEST(OpenNi2Camera, NewestWinsAndDropsAreCounted) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    OpenNi2Camera camera({});
+    ASSERT_EQ(camera.open(), Status::kOk);
+    Frame held;
+    ASSERT_EQ(next(camera, held), Status::kOk);
+    const auto held_index = static_cast<std::uint32_t>(rig.shown_at(camera.due_ns() / 1000));
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    EXPECT_EQ(wrong_pixels(rig, held, held_index), 0);
+    const std::int64_t before_ns = test::now_ns();
+    Frame newest;
+    ASSERT_EQ(camera.poll(newest), Status::kOk);
+    EXPECT_LT(before_ns - camera.due_ns(), 80'000'000) << "not an old one";
+    EXPECT_NEAR(static_cast<double>(camera.counts().dropped), 14, 3);
+    EXPECT_EQ(camera.poll(newest), Status::kTimedOut);
+}
+
+// Promise: without 640x480 it is 320x240, and everything that depends on the size follows; without either, and without
+// colour formats it can use, it says what the device offers.
+TEST(OpenNi2Camera, FollowsTheModesOfTheDevice) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    OpenNi2Camera small({.device = "", .calibration = "kinect"});
+    ASSERT_EQ(small.open(), Status::kOk) << small.message();
+    EXPECT_EQ(small.info().model.width, 320U);
+    EXPECT_DOUBLE_EQ(small.info().model.fx, 525.0 / 2);
+    EXPECT_DOUBLE_EQ(small.info().model.cx, 159.5);
+    EXPECT_DOUBLE_EQ(small.info().readout_s, 0.026);
+    small.close();
+    OpenNi2Camera limited({.device = "", .calibration = "", .width_max = 160, .height_max = 120});
+    EXPECT_EQ(limited.open(), Status::kInvalid);
+    EXPECT_NE(limited.message().find("320x240@30"), std::string::npos) << limited.message();
+    rig.camera().modes = 6;  // YUYV
+    OpenNi2Camera yuv({});
+    ASSERT_EQ(yuv.open(), Status::kOk) << yuv.message();
+    Frame frame;
+    ASSERT_EQ(next(yuv, frame), Status::kOk);
+    EXPECT_EQ(frame.format, PixelFormat::kGrey8);
+    EXPECT_EQ(wrong_pixels(rig, frame, static_cast<std::uint32_t>(rig.shown_at(yuv.due_ns() / 1000))), 0);
+    yuv.close();
+    rig.camera().modes = 0;
+    OpenNi2Camera none({});
+    EXPECT_EQ(none.open(), Status::kInvalid);
+    EXPECT_NE(none.message().find("offers no mode"), std::string::npos) << none.message();
+}
+
+// Promise: images of a device that mirrors whatever it is told are turned round here; exposure is as asked for.
+TEST(OpenNi2Camera, TurnsMirroredImagesRound) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    rig.camera().can_unmirror = 0;
+    OpenNi2Options options;
+    options.exposure = Exposure::kFixed;
+    OpenNi2Camera camera(options);
+    ASSERT_EQ(camera.open(), Status::kOk);
+    Frame frame;
+    ASSERT_EQ(next(camera, frame), Status::kOk);
+    EXPECT_EQ(wrong_pixels(rig, frame, static_cast<std::uint32_t>(rig.shown_at(camera.due_ns() / 1000))), 0);
+    EXPECT_EQ(rig.camera().auto_exposure, 0U);
+}
+
+// Promise: where the device cannot register, depth is where the colour camera sees it: nearly all pixels as rendered
+// from there, and hardly any that shine through from behind.
+TEST(OpenNi2Camera, RegistersHereWhereTheDeviceCannot) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    rig.camera().can_register = 0;
+    OpenNi2Camera camera({});
+    ASSERT_EQ(camera.open(), Status::kOk);
+    ASSERT_EQ(camera.notes().size(), 1U);
+    Frame frame;
+    ASSERT_EQ(next(camera, frame), Status::kOk);
+    const auto index = static_cast<std::uint32_t>(rig.shown_at(camera.due_ns() / 1000));
+    long both = 0, near_truth = 0, behind = 0, raw_near_truth = 0;
+    for (std::size_t i = 0; i < rig.pixels(); ++i) {
+        const int truth = rig.depth_mm(index)[i];
+        const int here = frame.depth.data[i];
+        const int raw = rig.raw_depth_mm(index)[i];
+        if (truth == 0 || here == 0) continue;
+        ++both;
+        near_truth += std::abs(here - truth) <= 20 + truth / 40;
+        behind += here > truth + 300;
+        raw_near_truth += std::abs(raw - truth) <= 20 + truth / 40;
+    }
+    std::printf("both %ld of %zu, right %.3f, behind %.4f; without registration right %.3f\n", both, rig.pixels(),
+                static_cast<double>(near_truth) / static_cast<double>(both),
+                static_cast<double>(behind) / static_cast<double>(both),
+                static_cast<double>(raw_near_truth) / static_cast<double>(both));
+    EXPECT_GT(both, static_cast<long>(rig.pixels()) * 7 / 10);
+    EXPECT_GT(near_truth * 100, both * 95);
+    EXPECT_LT(behind * 100, both * 2);
+    EXPECT_LT(raw_near_truth, near_truth);
+}
+
+// Promise: pairs are made by time: lost colour or depth images cost their pair and no other, and never shift it.
+TEST(OpenNi2Camera, PairsSurviveLostImages) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    rig.camera().drop_colour_every = 4;
+    rig.camera().drop_depth_every = 5;
+    rig.camera().depth_lag_us = 9000;
+    OpenNi2Camera camera({});
+    ASSERT_EQ(camera.open(), Status::kOk);
+    for (int i = 0; i < 24; ++i) {
+        Frame frame;
+        ASSERT_EQ(next(camera, frame), Status::kOk);
+        EXPECT_EQ(frame.depth_time_ns - frame.time_ns, 9'000'000);
+        EXPECT_EQ(wrong_pixels(rig, frame, static_cast<std::uint32_t>(rig.shown_at(camera.due_ns() / 1000))), 0);
+    }
+    const OpenNi2Counts counts = camera.counts();
+    EXPECT_GT(counts.pairing.colour_alone, 3U);
+    EXPECT_GT(counts.pairing.depth_alone, 3U);
+    EXPECT_GT(counts.images_missing, 6U) << "the driver's numbers say so";
+    EXPECT_NEAR(counts.pairing.lag_mean_ms(), 9.0, 1e-6);
+}
+
+// Promise: unplugged, poll says so within a moment; plugged in again it can be opened again; wait is always bounded.
+TEST(OpenNi2Camera, UnpluggedAndBack) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    OpenNi2Camera camera({});
+    ASSERT_EQ(camera.open(), Status::kOk);
+    Frame frame;
+    ASSERT_EQ(next(camera, frame), Status::kOk);
+    rig.camera().is_plugged = 0;
+    const std::int64_t begin_ns = test::now_ns();
+    while (next(camera, frame) == Status::kOk) {
+    }
+    EXPECT_EQ(camera.poll(frame), Status::kUnavailable);
+    EXPECT_LT(test::now_ns() - begin_ns, 500'000'000);
+    camera.close();
+    EXPECT_EQ(camera.open(), Status::kUnavailable);
+    rig.camera().is_plugged = 1;
+    ASSERT_TRUE(within(1000, [&] { return camera.open() == Status::kOk; }));
+    EXPECT_EQ(next(camera, frame), Status::kOk);
+    rig.camera().is_stalled = 1;
+    while (next(camera, frame, 150) == Status::kOk) {
+    }
+    const std::int64_t stall_ns = test::now_ns();
+    EXPECT_EQ(camera.wait(100), Status::kTimedOut);
+    EXPECT_LT(test::now_ns() - stall_ns, 400'000'000);
+}
+
+// Promise: images of another size than the mode's are refused, one by one, and the camera goes on.
+TEST(OpenNi2Camera, RefusesWrongSizes) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    OpenNi2Camera camera({});
+    ASSERT_EQ(camera.open(), Status::kOk);
+    Frame frame;
+    ASSERT_EQ(next(camera, frame), Status::kOk);
+    rig.camera().emits_wrong_size = 1;
+    ASSERT_TRUE(within(1000, [&] { return next(camera, frame) == Status::kCorrupt; }));
+    EXPECT_NE(camera.message().find("another size"), std::string::npos) << camera.message();
+    rig.camera().emits_wrong_size = 0;
+    EXPECT_TRUE(within(1000, [&] { return next(camera, frame) == Status::kOk; }));
+}
+
+// Promise: a driver that hangs while it is closed costs its time limit and no more; the camera can be opened later.
+TEST(OpenNi2Camera, AHangingDriverIsLeftBehind) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    OpenNi2Options options;
+    options.open_max_ms = 300;
+    {
+        OpenNi2Camera camera(options);
+        ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; }));
+        rig.camera().hang_ms = 1500;
+        const std::int64_t begin_ns = test::now_ns();
+        camera.close();
+        EXPECT_LT(test::now_ns() - begin_ns, 1'000'000'000);
+        EXPECT_NE(camera.message().find("does not answer"), std::string::npos);
+        rig.camera().hang_ms = 0;
+        EXPECT_TRUE(within(5000, [&] { return camera.open() == Status::kOk; }));
+    }
+    EXPECT_TRUE(within(5000, [&] { return rig.camera().opens == rig.camera().closes; }));
+}
+
+// Promise: what is recorded into an .oni file comes out of it again, each pair once, bit for bit; then it ends, without
+// hanging; a second time it is the same.
+TEST(OpenNi2Camera, RecordsAndPlaysOniFiles) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().is_plugged = 1;
+    const std::string file = testing::TempDir() + "/stillmesh_" + std::to_string(::getpid()) + ".oni";
+    OpenNi2Options options;
+    options.record = file;
+    {
+        OpenNi2Camera camera(options);
+        ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+        for (int i = 0; i < 30; ++i) {
+            Frame frame;
+            ASSERT_EQ(next(camera, frame), Status::kOk);
+        }
+    }
+    rig.camera().is_plugged = 0;
+    std::vector<std::int64_t> times[2];
+    for (std::vector<std::int64_t>& list : times) {
+        OpenNi2Camera camera({.device = file});
+        ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+        EXPECT_EQ(camera.info().model.width, 320U);
+        EXPECT_NEAR(camera.info().model.fx, rig.head().fx, 0.01);
+        int index = -1;
+        Frame frame;
+        Status status = Status::kOk;
+        while ((status = camera.poll(frame)) == Status::kOk) {
+            if (index < 0) {
+                for (std::uint32_t i = 0; i < rig.head().count && index < 0; ++i) {
+                    if (wrong_pixels(rig, frame, i) == 0) index = static_cast<int>(i);
+                }
+                ASSERT_GE(index, 0) << "the first frame is none of the rendered";
+            }
+            ASSERT_EQ(wrong_pixels(rig, frame, static_cast<std::uint32_t>(index)), 0) << list.size();
+            ++index;
+            list.push_back(frame.time_ns);
+        }
+        EXPECT_EQ(status, Status::kEnd);
+        EXPECT_GE(list.size(), 27U);
+        EXPECT_EQ(camera.poll(frame), Status::kEnd);
+        EXPECT_TRUE(std::is_sorted(list.begin(), list.end()));
+    }
+    EXPECT_EQ(times[0], times[1]);
+
+    // Torn files are refused or play their part, without hanging.
+    std::FILE* const stream = std::fopen(file.c_str(), "rb");
+    ASSERT_NE(stream, nullptr);
+    std::vector<char> bytes(200'000'000);
+    bytes.resize(std::fread(bytes.data(), 1, bytes.size(), stream));
+    std::fclose(stream);
+    for (const std::size_t size :
+         {std::size_t{0}, std::size_t{3}, std::size_t{100}, bytes.size() / 5, bytes.size() - 7}) {
+        std::FILE* const torn = std::fopen(file.c_str(), "wb");
+        ASSERT_EQ(std::fwrite(bytes.data(), 1, size, torn), size);
+        std::fclose(torn);
+        OpenNi2Camera camera({.device = file});
+        const std::int64_t begin_ns = test::now_ns();
+        const Status opened = camera.open();
+        std::uint64_t frames = 0;
+        if (opened == Status::kOk) {
+            Frame frame;
+            while (frames < 1000 && camera.poll(frame) == Status::kOk) {
+                long best = 1000000;
+                for (std::uint32_t i = 0; i < rig.head().count; ++i) best = std::min(best, wrong_pixels(rig, frame, i));
+                EXPECT_EQ(best, 0) << "no frame is made up";
+                ++frames;
+            }
+        } else {
+            EXPECT_EQ(opened, Status::kInvalid);
+            EXPECT_NE(camera.message().find(file), std::string::npos) << camera.message();
+        }
+        EXPECT_LT(test::now_ns() - begin_ns, 5'000'000'000);
+        std::printf("%zu bytes: %s, %llu frames; %s\n", size, status_name(opened),
+                    static_cast<unsigned long long>(frames), camera.message().c_str());
+    }
+    std::remove(file.c_str());
+    OpenNi2Camera absent({.device = "absent.oni"});
+    EXPECT_EQ(absent.open(), Status::kInvalid);
+}
+
+}  // namespace
+}  // namespace stillmesh
