@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "hal/simulated/simulated_camera.hpp"
+#include "platform/cli/cameras_command.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/rerun_command.hpp"
@@ -24,7 +25,6 @@ constexpr const char* kLaterOptions[] = {"--camera",  "--inject",    "--cloud", 
                                          "--map-out", "--map-store", "--view",  "--publish"};
 constexpr const char* kLaterFlags[] = {"--wait", "--localize"};
 constexpr const char* kLaterCommands[][2] = {{"capture", "record a live camera"},
-                                             {"cameras", "list the cameras plugged in"},
                                              {"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"},
                                              {"vocabulary", "train a vocabulary"}};
@@ -178,6 +178,19 @@ int program(int argc, char** argv) {
     simulate_command->footer(scenes);
     simulate_command->add_flag("--json", simulation.is_json, "summary as JSON");
 
+    CamerasOptions cameras;
+    CLI::App* const cameras_app =
+        app.add_subcommand("cameras", "which depth cameras are plugged in, and what keeps one from working");
+    cameras_app->add_flag("--json", cameras.is_json, "as JSON");
+    cameras_app->add_flag("--udev-rules", cameras.is_udev_rules,
+                          "print the rules that let a user open a camera, and end");
+    CLI::Option* const reset_option =
+        cameras_app
+            ->add_option("--reset", cameras.reset_port, "reset the camera at this port; the only one if not given")
+            ->type_name("[PORT]")
+            ->expected(0, 1);
+    cameras_app->footer("Exit codes: 0 a camera can stream, or was reset; 1 none can; 2 the USB bus cannot be read.");
+
     std::vector<CLI::App*> later_commands;
     for (const auto& [name, sentence] : kLaterCommands) {
         later_commands.push_back(app.add_subcommand(name, std::string(sentence) + " (not in this build)"));
@@ -197,6 +210,10 @@ int program(int argc, char** argv) {
     if (!later.empty()) return refuse(later.front() + " is not in this build.");
     if (eval_command->parsed()) return eval(truth_file, trajectory_file, is_eval_json);
     if (rerun_command->parsed()) return stillmesh::rerun_command(rerun);
+    if (cameras_app->parsed()) {
+        cameras.is_reset = reset_option->count() > 0;
+        return stillmesh::cameras_command(cameras);
+    }
     if (simulate_command->parsed()) return stillmesh::simulate_command(simulation);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];

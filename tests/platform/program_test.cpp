@@ -37,7 +37,7 @@ TEST(Program, Helps) {
 // Promise: what comes with later issues is known and refused with a sentence and exit 2.
 TEST(Program, LaterPartsAreNotInThisBuild) {
     for (const char* arguments :
-         {"capture --camera auto --out x", "cameras", "check-camera", "report a b", "vocabulary train",
+         {"capture --camera auto --out x", "check-camera", "report a b", "vocabulary train",
           "run --camera auto", "run --map-in x --replay y", "run --wait", "run --view 8080"}) {
         const Answer answer = stillmesh_says(arguments);
         EXPECT_EQ(answer.code, 2) << arguments;
