@@ -10,6 +10,21 @@ struct CameraParameters {
     double readout_s = -1;  // of a rolling shutter, from the first row to the last; negative: estimated
 };
 
+// How a readout is estimated (engine/pose/rolling_shutter.hpp). Residuals of one frame share errors that no model has
+// (the map's, the motion's within the frame): a frame counts less than its matches say. Old frames fade within some
+// seconds of motion: the map's points say how they would move with the readout, but to first order and with the speeds
+// known then.
+struct ShutterParameters {
+    double trust = 0.1;
+    double fading = 0.99;
+    std::uint32_t matches_min = 30;
+    double negligible_s = 0.003;  // a tenth of what such cameras take, and within what a global shutter is estimated at
+    double readout_max_s = 0.04;  // a sensor may be read upwards, too
+    double step_s = 0.00025;      // all of the map moves with what is believed
+    double sigma_s = 0.01;        // without evidence there is no rolling shutter, with this deviation
+    double info_share_min = 0.01;  // a camera that stands still does not make what is known fade
+};
+
 struct FeatureParameters {
     std::uint32_t count = 1000;
     std::uint32_t levels = 8;
@@ -34,6 +49,10 @@ struct MatchingParameters {
     double radius_px = 12.0;         // around the projection, at level 0, times the level's scale
     double radius_wide_px = 40.0;    // second try, when the prediction was poor
     std::uint32_t matches_min = 60;  // fewer: the second try
+    double level_factor = 1.095;     // the middle between two levels
+    std::uint32_t levels_off = 1;
+    std::uint32_t turn_bins = 3;
+    std::uint32_t turn_factor = 10;
 };
 
 struct RegionParameters {
@@ -81,6 +100,16 @@ struct PoseParameters {
     double sure_sigma_m = 0.03;             // of the motion over the last second, all axes together; above: unsure
     double sure_sigma_rad = 0.03;
     std::uint32_t sure_inliers_factor = 2;
+    std::uint32_t start_inliers_factor = 2;
+    // RANSAC and the passes of the motion-only adjustment (paper 3.1: 3k and 10k).
+    std::uint32_t coarse_factor = 3;
+    std::uint32_t final_factor = 10;
+    double inlier_ratio_start = 0.5;
+    double inlier_ratio_min = 0.3;
+    double sample_chi2_max = 16.0;
+    std::uint32_t coarse_passes_max = 4;
+    std::uint32_t expected_passes_max = 6;
+    std::uint32_t final_passes_max = 10;
 };
 
 struct WeightParameters {
@@ -143,6 +172,7 @@ struct PredictionParameters {
     double fading_lost = 0.8;
     std::uint32_t fading_frames_max = 20;
     double fading_unsure = 0.7;
+    double jump_sigmas = 2.0;
 };
 
 // Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can.
@@ -172,6 +202,8 @@ struct KeyframeParameters {
     std::uint32_t gap_min = 8;           // frames
     double tracked_share_urgent = 0.4;   // below: the gap does not count
     std::uint32_t tracked_urgent = 120;  // static points, below: the gap does not count
+    std::uint32_t gap_urgent = 2;        // frames, even so
+    std::uint32_t new_per_tracked = 2;   // new points that count as one tracked
 };
 
 // Background work in work units (engine/schedule/task.hpp).
@@ -189,10 +221,55 @@ struct MappingParameters {
     bool is_triangulating = false;
     bool is_culling = true;               // redundant keyframes
     std::uint32_t window_keyframes = 10;  // free ones of an adjustment, the new one included
+    std::uint32_t shared_min = 15;
+    std::uint32_t fixed_shared_min = 3;
+    std::uint32_t adjusted_points_min = 16;
+    double chi2_max_pixel = 5.991;  // 2 degrees of freedom, 95 %
+    double chi2_max_depth = 7.815;  // 3 degrees of freedom, 95 %
+    std::uint32_t first_iterations_max = 6;
+    std::uint32_t second_iterations_max = 4;
+    double triangulation_chi2_max = 3.84;  // 1 degree of freedom, 95 %
+    double parallax_cosine_max = 0.9998;   // 1.15 degrees
+    double triangulation_sigma_factor = 2.0;
+    std::uint32_t triangulation_keyframes = 2;
+    std::uint32_t fusion_keyframes = 5;
+    double fusion_radius_px = 4.0;
+    std::uint32_t fusion_hamming_max = 50;
+    double fusion_scale_factor = 1.6;
+    double fusion_depth_chi2_max = 9.0;
+    std::uint32_t roomy_permille = 500;  // of the pool
+    std::uint32_t spare_keyframes_permille = 16;
+    std::uint32_t spare_points_permille = 167;
+};
+
+// What the map keeps (engine/map/map.hpp).
+struct MapParameters {
+    std::uint32_t cull_after_frames = 30;
+    std::uint32_t seen_min = 3;
+    double twin_m = 0.5;
+    double twin_cosine_min = 0.87;
+    std::uint32_t redundant_observers = 3;
+    std::uint32_t redundant_permille = 900;
+    double redundant_scale_factor = 1.1;
+};
+
+// The part of the map that a frame is matched against (engine/map/local_map.hpp).
+struct LocalMapParameters {
+    double moved_m = 0.15;
+    double moved_cosine_min = 0.995;  // 5.7 degrees
+    double near_m = 1.5;              // a near viewpoint: half a picture and a metre and a half away at most
+    double near_cosine_min = 0.8;
+    double turn_m2 = 4.0;
+    std::uint32_t sharing_keyframes = 12;
+    std::uint32_t near_keyframes = 8;
+    std::uint32_t neighbours = 6;
+    std::uint32_t shared_min = 15;
+    std::uint32_t useful_factor = 10;
 };
 
 struct Configuration {
     CameraParameters camera;
+    ShutterParameters shutter;
     FeatureParameters features;
     DepthParameters depth;
     MatchingParameters matching;
@@ -206,6 +283,8 @@ struct Configuration {
     KeyframeParameters keyframes;
     ScheduleParameters schedule;
     MappingParameters mapping;
+    MapParameters map;
+    LocalMapParameters local_map;
     std::uint64_t seed = 1;  // of RANSAC
 
     [[nodiscard]] static constexpr Configuration indoor() noexcept { return {}; }
@@ -221,6 +300,15 @@ struct Configuration {
 template <typename Visitor>
 constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("camera.readout_s", c.camera.readout_s, -1.0, 0.1, "s", "of a rolling shutter; 0: none; negative: estimated");
+    v("shutter.trust", c.shutter.trust, 1e-6, 1.0, "", "a frame counts so much less than its matches say");
+    v("shutter.fading", c.shutter.fading, 0.0, 1.0, "", "what is left of the frames before from frame to frame");
+    v("shutter.matches_min", c.shutter.matches_min, 7.0, 4000.0, "", "fewer matches tell nothing of the readout");
+    v("shutter.negligible_s", c.shutter.negligible_s, 0.0, 0.1, "s", "a shorter readout is none");
+    v("shutter.step_s", c.shutter.step_s, 0.0, 0.1, "s", "smaller changes of what is believed wait");
+    v("shutter.readout_max_s", c.shutter.readout_max_s, 0.0, 0.1, "s", "longest readout that is believed");
+    v("shutter.sigma_s", c.shutter.sigma_s, 1e-5, 1.0, "s", "deviation from no rolling shutter, without evidence");
+    v("shutter.info_share_min", c.shutter.info_share_min, 0.0, 1.0, "",
+      "frames that know less, beside that deviation, are passed over");
     v("features.count", c.features.count, 50.0, 4000.0, "", "features per frame, at most the limit of the preset");
     v("features.levels", c.features.levels, 1.0, 12.0, "", "levels of the image pyramid");
     v("features.scale_factor", c.features.scale_factor, 1.2, 1.9, "", "from one pyramid level to the next");
@@ -239,6 +327,11 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("matching.radius_px", c.matching.radius_px, 1.0, 100.0, "px", "search radius around a projection");
     v("matching.radius_wide_px", c.matching.radius_wide_px, 1.0, 400.0, "px", "search radius of the second try");
     v("matching.matches_min", c.matching.matches_min, 3.0, 4000.0, "", "fewer matches start the second try");
+    v("matching.level_factor", c.matching.level_factor, 1.0, 2.0, "", "scale from which the next level is expected");
+    v("matching.levels_off", c.matching.levels_off, 0.0, 12.0, "", "levels off the expected one that may match");
+    v("matching.turn_bins", c.matching.turn_bins, 1.0, 30.0, "", "turns of the picture (12 degrees) that may agree");
+    v("matching.turn_factor", c.matching.turn_factor, 1.0, 1000.0, "",
+      "a turn with so many times fewer matches than the first is an accident");
     v("region.is_enabled", c.region.is_enabled, 0.0, 1.0, "", "extract the static region; off: all matches vote");
     v("region.edge_change_max_m", c.region.edge_change_max_m, 0.001, 5.0, "m", "largest change of a kept edge (tau)");
     v("region.edge_chi2_max", c.region.edge_chi2_max, 0.1, 1000.0, "", "largest squared Mahalanobis change of an edge");
@@ -292,6 +385,17 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("pose.sure_sigma_rad", c.pose.sure_sigma_rad, 1e-4, 3.0, "rad", "less certain motion over a second is unsure");
     v("pose.sure_inliers_factor", c.pose.sure_inliers_factor, 1.0, 100.0, "",
       "times inliers_min inliers make a pose sure");
+    v("pose.start_inliers_factor", c.pose.start_inliers_factor, 1.0, 100.0, "",
+      "times inliers_min features with depth start a map");
+    v("pose.coarse_factor", c.pose.coarse_factor, 1.0, 100.0, "", "RANSAC iterations over the rule's, for a group");
+    v("pose.final_factor", c.pose.final_factor, 1.0, 100.0, "", "RANSAC iterations over the rule's, for the pose");
+    v("pose.inlier_ratio_start", c.pose.inlier_ratio_start, 0.05, 1.0, "", "share of inliers expected at first");
+    v("pose.inlier_ratio_min", c.pose.inlier_ratio_min, 0.05, 1.0, "", "least share of inliers the rule reckons with");
+    v("pose.sample_chi2_max", c.pose.sample_chi2_max, 0.1, 1000.0, "",
+      "largest squared change of a length between three points");
+    v("pose.coarse_passes_max", c.pose.coarse_passes_max, 1.0, 100.0, "", "adjustment of a group's motion");
+    v("pose.expected_passes_max", c.pose.expected_passes_max, 1.0, 100.0, "", "adjustment of the expected motion");
+    v("pose.final_passes_max", c.pose.final_passes_max, 1.0, 100.0, "", "adjustment of the pose");
     v("weights.start", c.weights.start, 0.0, 200.0, "1/10", "static weight of a new point");
     v("weights.suspicious", c.weights.suspicious, 0.0, 200.0, "1/10", "the same inside a rejected group");
     v("weights.step", c.weights.step, 1.0, 100.0, "1/10", "theta, added or taken per frame");
@@ -355,6 +459,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("prediction.fading_frames_max", c.prediction.fading_frames_max, 0.0, 1000.0, "frames", "it fades for so long");
     v("prediction.fading_unsure", c.prediction.fading_unsure, 0.0, 1.0, "",
       "what is left of the sliding after an unsure frame");
+    v("prediction.jump_sigmas", c.prediction.jump_sigmas, 0.0, 100.0, "",
+      "an unsure pose farther off is doubted by the rest");
     v("recovery.keyframes_max", c.recovery.keyframes_max, 1.0, 1000.0, "", "recent ones tried in turn");
     v("recovery.matches_min", c.recovery.matches_min, 3.0, 4000.0, "", "fewer matches recover nothing");
     v("recovery.inliers_start", c.recovery.inliers_start, 0.05, 1.0, "", "share of inliers expected");
@@ -373,6 +479,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("keyframes.gap_min", c.keyframes.gap_min, 1.0, 300.0, "frames", "from one keyframe to the next");
     v("keyframes.tracked_share_urgent", c.keyframes.tracked_share_urgent, 0.0, 1.0, "", "below: the gap is ignored");
     v("keyframes.tracked_urgent", c.keyframes.tracked_urgent, 0.0, 4000.0, "", "below: the gap is ignored");
+    v("keyframes.gap_urgent", c.keyframes.gap_urgent, 1.0, 300.0, "frames", "the gap when it is ignored");
+    v("keyframes.new_per_tracked", c.keyframes.new_per_tracked, 1.0, 100.0, "", "new points that count as one tracked");
     v("schedule.units_per_frame", c.schedule.units_per_frame, 1.0, 1e9, "units", "background work after each frame");
     v("schedule.slice_units", c.schedule.slice_units, 1.0, 1e9, "units", "background work in one piece");
     v("mapping.is_enabled", c.mapping.is_enabled, 0.0, 1.0, "", "a map that is refined; off: tracking alone");
@@ -382,6 +490,55 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("mapping.is_triangulating", c.mapping.is_triangulating, 0.0, 1.0, "", "points for features without depth");
     v("mapping.is_culling", c.mapping.is_culling, 0.0, 1.0, "", "forget redundant keyframes");
     v("mapping.window_keyframes", c.mapping.window_keyframes, 2.0, 12.0, "", "free keyframes of an adjustment");
+    v("mapping.shared_min", c.mapping.shared_min, 1.0, 4000.0, "", "points a neighbour shares");
+    v("mapping.fixed_shared_min", c.mapping.fixed_shared_min, 1.0, 4000.0, "",
+      "points a fixed keyframe shares with the window");
+    v("mapping.adjusted_points_min", c.mapping.adjusted_points_min, 3.0, 4000.0, "", "fewer are not adjusted");
+    v("mapping.chi2_max_pixel", c.mapping.chi2_max_pixel, 0.1, 1000.0, "",
+      "largest squared residual of an observation without depth");
+    v("mapping.chi2_max_depth", c.mapping.chi2_max_depth, 0.1, 1000.0, "", "the same with depth");
+    v("mapping.first_iterations_max", c.mapping.first_iterations_max, 1.0, 100.0, "", "adjustment with outliers");
+    v("mapping.second_iterations_max", c.mapping.second_iterations_max, 0.0, 100.0, "", "adjustment without them");
+    v("mapping.triangulation_chi2_max", c.mapping.triangulation_chi2_max, 0.1, 1000.0, "",
+      "largest squared distance from the epipolar line");
+    v("mapping.parallax_cosine_max", c.mapping.parallax_cosine_max, 0.0, 1.0, "",
+      "rays closer to parallel are not triangulated");
+    v("mapping.triangulation_sigma_factor", c.mapping.triangulation_sigma_factor, 0.1, 100.0, "",
+      "times depth.sigma_max_m is the least sure triangulated point");
+    v("mapping.triangulation_keyframes", c.mapping.triangulation_keyframes, 0.0, 10.0, "",
+      "neighbours to triangulate with");
+    v("mapping.fusion_keyframes", c.mapping.fusion_keyframes, 0.0, 10.0, "", "neighbours to fuse with");
+    v("mapping.fusion_radius_px", c.mapping.fusion_radius_px, 0.1, 100.0, "px", "duplicates are looked for within");
+    v("mapping.fusion_hamming_max", c.mapping.fusion_hamming_max, 0.0, 256.0, "bits",
+      "largest descriptor distance of duplicates");
+    v("mapping.fusion_scale_factor", c.mapping.fusion_scale_factor, 1.0, 10.0, "", "off the expected scale");
+    v("mapping.fusion_depth_chi2_max", c.mapping.fusion_depth_chi2_max, 0.1, 1000.0, "",
+      "largest squared difference in depth");
+    v("mapping.roomy_permille", c.mapping.roomy_permille, 0.0, 1000.0, "1/1000",
+      "of the keyframes, below which redundant ones stay");
+    v("mapping.spare_keyframes_permille", c.mapping.spare_keyframes_permille, 0.0, 500.0, "1/1000",
+      "of the keyframes, kept free ahead of need");
+    v("mapping.spare_points_permille", c.mapping.spare_points_permille, 0.0, 500.0, "1/1000",
+      "of the points, kept free ahead of need");
+    v("map.cull_after_frames", c.map.cull_after_frames, 1.0, 1e6, "frames", "weak points unseen for so long go");
+    v("map.seen_min", c.map.seen_min, 1.0, 65535.0, "frames", "points seen in fewer are weak");
+    v("map.twin_m", c.map.twin_m, 0.0, 100.0, "m", "keyframes as near as this know the same place");
+    v("map.twin_cosine_min", c.map.twin_cosine_min, -1.0, 1.0, "", "if they look the same way");
+    v("map.redundant_observers", c.map.redundant_observers, 1.0, 1000.0, "", "others that see a point well enough");
+    v("map.redundant_permille", c.map.redundant_permille, 1.0, 1000.0, "1/1000",
+      "such points make a keyframe redundant");
+    v("map.redundant_scale_factor", c.map.redundant_scale_factor, 1.0, 10.0, "", "farther than this is not well");
+    v("local_map.moved_m", c.local_map.moved_m, 0.0, 100.0, "m", "farther, and other points come into view");
+    v("local_map.moved_cosine_min", c.local_map.moved_cosine_min, -1.0, 1.0, "", "turned further, likewise");
+    v("local_map.near_m", c.local_map.near_m, 0.0, 100.0, "m", "a near viewpoint");
+    v("local_map.near_cosine_min", c.local_map.near_cosine_min, -1.0, 1.0, "", "that looks the same way");
+    v("local_map.turn_m2", c.local_map.turn_m2, 0.0, 100.0, "m^2", "a turn beside the distance, which is nearer");
+    v("local_map.sharing_keyframes", c.local_map.sharing_keyframes, 1.0, 24.0, "", "that share most with the frame");
+    v("local_map.near_keyframes", c.local_map.near_keyframes, 0.0, 24.0, "", "with near viewpoints");
+    v("local_map.neighbours", c.local_map.neighbours, 0.0, 24.0, "", "of each keyframe taken in");
+    v("local_map.shared_min", c.local_map.shared_min, 1.0, 4000.0, "", "points a neighbour shares");
+    v("local_map.useful_factor", c.local_map.useful_factor, 1.0, 1000.0, "",
+      "a keyframe that shares so many times less than the first is no use");
     v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 

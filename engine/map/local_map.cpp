@@ -5,16 +5,6 @@
 namespace stillmesh {
 namespace {
 
-// Farther or turned further than this, and other points come into view.
-constexpr double kMoved_m = 0.15;
-constexpr double kMovedCosine = 0.995;  // 5.7 degrees
-// A near viewpoint: half a picture and a metre and a half away at most.
-constexpr double kNear_m = 1.5;
-constexpr double kNearCosine = 0.8;
-constexpr std::uint32_t kSharing = 12;    // keyframes taken for what they share with the frame
-constexpr std::uint32_t kNeighbours = 6;  // taken of the reference, and of the next
-constexpr std::uint32_t kNear = 8;
-
 double turn_cosine(const SE3& a, const SE3& b) noexcept {
     // Of the rotation between them.
     double trace = 0;
@@ -24,7 +14,8 @@ double turn_cosine(const SE3& a, const SE3& b) noexcept {
 
 }  // namespace
 
-void LocalMap::create(Arena& arena, const Limits& limits) noexcept {
+void LocalMap::create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters) noexcept {
+    parameters_ = parameters;
     points_.create(arena, points_max(limits));
     listed_ = arena.array<std::uint32_t>(limits.map_points_max);
     is_local_ = arena.array<std::uint8_t>(limits.keyframes_max);
@@ -62,7 +53,8 @@ Handle<Keyframe> LocalMap::reference(const Map& map) const noexcept {
 void LocalMap::note_useful(Map& map, std::uint64_t frame) const noexcept {
     const std::uint32_t most = *std::max_element(counts_.begin(), counts_.end());
     for (std::uint32_t slot = 0; slot < counts_.size(); ++slot) {
-        if (counts_[slot] == 0 || 10U * counts_[slot] < most || !map.keyframes().is_taken(slot)) continue;
+        if (counts_[slot] == 0 || parameters_.useful_factor * counts_[slot] < most || !map.keyframes().is_taken(slot))
+            continue;
         map.keyframes().at(slot).last_useful_frame = frame;
     }
 }
@@ -71,8 +63,9 @@ bool LocalMap::is_stale(const Map& map, const SE3& world_from_camera) const noex
     if (!is_built_ || !(map.recent_keyframe(0) == newest_)) return true;
     const Handle<Keyframe> now = reference(map);
     if (!now.is_null() && !(now == reference_)) return true;
-    if ((world_from_camera.translation - built_at_.translation).squaredNorm() > kMoved_m * kMoved_m) return true;
-    return turn_cosine(world_from_camera, built_at_) < kMovedCosine;
+    const double moved_m2 = parameters_.moved_m * parameters_.moved_m;
+    if ((world_from_camera.translation - built_at_.translation).squaredNorm() > moved_m2) return true;
+    return turn_cosine(world_from_camera, built_at_) < parameters_.moved_cosine_min;
 }
 
 bool LocalMap::choose(std::uint32_t keyframe_slot) noexcept {
@@ -98,14 +91,17 @@ void LocalMap::build(const Map& map, const SE3& world_from_camera) noexcept {
     is_built_ = true;
     if (!newest_.is_null()) static_cast<void>(choose(newest_.slot()));
     // Those that share most with the frame.
-    std::uint32_t sharing[kSharing] = {};
+    const LocalMapParameters& p = parameters_;
+    const std::uint32_t sharing_max = std::min(p.sharing_keyframes, kKeyframesMax);
+    const std::uint32_t near_max = std::min(p.near_keyframes, kKeyframesMax);
+    std::uint32_t sharing[kKeyframesMax] = {};
     std::uint32_t sharing_count = 0;
     for (std::uint32_t slot = 0; slot < counts_.size(); ++slot) {
         if (counts_[slot] == 0 || !keyframes.is_taken(slot)) continue;
         std::uint32_t at = sharing_count;
         while (at > 0 && counts_[sharing[at - 1]] < counts_[slot]) --at;
-        if (at >= kSharing) continue;
-        if (sharing_count < kSharing) ++sharing_count;
+        if (at >= sharing_max) continue;
+        if (sharing_count < sharing_max) ++sharing_count;
         for (std::uint32_t i = sharing_count - 1; i > at; --i) sharing[i] = sharing[i - 1];
         sharing[at] = slot;
     }
@@ -114,7 +110,7 @@ void LocalMap::build(const Map& map, const SE3& world_from_camera) noexcept {
         double distance = 0;
         std::uint32_t slot = 0;
     };
-    Near near[kNear];
+    Near near[kKeyframesMax];
     std::uint32_t near_count = 0;
     const Vector3 axis = world_from_camera.rotation.col(2);
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
@@ -123,23 +119,24 @@ void LocalMap::build(const Map& map, const SE3& world_from_camera) noexcept {
         const double away = (pose.translation - world_from_camera.translation).squaredNorm();
         const Vector3 axis_there = pose.rotation.col(2);
         const double cosine = axis.dot(axis_there);
-        if (away > kNear_m * kNear_m || cosine < kNearCosine) continue;
-        const double distance = away + 4.0 * (1.0 - cosine);
+        if (away > p.near_m * p.near_m || cosine < p.near_cosine_min) continue;
+        const double distance = away + p.turn_m2 * (1.0 - cosine);
         std::uint32_t at = near_count;
         while (at > 0 && near[at - 1].distance > distance) --at;
-        if (at >= kNear) continue;
-        if (near_count < kNear) ++near_count;
+        if (at >= near_max) continue;
+        if (near_count < near_max) ++near_count;
         for (std::uint32_t i = near_count - 1; i > at; --i) near[i] = near[i - 1];
         near[at] = {distance, slot};
     }
     // In turns, so that each kind gets its part of a small pool.
-    for (std::uint32_t i = 0; i < kSharing; ++i) {
+    for (std::uint32_t i = 0; i < std::max(sharing_max, near_max); ++i) {
         if (i < sharing_count) static_cast<void>(choose(sharing[i]));
         if (i < near_count) static_cast<void>(choose(near[i].slot));
     }
-    std::uint32_t neighbours[kNeighbours] = {};
+    std::uint32_t neighbours[kKeyframesMax] = {};
+    const std::span<std::uint32_t> best = std::span(neighbours).first(std::min(p.neighbours, kKeyframesMax));
     for (std::uint32_t i = 0; i < chosen_count_ && chosen_count_ < chosen_max_; ++i) {
-        const std::uint32_t count = map.best_covisible(chosen_[i], neighbours, 15);
+        const std::uint32_t count = map.best_covisible(chosen_[i], best, p.shared_min);
         for (std::uint32_t k = 0; k < count; ++k) static_cast<void>(choose(neighbours[k]));
     }
     if (++round_ == 0) {

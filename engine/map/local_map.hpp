@@ -24,7 +24,7 @@ public:
         arena.array<std::uint8_t>(limits.keyframes_max);
         arena.array<std::uint16_t>(limits.keyframes_max);
     }
-    void create(Arena& arena, const Limits& limits) noexcept;
+    void create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters = {}) noexcept;
     void reset() noexcept;
 
     // How many of the matched points (by slot) each keyframe observes. Begin, add each, then build or ask.
@@ -32,7 +32,7 @@ public:
     void count(const Map& map, std::uint32_t point_slot) noexcept;
     // Who observes most of them; null: nobody observes any.
     [[nodiscard]] Handle<Keyframe> reference(const Map& map) const noexcept;
-    // Whoever observes a tenth of what the reference does is useful.
+    // Whoever observes a part (useful_factor) of what the reference does is useful.
     void note_useful(Map& map, std::uint64_t frame) const noexcept;
 
     // Whether the list is out of date: the map's newest keyframe or the reference changed, or the camera moved on.
@@ -53,6 +53,7 @@ private:
     }
     bool choose(std::uint32_t keyframe_slot) noexcept;
 
+    LocalMapParameters parameters_;
     FixedVector<std::uint32_t> points_;
     std::span<std::uint32_t> listed_;  // by point slot: the round that listed it
     std::span<std::uint8_t> is_local_;

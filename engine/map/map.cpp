@@ -14,10 +14,6 @@ constexpr std::uint64_t word_of(Change change, std::uint64_t a, std::uint64_t b 
     return static_cast<std::uint64_t>(change) << 56U | a << 28U | b;
 }
 
-// A near twin sees the same place from about the same side.
-constexpr double kTwin_m = 0.5;
-constexpr double kTwinCosine = 0.87;
-
 // 1 for points with two observers or more: they go last. 39 bits of frame (centuries at 30 Hz), 24 bits of slot.
 constexpr std::uint64_t age_of(bool is_shared, std::uint64_t frame, std::uint32_t slot) noexcept {
     return static_cast<std::uint64_t>(is_shared) << 63U | frame << 24U | slot;
@@ -25,7 +21,8 @@ constexpr std::uint64_t age_of(bool is_shared, std::uint64_t frame, std::uint32_
 
 }  // namespace
 
-void Map::create(Arena& arena, const Limits& limits) noexcept {
+void Map::create(Arena& arena, const Limits& limits, const MapParameters& parameters) noexcept {
+    parameters_ = parameters;
     points_.create(arena, limits.map_points_max);
     keyframes_.create(arena, limits.keyframes_max);
     const std::size_t features = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
@@ -103,8 +100,8 @@ std::uint32_t Map::cull_points(std::uint64_t frame, std::uint32_t first, std::ui
     for (std::uint32_t slot = first; slot < end; ++slot) {
         if (!points_.is_taken(slot)) continue;
         const MapPoint& point = points_.at(slot);
-        if (point.last_seen_frame + kCullAfter_frames >= frame) continue;
-        if (!point.is_suspect && point.seen >= kSeenMin) continue;
+        if (point.last_seen_frame + parameters_.cull_after_frames >= frame) continue;
+        if (!point.is_suspect && point.seen >= parameters_.seen_min) continue;
         release_point(points_.handle_of(slot));
         ++statistics_.points_culled;
     }
@@ -313,15 +310,17 @@ void Map::release_redundant(Handle<Keyframe> keyframe) noexcept {
     ++statistics_.keyframes_redundant;
 }
 
+// A near twin sees the same place from about the same side.
 bool Map::has_twin(std::uint32_t slot) const noexcept {
+    const double reach_m2 = parameters_.twin_m * parameters_.twin_m;
     const SE3& here = keyframes_.at(slot).world_from_camera;
     for (std::uint32_t other = 0; other < keyframes_.slots_count(); ++other) {
         if (other == slot || !keyframes_.is_taken(other)) continue;
         const SE3& there = keyframes_.at(other).world_from_camera;
-        if ((there.translation - here.translation).squaredNorm() > kTwin_m * kTwin_m) continue;
+        if ((there.translation - here.translation).squaredNorm() > reach_m2) continue;
         const Vector3 axis_here = here.rotation.col(2);
         const Vector3 axis_there = there.rotation.col(2);
-        if (axis_here.dot(axis_there) > kTwinCosine) return true;
+        if (axis_here.dot(axis_there) > parameters_.twin_cosine_min) return true;
     }
     return false;
 }
@@ -382,7 +381,8 @@ Handle<Keyframe> Map::recent_keyframe(std::uint32_t i) const noexcept {
 }
 
 bool Map::is_redundant(Handle<Keyframe> keyframe) const noexcept {
-    constexpr std::uint32_t kOthers = 3;
+    const std::uint32_t enough = parameters_.redundant_observers;
+    const double slack = parameters_.redundant_scale_factor * parameters_.redundant_scale_factor;
     std::uint32_t points = 0;
     std::uint32_t known = 0;
     const std::span<const Observation> here = observations(keyframe);
@@ -391,18 +391,18 @@ bool Map::is_redundant(Handle<Keyframe> keyframe) const noexcept {
         const MapPoint* const point = points_.find(observation.point);
         if (point == nullptr || point->is_suspect) continue;
         ++points;
-        if (point->observers <= kOthers) continue;
-        // Scale: seen from no farther (with a tenth of slack) is seen on the same level or a finer one.
+        if (point->observers <= enough) continue;
+        // Scale: seen from no farther (with some slack) is seen on the same level or a finer one.
         const Vector3 world = vector_of(point->world);
-        const double away = 1.21 * (world - from).squaredNorm();
+        const double away = slack * (world - from).squaredNorm();
         std::uint32_t others = 0;
         visit_observers(observation.point.slot(), [&](std::uint32_t other) {
             if (other == keyframe.slot()) return;
             others += (world - keyframes_.at(other).world_from_camera.translation).squaredNorm() <= away ? 1U : 0U;
         });
-        known += others >= kOthers ? 1U : 0U;
+        known += others >= enough ? 1U : 0U;
     }
-    return 10 * known >= 9 * points;
+    return std::uint64_t{1000} * known >= std::uint64_t{parameters_.redundant_permille} * points;
 }
 
 // --- the checker -----------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@
 
 #include "engine/base/hash.hpp"
 #include "engine/base/pool.hpp"
+#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/limits.hpp"
@@ -99,8 +100,6 @@ struct MapStatistics {
 
 class Map {
 public:
-    static constexpr std::uint64_t kCullAfter_frames = 30;
-    static constexpr std::uint16_t kSeenMin = 3;
     static constexpr std::uint32_t kTwinCandidates = 16;
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
@@ -112,7 +111,7 @@ public:
         arena.array<std::uint16_t>(static_cast<std::size_t>(limits.keyframes_max) * limits.keyframes_max);
         arena.array<std::uint64_t>(limits.map_points_max);
     }
-    void create(Arena& arena, const Limits& limits) noexcept;
+    void create(Arena& arena, const Limits& limits, const MapParameters& parameters = {}) noexcept;
     // Forgets all of it, what was counted too.
     void reset() noexcept;
 
@@ -125,7 +124,7 @@ public:
     // first. Those seen in `frame` or later stay, and the spared ones.
     // Returns how many went.
     std::uint32_t make_room_for_points(std::uint32_t count, std::uint64_t frame, const SparedPoints& spared) noexcept;
-    // Forgets what is not worth keeping: unseen for a second, and moving or hardly ever seen before. Slots from
+    // Forgets what is not worth keeping: unseen for some frames, and moving or hardly ever seen before. Slots from
     // `first`, at most `count`; returns the slot to go on with, 0 when the pool is through.
     std::uint32_t cull_points(std::uint64_t frame, std::uint32_t first, std::uint32_t count) noexcept;
     void cull_points(std::uint64_t frame) noexcept { static_cast<void>(cull_points(frame, 0, points_.slots_count())); }
@@ -153,7 +152,7 @@ public:
     [[nodiscard]] Handle<Keyframe> recent_keyframe(std::uint32_t i) const noexcept;
     // Parent of a new keyframe: of the older ones who shares most with it, the newest of equals.
     void attach(Handle<Keyframe> keyframe) noexcept;
-    // At least nine tenths of its static points with at least three other observers at the same or a finer scale.
+    // Nearly all (redundant_permille) of its static points have enough other observers at the same or a finer scale.
     [[nodiscard]] bool is_redundant(Handle<Keyframe> keyframe) const noexcept;
 
     // --- observations
@@ -205,6 +204,7 @@ public:
     [[nodiscard]] const Pool<MapPoint>& points() const noexcept { return points_; }
     [[nodiscard]] Pool<Keyframe>& keyframes() noexcept { return keyframes_; }
     [[nodiscard]] const Pool<Keyframe>& keyframes() const noexcept { return keyframes_; }
+    [[nodiscard]] const MapParameters& parameters() const noexcept { return parameters_; }
     [[nodiscard]] const MapStatistics& statistics() const noexcept { return statistics_; }
     [[nodiscard]] std::uint64_t keyframes_forgotten() const noexcept {
         return statistics_.keyframes_evicted + statistics_.keyframes_redundant;
@@ -231,6 +231,7 @@ private:
     std::span<std::uint64_t> observers_;   // words_ per point slot: a bit per keyframe slot
     std::span<std::uint16_t> shared_;      // keyframes_max^2, symmetric, 0 on the diagonal
     std::span<std::uint64_t> by_age_;      // scratch: (last seen frame, slot) packed
+    MapParameters parameters_;
     std::size_t words_ = 0;
     std::uint32_t features_max_ = 0;
     double readout_s_ = 0;

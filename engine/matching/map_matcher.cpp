@@ -11,9 +11,15 @@ namespace {
 
 constexpr std::uint32_t kNoDistance = 257;  // more than any two descriptors have
 
-// Turns of the picture are counted in bins of 12 degrees; those of the three fullest agree.
+// Turns of the picture are counted in bins of 12 degrees; those of the fullest agree.
 constexpr std::int32_t kTurnBins = 30;
 constexpr double kTwoPi = 6.283185307179586;
+
+// Nearer is behind the camera, or in its glass.
+constexpr double kNearest_m = 0.1;
+// The quick reject before distortion is computed, in image sizes over focal lengths: no lens bends more than this.
+constexpr double kMarginFactor = 0.6;
+constexpr double kMargin = 0.2;
 
 std::int32_t turn_bin(float from_rad, float to_rad) noexcept {
     const double turn = (static_cast<double>(to_rad) - static_cast<double>(from_rad)) / kTwoPi;
@@ -59,9 +65,10 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
     const SE3 camera_from_world = world_from_camera.inverse();
     const double width = camera_.width;
     const double height = camera_.height;
-    const double margin_x = 0.6 * width / camera_.fx + 0.2;  // quick reject before distortion is computed
-    const double margin_y = 0.6 * height / camera_.fy + 0.2;
+    const double margin_x = kMarginFactor * width / camera_.fx + kMargin;
+    const double margin_y = kMarginFactor * height / camera_.fy + kMargin;
     const auto levels = static_cast<std::int32_t>(scale_of_level_.size());
+    const auto levels_off = static_cast<std::int32_t>(parameters_.levels_off);
     const Pool<MapPoint>& points = map.points();
     const auto count = local != nullptr ? static_cast<std::uint32_t>(local->points().size()) : points.slots_count();
     for (std::uint32_t at = 0; at < count; ++at) {
@@ -70,21 +77,24 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
         const MapPoint& point = points.at(slot);
         if (is_more && point.last_seen_frame == *seen_frame) continue;
         const Vector3 q = camera_from_world * vector_of(point.world);
-        if (q.z() < 0.1) continue;
+        if (q.z() < kNearest_m) continue;
         const Vector2 n(q.x() / q.z(), q.y() / q.z());
         if (n.x() > margin_x || n.x() < -margin_x || n.y() > margin_y || n.y() < -margin_y) continue;
         Vector2 pixel = distort_to_pixel(camera_, n);
         if (readout_s_ > 0 || readout_s_ < 0) {
             const double row_time_s = (pixel.y() / height - 0.5) * readout_s_;
             const Vector3 p = moved_a_little(speed_ * -row_time_s, q);
-            if (p.z() < 0.1) continue;
+            if (p.z() < kNearest_m) continue;
             pixel = distort_to_pixel(camera_, Vector2(p.x() / p.z(), p.y() / p.z()));
         }
         if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < width && pixel.y() < height)) continue;
         // A point twice as far is seen on the level whose scale is half: which level to expect.
         const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_of_level_[point.level];
         std::int32_t level = 0;
-        while (level + 1 < levels && scale_of_level_[static_cast<std::size_t>(level)] * 1.095 < ratio) ++level;
+        while (level + 1 < levels &&
+               scale_of_level_[static_cast<std::size_t>(level)] * parameters_.level_factor < ratio) {
+            ++level;
+        }
         const double radius = radius_px * scale_of_level_[static_cast<std::size_t>(level)];
         std::uint32_t best = parameters_.hamming_max + 1;
         std::uint32_t second = kNoDistance;
@@ -94,7 +104,7 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
         grid_.visit_near(pixel.x(), pixel.y(), radius, [&](std::uint32_t i) {
             const Keypoint& keypoint = features_->keypoints[i];
             const std::int32_t off = static_cast<std::int32_t>(keypoint.level) - level;
-            if (off < -1 || off > 1) return;
+            if (off < -levels_off || off > levels_off) return;
             const double dx = static_cast<double>(keypoint.x) - pixel.x();
             const double dy = static_cast<double>(keypoint.y) - pixel.y();
             if (dx * dx + dy * dy > radius * radius) return;
@@ -162,14 +172,14 @@ void MapMatcher::keep_common_turn(const Map& map) noexcept {
     }
     bool is_kept[kTurnBins] = {};
     std::uint32_t fullest = 0;
-    for (int rank = 0; rank < 3; ++rank) {
+    for (std::uint32_t rank = 0; rank < parameters_.turn_bins; ++rank) {
         std::int32_t best = -1;
         for (std::int32_t bin = 0; bin < kTurnBins; ++bin) {
             if (!is_kept[bin] && counts[bin] > 0 && (best < 0 || counts[bin] > counts[best])) best = bin;
         }
         if (best < 0) break;
         if (rank == 0) fullest = counts[best];
-        if (10 * counts[best] < fullest) break;  // far from the fullest it is an accident
+        if (parameters_.turn_factor * counts[best] < fullest) break;  // far from the fullest it is an accident
         is_kept[best] = true;
     }
     for (std::size_t i = 0; i < features_->size(); ++i) {

@@ -48,7 +48,10 @@ void accumulate(const double row[6], double r, double weight, Matrix6& h, Vector
     }
 }
 
-// The most that one point costs, in thresholds; a point behind the camera costs it.
+// The shape of the robust cost, in thresholds. Huber's up to kFar, where its root is 4; beyond, weights fall off with
+// the third power of the residual, and what they integrate to tends to the most that one point costs, 4 * 4 - 1. A
+// point behind the camera costs it.
+constexpr double kFar = 16.0;
 constexpr double kCostMax = 15.0;
 
 struct System {
@@ -83,11 +86,11 @@ System linearise(std::span<const Correspondence> correspondences, std::span<cons
         } else {
             const double ratio = std::sqrt(chi2_max / chi2);
             robust = ratio;
-            if (chi2 <= 16.0 * chi2_max) {
+            if (chi2 <= kFar * chi2_max) {
                 s.cost += vote * chi2_max * (2.0 / ratio - 1.0);
             } else {
-                s.cost += vote * chi2_max * (kCostMax - 32.0 * ratio);
-                robust *= 16.0 * chi2_max / chi2;
+                s.cost += vote * chi2_max * (kCostMax - 2.0 * kFar * ratio);
+                robust *= kFar * chi2_max / chi2;
             }
         }
         // d q / d xi for T * exp(xi): q' = exp(-xi) q, so dq = -v + [q]x w.

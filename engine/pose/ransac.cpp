@@ -5,6 +5,14 @@
 #include "engine/pose/residual.hpp"
 
 namespace stillmesh {
+namespace {
+
+// Smaller triangles, or sides nearly opposite, fix no rotation.
+constexpr double kAreaMin_m2 = 2e-3;  // of the parallelogram
+constexpr double kLengthMin_m = 2e-2;
+constexpr double kMiddleMin = 1e-3;
+
+}  // namespace
 
 std::uint32_t ransac_iterations(double confidence, double inlier_ratio, std::uint32_t cap) noexcept {
     const double miss = 1.0 - inlier_ratio * inlier_ratio * inlier_ratio;  // a sample with an outlier in it
@@ -18,17 +26,17 @@ std::uint32_t ransac_iterations(double confidence, double inlier_ratio, std::uin
     return k;
 }
 
-bool pose_from_three(const Correspondence& a, const Correspondence& b, const Correspondence& c,
-                     SE3& world_from_camera) noexcept {
+bool pose_from_three(const Correspondence& a, const Correspondence& b, const Correspondence& c, SE3& world_from_camera,
+                     double chi2_max) noexcept {
     const Vector3 camera_u = b.p_camera - a.p_camera;
     const Vector3 camera_v = c.p_camera - a.p_camera;
     const Vector3 world_u = b.p_world - a.p_world;
     const Vector3 world_v = c.p_world - a.p_world;
     // A rigid motion keeps lengths: most wrong samples end here.
-    const auto keeps_length = [](const Vector3& p, const Vector3& q, double var) {
+    const auto keeps_length = [chi2_max](const Vector3& p, const Vector3& q, double var) {
         const double lp = std::sqrt(p.squaredNorm());
         const double lq = std::sqrt(q.squaredNorm());
-        return (lp - lq) * (lp - lq) <= 16.0 * var;
+        return (lp - lq) * (lp - lq) <= chi2_max * var;
     };
     const double var_a = a.var_z + a.map_var_z;
     const double var_b = b.var_z + b.map_var_z;
@@ -41,11 +49,11 @@ bool pose_from_three(const Correspondence& a, const Correspondence& b, const Cor
         const Vector3 normal = u.cross(v);
         const double area = std::sqrt(normal.squaredNorm());
         const double length = std::sqrt(u.squaredNorm());
-        if (!(area > 2e-3) || !(length > 2e-2)) return false;  // m^2, m: too small to fix a rotation
+        if (!(area > kAreaMin_m2) || !(length > kLengthMin_m)) return false;
         // The axis through the middle of both sides spreads the error of the points evenly.
         const Vector3 middle = u / length + v / std::sqrt(v.squaredNorm());
         const double middle_length = std::sqrt(middle.squaredNorm());
-        if (!(middle_length > 1e-3)) return false;
+        if (!(middle_length > kMiddleMin)) return false;
         const Vector3 x = middle / middle_length;
         const Vector3 z = normal / area;
         frame.col(0) = x;
@@ -112,7 +120,7 @@ RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::s
         const auto wanted = [&] {
             double ratio = options.inlier_ratio_start;
             if (best_votes >= 0 && votes_all > 0 && best_votes / votes_all > ratio) ratio = best_votes / votes_all;
-            if (ratio < 0.3) ratio = 0.3;
+            if (ratio < options.inlier_ratio_min) ratio = options.inlier_ratio_min;
             const std::uint32_t k =
                 options.factor * ransac_iterations(options.confidence, ratio, options.iterations_max);
             return k < options.iterations_max ? k : options.iterations_max;
@@ -128,7 +136,7 @@ RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::s
             const Correspondence& c = correspondences[chosen[k]];
             if (!a.has_depth || !b.has_depth || !c.has_depth) continue;
             SE3 hypothesis;
-            if (!pose_from_three(a, b, c, hypothesis)) continue;
+            if (!pose_from_three(a, b, c, hypothesis, options.sample_chi2_max)) continue;
             const double before = best_votes;
             consider(hypothesis);
             if (best_votes > before) limit = wanted();

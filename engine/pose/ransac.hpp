@@ -15,7 +15,9 @@ struct RansacOptions {
     std::uint32_t factor = 3;  // 3k in the coarse stage, 10k in the final one
     std::uint32_t iterations_max = 507;
     double inlier_ratio_start = 0.5;  // r: the last frame's
+    double inlier_ratio_min = 0.3;
     double chi2_max = 11.34;
+    double sample_chi2_max = 16.0;
 };
 
 struct RansacResult {
@@ -30,9 +32,9 @@ struct RansacResult {
 [[nodiscard]] std::uint32_t ransac_iterations(double confidence, double inlier_ratio, std::uint32_t cap) noexcept;
 
 // The motion that takes three measured points to their places in the world: each triangle spans a frame. False when
-// they are nearly on one line or their shapes differ by more than their noise allows.
+// they are nearly on one line or a length differs by more than `chi2_max` times its variance.
 [[nodiscard]] bool pose_from_three(const Correspondence& a, const Correspondence& b, const Correspondence& c,
-                                   SE3& world_from_camera) noexcept;
+                                   SE3& world_from_camera, double chi2_max = RansacOptions{}.sample_chi2_max) noexcept;
 
 // Only correspondences with depth are sampled; all named ones are counted. `first`: a hypothesis to start from, or
 // nullptr.

@@ -7,25 +7,11 @@
 #include "engine/pose/residual.hpp"
 
 namespace stillmesh {
-namespace {
 
-// Residuals of one frame share errors that no model has (the map's, the motion's within the frame): a frame counts less
-// than its matches say. Old frames fade within some seconds of motion: the map's points say how they would move with the
-// readout, but to first order and with the speeds known then.
-constexpr double kTrust = 0.1;
-constexpr double kFade = .99;
-constexpr std::uint32_t kUsedMin = 30;
-// A tenth of what such cameras take: not worth being moved by, and within what a global shutter is estimated at.
-constexpr double kNegligible_s = 0.003;
-// All of the map moves with what is believed.
-constexpr double kStep_s = 0.00025;
-constexpr double kPriorInfo = 1.0 / (RollingShutter::kReadoutSigma_s * RollingShutter::kReadoutSigma_s);
-// Frames that know next to nothing (the camera stands still) do not make what is known fade.
-constexpr double kInfoMin = 0.01 * kPriorInfo;
-
-}  // namespace
-
-void RollingShutter::create(double readout_s, std::uint32_t image_height) noexcept {
+void RollingShutter::create(double readout_s, std::uint32_t image_height,
+                            const ShutterParameters& parameters) noexcept {
+    parameters_ = parameters;
+    prior_info_ = 1.0 / (parameters.sigma_s * parameters.sigma_s);
     given_s_ = readout_s;
     is_estimated_ = readout_s < 0;
     inverse_height_ = 1.0 / static_cast<double>(image_height);
@@ -63,10 +49,8 @@ void RollingShutter::add(const Correspondence& c, const Vector3& q, const Vector
     // The residual is the map's minus the measured, and both move.
     const Vector3 d = by_readout(c.p_camera, y_px, speed);
     const double inverse = 1.0 / c.p_camera.z();
-    const double by_x =
-        (q_by_readout.x() - x * q_by_readout.z()) * iz - (d.x() - c.normalised.x() * d.z()) * inverse;
-    const double by_y =
-        (q_by_readout.y() - y * q_by_readout.z()) * iz - (d.y() - c.normalised.y() * d.z()) * inverse;
+    const double by_x = (q_by_readout.x() - x * q_by_readout.z()) * iz - (d.x() - c.normalised.x() * d.z()) * inverse;
+    const double by_y = (q_by_readout.y() - y * q_by_readout.z()) * iz - (d.y() - c.normalised.y() * d.z()) * inverse;
     const double row_x[6] = {-iz, 0, x * iz, x * y, -(1.0 + x * x), y};
     const double row_y[6] = {0, -iz, y * iz, 1.0 + y * y, -(x * y), -x};
     const double row_z[6] = {0, 0, -1.0, -q.y(), q.x(), 0};
@@ -88,7 +72,7 @@ void RollingShutter::add(const Correspondence& c, const Vector3& q, const Vector
 Vector6 RollingShutter::end_frame(bool counts) noexcept {
     Vector6 solved = Vector6::Zero();
     Matrix6 inverse;
-    if (!is_estimated_ || used_ < kUsedMin || !invert_spd(h_, inverse)) return solved;
+    if (!is_estimated_ || used_ < parameters_.matches_min || !invert_spd(h_, inverse)) return solved;
     solved.noalias() = inverse * cross_;
     double info = h_readout_;
     double gradient = g_readout_;
@@ -98,18 +82,19 @@ Vector6 RollingShutter::end_frame(bool counts) noexcept {
     }
     if (!(info > 1.0)) return Vector6::Zero();  // and what is not a number
     solved *= -1.0;
-    const double found = std::clamp(readout_s_ - gradient / info, -kReadoutMax_s, kReadoutMax_s);
-    info *= kTrust;
-    if (!counts || info < kInfoMin) return solved;
-    info_ = info_ * kFade + info;
-    weighted_ = weighted_ * kFade + info * found;
-    estimate_s_ = weighted_ / (info_ + kPriorInfo);
+    const ShutterParameters& p = parameters_;
+    const double found = std::clamp(readout_s_ - gradient / info, -p.readout_max_s, p.readout_max_s);
+    info *= p.trust;
+    if (!counts || info < p.info_share_min * prior_info_) return solved;
+    info_ = info_ * p.fading + info;
+    weighted_ = weighted_ * p.fading + info * found;
+    estimate_s_ = weighted_ / (info_ + prior_info_);
     return solved;
 }
 
 bool RollingShutter::adopt() noexcept {
-    const double wanted = std::abs(estimate_s_) < kNegligible_s ? 0.0 : estimate_s_;
-    if (std::abs(wanted - readout_s_) < kStep_s) return false;
+    const double wanted = std::abs(estimate_s_) < parameters_.negligible_s ? 0.0 : estimate_s_;
+    if (std::abs(wanted - readout_s_) < parameters_.step_s) return false;
     readout_s_ = wanted;
     return true;
 }

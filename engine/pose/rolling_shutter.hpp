@@ -14,6 +14,7 @@
 
 #include <span>
 
+#include "engine/configuration.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/matching/correspondence.hpp"
 
@@ -21,13 +22,8 @@ namespace stillmesh {
 
 class RollingShutter {
 public:
-    // Without evidence there is no rolling shutter, with this deviation; the estimate stays within kReadoutMax_s either
-    // way (a sensor may be read upwards).
-    static constexpr double kReadoutMax_s = 0.04;
-    static constexpr double kReadoutSigma_s = .01;
-
     // `readout_s` from the first row to the last; negative: estimated.
-    void create(double readout_s, std::uint32_t image_height) noexcept;
+    void create(double readout_s, std::uint32_t image_height, const ShutterParameters& parameters = {}) noexcept;
     void reset() noexcept;
 
     [[nodiscard]] double readout_s() const noexcept { return readout_s_; }
@@ -53,9 +49,11 @@ public:
              double chi2_max) noexcept;
     // How the frame's pose moves with the readout, per second, in the camera. Only what `counts` is learnt from.
     [[nodiscard]] Vector6 end_frame(bool counts) noexcept;
-    // Believes what was learnt, if it is worth it: false, and nothing changed, within kStep_s.
+    // Believes what was learnt, if it is worth it: false, and nothing changed, within step_s.
     bool adopt() noexcept;
 
+    ShutterParameters parameters_;
+    double prior_info_ = 0;
     double given_s_ = -1;
     double readout_s_ = 0;   // in use
     double estimate_s_ = 0;  // what readout_s_ should be

@@ -262,7 +262,9 @@ void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, c
                               RegionChoice& choice, Random& random) noexcept {
     RansacOptions options;
     options.confidence = parameters.pose.confidence;
-    options.factor = 3;
+    options.factor = parameters.pose.coarse_factor;
+    options.inlier_ratio_min = parameters.pose.inlier_ratio_min;
+    options.sample_chi2_max = parameters.pose.sample_chi2_max;
     options.inlier_ratio_start = parameters.region.group_inliers_start;
     options.chi2_max = parameters.region.point_chi2_max;
     fitted_groups_ = 0;
@@ -283,7 +285,7 @@ void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, c
         choice.iterations += result.iterations;
         if (!result.is_valid) continue;
         const PoseFit fit = optimise_pose(correspondences, members_.span(), result.world_from_camera,
-                                          parameters.region.point_chi2_max, 4);
+                                          parameters.region.point_chi2_max, parameters.pose.coarse_passes_max);
         group.motion = fit.is_valid ? fit.world_from_camera : result.world_from_camera;
         group.is_fitted = true;
         const SE3 camera_from_world = group.motion.inverse();
@@ -334,7 +336,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         // Refined on what agrees with it, so that hypotheses are compared at their best.
         gather_inliers(correspondences, pose, reach * chi2_max, region.anchor_inlier_factor * (reach * chi2_max),
                        inliers_);
-        const PoseFit fit = optimise_pose(correspondences, inliers_.span(), pose, chi2_max, 4);
+        const PoseFit fit =
+            optimise_pose(correspondences, inliers_.span(), pose, chi2_max, parameters.pose.coarse_passes_max);
         Hypothesis h;
         h.pose = fit.is_valid ? fit.world_from_camera : pose;
         const Support support = support_of(correspondences, h.pose, parameters, context);
@@ -349,7 +352,9 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     };
     RansacOptions options;
     options.confidence = parameters.pose.confidence;
-    options.factor = 3;
+    options.factor = parameters.pose.coarse_factor;
+    options.inlier_ratio_min = parameters.pose.inlier_ratio_min;
+    options.sample_chi2_max = parameters.pose.sample_chi2_max;
     options.iterations_max = parameters.pose.coarse_iterations_max;
     options.inlier_ratio_start = context.inlier_ratio;
     options.chi2_max = chi2_max;
@@ -357,8 +362,8 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     fitted_groups_ = 0;
     if (parameters.region.is_enabled) fit_groups(correspondences, parameters, choice, random);
     if (context.has_prediction) {
-        const PoseFit fit =
-            optimise_pose(correspondences, all_.span(), context.world_from_camera_predicted, chi2_max, 6);
+        const PoseFit fit = optimise_pose(correspondences, all_.span(), context.world_from_camera_predicted, chi2_max,
+                                          parameters.pose.expected_passes_max);
         propose(fit.is_valid ? fit.world_from_camera : context.world_from_camera_predicted, region.reach_factor);
     }
     const RansacResult over_all = ransac_pose(correspondences, all_.span(), nullptr, options, random);

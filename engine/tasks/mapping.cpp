@@ -9,17 +9,16 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kCullChunk = 1024;  // slots in a piece
-constexpr std::uint32_t kFuseChunk = 32;    // points in a piece
-constexpr std::uint32_t kTriangulateWith = 2;
-constexpr std::uint32_t kFuseWith = 5;
+constexpr std::uint32_t kCullChunk = 1024;       // slots in a piece
+constexpr std::uint32_t kFuseChunk = 32;         // points in a piece
 constexpr std::uint32_t kFuseObserversMax = 16;  // a point with more stays: its fusion would be a long piece
-constexpr std::uint32_t kSharedMin = 15;         // of a keyframe in the window
-constexpr double kParallaxCosine = 0.9998;       // 1.15 degrees
-constexpr double kFuseRadius_px = 4.0;
-constexpr std::uint32_t kFuseHamming = 50;
-constexpr double kChi2Pixel = 5.991;
-constexpr double kChi2Depth = 7.815;
+// Guards of the arithmetic: a baseline (squared) too short for an epipolar line, rays too parallel to meet, and where
+// they meet too far for any depth camera; and, of what is projected, how far out (tangent, squared) a lens may see.
+constexpr double kBaselineMin2 = 1e-12;
+constexpr double kDeterminantMin = 1e-9;
+constexpr double kFarthest_m = 100.0;
+constexpr double kTangentMax2 = 4.0;
+constexpr double kVarianceMin_m2 = 1e-6;
 
 SE3 transform_between(const SE3& now, const SE3& before) noexcept {
     SE3 out = now * before.inverse();
@@ -136,7 +135,7 @@ std::uint32_t Mapping::cull() noexcept {
 
 void Mapping::find_neighbours() noexcept {
     std::uint32_t best[kNeighboursMax] = {};
-    neighbour_count_ = map_->best_covisible(keyframe_.slot(), best, kSharedMin);
+    neighbour_count_ = map_->best_covisible(keyframe_.slot(), best, configuration_.mapping.shared_min);
     for (std::uint32_t i = 0; i < neighbour_count_; ++i) neighbours_[i] = map_->keyframes().handle_of(best[i]);
 }
 
@@ -144,7 +143,8 @@ std::uint32_t Mapping::triangulate() noexcept {
     // One feature with one neighbour a piece; those that need nothing are passed over.
     const std::span<const Observation> here = map_->observations(keyframe_);
     std::uint32_t passed = 0;
-    const std::uint32_t with = configuration_.mapping.is_triangulating ? kTriangulateWith : 0U;
+    const std::uint32_t with =
+        configuration_.mapping.is_triangulating ? configuration_.mapping.triangulation_keyframes : 0U;
     while (other_ < std::min(neighbour_count_, with)) {
         const Handle<Keyframe> other = neighbours_[other_];
         if (map_->keyframes().find(other) != nullptr) {
@@ -175,7 +175,7 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
     const Vector3 line = other_from_here.translation.cross(turned);
     const double length2 = line.x() * line.x() + line.y() * line.y();
     const auto units = static_cast<std::uint32_t>(there.size() / 8);
-    if (!(length2 > 1e-12)) return units;
+    if (!(length2 > kBaselineMin2)) return units;
     std::uint32_t best = configuration_.matching.hamming_wide_max + 1;
     std::uint32_t second = 257;
     std::uint32_t best_feature = kNone;
@@ -186,7 +186,7 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
         if (o.level + 1 < mine.level || mine.level + 1 < o.level) continue;
         const double off =
             line.x() * static_cast<double>(o.normalised_x) + line.y() * static_cast<double>(o.normalised_y) + line.z();
-        if (off * off > 3.84 * var_pixel(o.level) * length2) continue;
+        if (off * off > configuration_.mapping.triangulation_chi2_max * var_pixel(o.level) * length2) continue;
         const std::uint32_t distance = hamming_distance(descriptor, descriptors[i]);
         ++compared;
         if (distance < best) {
@@ -202,29 +202,29 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
     const Observation& theirs = there[best_feature];
     const Vector3 ray_there(static_cast<double>(theirs.normalised_x), static_cast<double>(theirs.normalised_y), 1.0);
     const double cosine = turned.dot(ray_there) / std::sqrt(turned.squaredNorm() * ray_there.squaredNorm());
-    if (!(cosine > 0.0 && cosine < kParallaxCosine)) return spent;
+    if (!(cosine > 0.0 && cosine < configuration_.mapping.parallax_cosine_max)) return spent;
     // Depths a, b with a turned + t = b ray_there, by least squares.
     const Vector3 t = other_from_here.translation;
     const double uu = turned.squaredNorm();
     const double vv = ray_there.squaredNorm();
     const double uv = turned.dot(ray_there);
     const double determinant = uu * vv - uv * uv;
-    if (!(determinant > 1e-9)) return spent;
+    if (!(determinant > kDeterminantMin)) return spent;
     const double ut = turned.dot(t);
     const double vt = ray_there.dot(t);
     const double a = (uv * vt - vv * ut) / determinant;
     const double b = (uu * vt - uv * ut) / determinant;
-    if (!(a > configuration_.depth.z_min_m && b > configuration_.depth.z_min_m && a < 100.0)) return spent;
+    if (!(a > configuration_.depth.z_min_m && b > configuration_.depth.z_min_m && a < kFarthest_m)) return spent;
     const Vector3 in_here = ray * a;
     const Vector3 in_other = other_from_here * in_here;
     if (in_other.z() < configuration_.depth.z_min_m) return spent;
     const double dx = in_other.x() / in_other.z() - ray_there.x();
     const double dy = in_other.y() / in_other.z() - ray_there.y();
-    if (dx * dx + dy * dy > kChi2Pixel * var_pixel(theirs.level)) return spent;
+    if (dx * dx + dy * dy > configuration_.mapping.chi2_max_pixel * var_pixel(theirs.level)) return spent;
     // Depth from the parallax: sigma_z = z sigma sqrt(2) / sin(parallax).
     const double variance = var_pixel(std::max(mine.level, theirs.level));
     const double var_z = 2.0 * a * a * variance / (1.0 - cosine * cosine);
-    const double sigma_max = 2.0 * configuration_.depth.sigma_max_m;
+    const double sigma_max = configuration_.mapping.triangulation_sigma_factor * configuration_.depth.sigma_max_m;
     if (var_z > sigma_max * sigma_max) return spent;
     const Result<Handle<MapPoint>> taken = map_->add_point();
     if (!taken.is_ok()) return spent;
@@ -244,7 +244,7 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
     point.level = mine.level;
     point.weight_tenths = static_cast<std::uint8_t>(configuration_.weights.start);
     point.is_suspect = configuration_.weights.start < configuration_.weights.eligible;
-    point.seen = Map::kSeenMin;  // two pictures agree on it
+    point.seen = static_cast<std::uint16_t>(map_->parameters().seen_min);  // two pictures agree on it
     static_cast<void>(map_->link(keyframe_, feature, taken.value()));
     static_cast<void>(map_->link(other, best_feature, taken.value()));
     tracking_->local_map().add(taken.value().slot());
@@ -267,7 +267,8 @@ void Mapping::build_grid(Handle<Keyframe> keyframe) noexcept {
 
 std::uint32_t Mapping::fuse() noexcept {
     // Pairs: the neighbours' points into the new keyframe, then its points into theirs.
-    const std::uint32_t with = configuration_.mapping.is_fusing ? std::min(neighbour_count_, kFuseWith) : 0U;
+    const std::uint32_t with =
+        configuration_.mapping.is_fusing ? std::min(neighbour_count_, configuration_.mapping.fusion_keyframes) : 0U;
     while (other_ < 2 * with) {
         const Handle<Keyframe> neighbour = neighbours_[other_ % with];
         const Handle<Keyframe> source = other_ < with ? neighbour : keyframe_;
@@ -299,26 +300,27 @@ std::uint32_t Mapping::fuse_point(Handle<MapPoint> handle, Handle<Keyframe> targ
     const Vector3 q = camera_from_world * vector_of(point->world);
     if (q.z() < configuration_.depth.z_min_m) return 0;
     const Vector2 n(q.x() / q.z(), q.y() / q.z());
-    if (n.squaredNorm() > 4.0) return 0;
+    if (n.squaredNorm() > kTangentMax2) return 0;
     const Vector2 pixel = distort_to_pixel(camera_, n);
     if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera_.width && pixel.y() < camera_.height)) return 1;
     const std::span<const Observation> there = map_->observations(target);
     const std::span<const Descriptor> descriptors = map_->descriptors(target);
     const double noise_z = tracking_->noise_depth();
-    std::uint32_t best = kFuseHamming + 1;
+    const MappingParameters& p = configuration_.mapping;
+    std::uint32_t best = p.fusion_hamming_max + 1;
     std::uint32_t best_feature = kNone;
     const double ratio = static_cast<double>(point->distance_m) / q.z() * scale_[point->level];
-    grid_.visit_near(pixel.x(), pixel.y(), kFuseRadius_px * ratio, [&](std::uint32_t i) {
+    grid_.visit_near(pixel.x(), pixel.y(), p.fusion_radius_px * ratio, [&](std::uint32_t i) {
         const Observation& o = there[i];
         const double scale = scale_[o.level];
-        if (scale > 1.6 * ratio || ratio > 1.6 * scale) return;
+        if (scale > p.fusion_scale_factor * ratio || ratio > p.fusion_scale_factor * scale) return;
         const double dx = static_cast<double>(o.x) - pixel.x();
         const double dy = static_cast<double>(o.y) - pixel.y();
-        const double radius = kFuseRadius_px * scale;
+        const double radius = p.fusion_radius_px * scale;
         if (dx * dx + dy * dy > radius * radius) return;
         if (o.var_z >= 0) {
             const double dz = static_cast<double>(o.z_m) - q.z();
-            if (dz * dz > 9.0 * noise_z * (static_cast<double>(o.var_z) + point->var_z)) return;
+            if (dz * dz > p.fusion_depth_chi2_max * noise_z * (static_cast<double>(o.var_z) + point->var_z)) return;
         }
         const std::uint32_t distance = hamming_distance(descriptors[i], point->descriptor);
         if (distance >= best) return;
@@ -335,12 +337,12 @@ std::uint32_t Mapping::fuse_point(Handle<MapPoint> handle, Handle<Keyframe> targ
     }
     if (other->is_suspect) return 2;
     // The same place, as far as the two are known?
-    const Vector3 p = camera_from_world * vector_of(other->world);
-    if (p.z() < configuration_.depth.z_min_m) return 2;
-    const double dz = p.z() - q.z();
-    const double dx = (p.x() / p.z() - n.x()) * q.z();
-    const double dy = (p.y() / p.z() - n.y()) * q.z();
-    const double var_z = noise_z * (point->var_z + other->var_z) + 1e-6;
+    const Vector3 there_q = camera_from_world * vector_of(other->world);
+    if (there_q.z() < configuration_.depth.z_min_m) return 2;
+    const double dz = there_q.z() - q.z();
+    const double dx = (there_q.x() / there_q.z() - n.x()) * q.z();
+    const double dy = (there_q.y() / there_q.z() - n.y()) * q.z();
+    const double var_z = noise_z * (point->var_z + other->var_z) + kVarianceMin_m2;
     const double var_lateral = point->var_lateral + other->var_lateral;
     if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > configuration_.region.point_chi2_max) return 2;
     const bool is_older = point->observers > other->observers ||
@@ -400,7 +402,7 @@ std::uint32_t Mapping::choose_window() noexcept {
         for (std::uint32_t slot = 1; slot < counts_.size(); ++slot) {
             if (counts_[slot] > counts_[best]) best = slot;
         }
-        if (counts_[best] < 3) break;
+        if (counts_[best] < configuration_.mapping.fixed_shared_min) break;
         counts_[best] = 0;
         take_in(map_->keyframes().handle_of(best), true);
     }
@@ -416,7 +418,7 @@ std::uint32_t Mapping::choose_window() noexcept {
         problem_keyframes_[oldest].is_fixed = true;
     }
     const bool is_worth_it = configuration_.mapping.is_adjusting && problem_keyframe_count_ >= 2 &&
-                             problem_point_count_ >= 2 * configuration_.pose.inliers_min;
+                             problem_point_count_ >= configuration_.mapping.adjusted_points_min;
     enter(is_worth_it ? Stage::kCollect : Stage::kRedundant);
     if (!is_worth_it) {
         for (std::uint32_t i = 0; i < problem_point_count_; ++i) {
@@ -481,8 +483,10 @@ std::uint32_t Mapping::collect() noexcept {
         return 1 + static_cast<std::uint32_t>(seen.size()) / 4;
     }
     AdjustmentOptions options;
-    options.chi2_max_pixel = kChi2Pixel;
-    options.chi2_max_depth = kChi2Depth;
+    options.chi2_max_pixel = configuration_.mapping.chi2_max_pixel;
+    options.chi2_max_depth = configuration_.mapping.chi2_max_depth;
+    options.iterations_max[0] = configuration_.mapping.first_iterations_max;
+    options.iterations_max[1] = configuration_.mapping.second_iterations_max;
     adjustment_.start(options);
     ++statistics_.adjustments;
     enter(Stage::kAdjust);
@@ -581,9 +585,10 @@ void Mapping::drop_outliers() noexcept {
 // --- room ------------------------------------------------------------------------------------------------------------
 
 std::uint32_t Mapping::drop_redundant() noexcept {
-    // One neighbour a piece; the newest keyframes have not had the time to prove themselves. While half of the pool is
-    // free nobody goes: more looks at a place make it surer (measured, docs/mapping.md).
-    const bool is_roomy = 2 * map_->keyframes().size() <= map_->keyframes().capacity();
+    // One neighbour a piece; the newest keyframes have not had the time to prove themselves. While the pool is roomy
+    // nobody goes: more looks at a place make it surer (measured, docs/mapping.md).
+    const Pool<Keyframe>& pool = map_->keyframes();
+    const bool is_roomy = pool.size() * 1000 <= pool.capacity() * std::size_t{configuration_.mapping.roomy_permille};
     if (cursor_ >= neighbour_count_ || is_roomy || !configuration_.mapping.is_culling) {
         enter(Stage::kEvict);
         return 1;
@@ -599,14 +604,17 @@ std::uint32_t Mapping::drop_redundant() noexcept {
 std::uint32_t Mapping::evict() noexcept {
     const Pool<Keyframe>& keyframes = map_->keyframes();
     const Pool<MapPoint>& points = map_->points();
-    const std::size_t keyframes_spare = std::max<std::size_t>(1, keyframes.capacity() / 64);
+    const std::size_t keyframes_spare =
+        std::max<std::size_t>(1, keyframes.capacity() * configuration_.mapping.spare_keyframes_permille / 1000);
     if (keyframes.capacity() - keyframes.size() < keyframes_spare && cursor_ < keyframes_spare) {
         ++cursor_;
         if (map_->evict_keyframe(tracking_->local_map().keyframes())) {
             return 1 + limits_.features_max / 4 + 2 * limits_.keyframes_max;
         }
     }
-    const std::size_t points_spare = std::min<std::size_t>(limits_.features_max, points.capacity() / 6);
+    const std::size_t points_spare = std::min<std::size_t>(
+        limits_.features_max, static_cast<std::size_t>(std::uint64_t{configuration_.mapping.spare_points_permille} *
+                                                       points.capacity() / 1000));
     const std::size_t free = points.capacity() - points.size();
     stage_ = Stage::kIdle;
     if (free >= points_spare) return 1;

@@ -72,8 +72,8 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     matcher_.create(arena, limits, configuration.matching, camera,
                     std::span<const double>(scale_).first(configuration.features.levels));
     region_.create(arena, limits);
-    map_.create(arena, limits);
-    local_map_.create(arena, limits);
+    map_.create(arena, limits, configuration.map);
+    local_map_.create(arena, limits, configuration.local_map);
     keyframe_queue_.create(arena, kQueueMax);
     grey_ = arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
     measured_.create(arena, limits.features_max);
@@ -89,8 +89,9 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     noise_.z_min_m = configuration.depth.z_min_m;
     noise_.z_max_m = configuration.depth.z_max_m;
     noise_.sigma_max_m = configuration.depth.sigma_max_m;
-    shutter_.create(configuration.camera.readout_s, camera.height);
+    shutter_.create(configuration.camera.readout_s, camera.height, configuration.shutter);
     random_ = Random(configuration.seed);
+    inlier_ratio_ = configuration_.pose.inlier_ratio_start;
     noise_pixel_ = configuration_.noise.pixel_start;
     noise_depth_ = configuration_.noise.depth_start;
 }
@@ -105,7 +106,7 @@ void Tracking::reset() noexcept {
     has_map_ = false;
     has_velocity_ = false;
     lost_frames_ = 0;
-    inlier_ratio_ = 0.5;
+    inlier_ratio_ = configuration_.pose.inlier_ratio_start;
     noise_pixel_ = configuration_.noise.pixel_start;
     noise_depth_ = configuration_.noise.depth_start;
     noise_frames_ = 0;
@@ -395,7 +396,8 @@ void Tracking::start_map() noexcept {
     std::uint32_t usable = 0;
     for (const MeasuredFeature& m : measured_) usable += m.var_z >= 0 ? 1U : 0U;
     region_.build({}, features_.keypoints.span(), configuration_.region, context_);
-    if (usable < 2 * configuration_.pose.inliers_min) {  // nothing to start from: say so, try the next frame
+    if (usable < configuration_.pose.start_inliers_factor *
+                     configuration_.pose.inliers_min) {  // nothing to start from: say so, try the next frame
         give_out(PoseState::kNone, Matrix6::Zero());
         return;
     }
@@ -481,17 +483,20 @@ bool Tracking::estimate() noexcept {
                             context_.prediction_sigma_rad};
     const MotionPrior* const prior_or_none = has_velocity_ && lost_frames_ == 0 ? &prior : nullptr;
     const double chi2_max = configuration_.region.point_chi2_max;
+    const std::uint32_t passes = configuration_.pose.final_passes_max;
     RansacOptions options;
     options.confidence = configuration_.pose.confidence;
-    options.factor = 10;
+    options.factor = configuration_.pose.final_factor;
+    options.inlier_ratio_min = configuration_.pose.inlier_ratio_min;
+    options.sample_chi2_max = configuration_.pose.sample_chi2_max;
     options.iterations_max = configuration_.pose.final_iterations_max;
     options.inlier_ratio_start = inlier_ratio_;
     options.chi2_max = chi2_max;
     const RansacResult final =
         ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
     frame_statistics_.pose_iterations += final.iterations;
-    PoseFit fit =
-        optimise_pose(correspondences_.span(), region_.chosen(), final.world_from_camera, chi2_max, 10, prior_or_none);
+    PoseFit fit = optimise_pose(correspondences_.span(), region_.chosen(), final.world_from_camera, chi2_max, passes,
+                                prior_or_none);
     observe(Stage::kPose, false);
     if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
 
@@ -513,7 +518,7 @@ bool Tracking::estimate() noexcept {
         }
     }
     const PoseFit refined =
-        optimise_pose(correspondences_.span(), chosen_.span(), fit.world_from_camera, chi2_max, 10, prior_or_none);
+        optimise_pose(correspondences_.span(), chosen_.span(), fit.world_from_camera, chi2_max, passes, prior_or_none);
     if (refined.is_valid && refined.inliers >= configuration_.pose.inliers_min) fit = refined;
     observe(Stage::kLocalMap, false);
 
@@ -547,11 +552,10 @@ bool Tracking::estimate() noexcept {
 void Tracking::doubt_jump(const SE3& world_from_camera, bool is_sure) noexcept {
     if (is_sure) return;
     const SE3 off = context_.world_from_camera_predicted.inverse() * world_from_camera;
-    constexpr double kExpected_sigmas = 2.0;
+    const double sigmas = configuration_.prediction.jump_sigmas;
     const double beyond_m =
-        std::max(std::sqrt(off.translation.squaredNorm()) - kExpected_sigmas * context_.prediction_sigma_m, 0.0);
-    const double beyond_rad =
-        std::max(rotation_angle(off.rotation) - kExpected_sigmas * context_.prediction_sigma_rad, 0.0);
+        std::max(std::sqrt(off.translation.squaredNorm()) - sigmas * context_.prediction_sigma_m, 0.0);
+    const double beyond_rad = std::max(rotation_angle(off.rotation) - sigmas * context_.prediction_sigma_rad, 0.0);
     doubt_.add(time_ns_, {beyond_m * beyond_m, beyond_rad * beyond_rad});
 }
 
@@ -582,7 +586,9 @@ bool Tracking::recover() noexcept {
     if (chosen_.size() < r.matches_min) return false;
     RansacOptions options;
     options.confidence = configuration_.pose.confidence;
-    options.factor = 10;
+    options.factor = configuration_.pose.final_factor;
+    options.inlier_ratio_min = configuration_.pose.inlier_ratio_min;
+    options.sample_chi2_max = configuration_.pose.sample_chi2_max;
     options.iterations_max = configuration_.pose.coarse_iterations_max;
     options.inlier_ratio_start = r.inliers_start;
     options.chi2_max = configuration_.region.point_chi2_max;
@@ -731,9 +737,9 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
     }
     static_count_ = static_cast<std::uint32_t>(chosen_.size());
     const double share = correspondences_.is_empty()
-                             ? 0.5
+                             ? configuration_.pose.inlier_ratio_start
                              : static_cast<double>(static_count_) / static_cast<double>(correspondences_.size());
-    inlier_ratio_ = std::clamp(share, 0.3, 1.0);
+    inlier_ratio_ = std::clamp(share, configuration_.pose.inlier_ratio_min, 1.0);
     new_points_possible_ = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         if (matcher_.claim(i).is_free() && measured_[i].var_z >= 0) ++new_points_possible_;
@@ -748,7 +754,8 @@ bool Tracking::wants_keyframe() const noexcept {
     const double share =
         keyframe_tracked_ > 0 ? static_cast<double>(static_count_) / static_cast<double>(keyframe_tracked_) : 0.0;
     if (new_points_possible_ < k.new_points_min) return false;
-    if (share < k.tracked_share_urgent || static_count_ < k.tracked_urgent) return frame_ - keyframe_frame_ >= 2;
+    if (share < k.tracked_share_urgent || static_count_ < k.tracked_urgent)
+        return frame_ - keyframe_frame_ >= k.gap_urgent;
     return share < k.tracked_share_max && frame_ - keyframe_frame_ >= k.gap_min;
 }
 
@@ -814,7 +821,7 @@ void Tracking::make_keyframe() noexcept {
         added += is_suspicious ? 0U : 1U;
     }
     keyframe_frame_ = frame_;
-    keyframe_tracked_ = static_count_ + added / 2;
+    keyframe_tracked_ = static_count_ + added / configuration_.keyframes.new_per_tracked;
     renewed_share_ = static_cast<double>(added) / static_cast<double>(std::max(static_count_ + added, 1U));
     frame_statistics_.is_keyframe = true;
     ++statistics_.keyframes_made;

@@ -99,7 +99,7 @@ TEST(Map, CullsInSlices) {
         }
         std::uint32_t next = 0;
         do {
-            next = map->cull_points(5 + Map::kCullAfter_frames + 1, next, slice);
+            next = map->cull_points(5 + MapParameters{}.cull_after_frames + 1, next, slice);
         } while (next != 0);
         for (std::uint32_t i = 0; i < 20; ++i) {
             EXPECT_EQ(map->points().is_taken(i), !(i % 2 == 0 && (i % 3 == 0 || i % 5 == 0))) << i;
@@ -228,7 +228,7 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
                 EXPECT_EQ(point.seen, 0U) << "something of the tenant before";
                 EXPECT_EQ(point.observers, 0U);
                 point.last_seen_frame = frame;
-                point.seen = static_cast<std::uint16_t>(random.below(2 * Map::kSeenMin + 1));
+                point.seen = static_cast<std::uint16_t>(random.below(2 * MapParameters{}.seen_min + 1));
                 point.is_suspect = random.below(4) == 0;
                 for (double& w : point.world) w = random.uniform(-2, 2);
             } else {
@@ -280,7 +280,7 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
         } else if (what < 92) {
             static_cast<void>(map->make_room_for_points(random.below(limits.map_points_max / 3), frame, {}));
         } else if (what < 95) {
-            frame += random.below(2 * Map::kCullAfter_frames);
+            frame += random.below(2 * MapParameters{}.cull_after_frames);
             map->cull_points(frame);
         } else if (what < 96) {
             map->reset();
