@@ -205,6 +205,21 @@ struct RowDigest {
     }
 };
 
+// The same picture is the same digest in whichever order its channels come: files know RGB only, cameras both.
+void digest_bgr_row(RowDigest& pixels, const std::uint8_t* row, std::uint32_t row_bytes) noexcept {
+    constexpr std::uint32_t kPart = 16 * 3 * 8 * RowDigest::kLanes;  // whole pixels and whole rounds of the four chains
+    std::uint8_t turned[kPart];
+    for (std::uint32_t begin = 0; begin < row_bytes; begin += kPart) {
+        const std::uint32_t count = row_bytes - begin < kPart ? row_bytes - begin : kPart;
+        for (std::uint32_t i = 0; i + 2 < count; i += 3) {
+            turned[i] = row[begin + i + 2];
+            turned[i + 1] = row[begin + i + 1];
+            turned[i + 2] = row[begin + i];
+        }
+        pixels.row(static_cast<const std::uint8_t*>(turned), count);
+    }
+}
+
 }  // namespace
 
 Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::byte> out) noexcept {
@@ -319,8 +334,13 @@ std::uint64_t frame_digest(const Frame& frame) noexcept {
     const std::uint64_t row_bytes = std::uint64_t{frame.colour.width} * channels_of(frame.format);
     if (row_bytes > 0xffffffffU || frame.colour.stride < row_bytes || frame.depth.stride < frame.depth.width) return 0;
     RowDigest pixels;
+    const bool is_bgr = frame.format == PixelFormat::kBgr8;
     for (std::uint32_t y = 0; y < frame.colour.height; ++y) {
-        pixels.row(frame.colour.row(y), static_cast<std::uint32_t>(row_bytes));
+        if (is_bgr) {
+            digest_bgr_row(pixels, frame.colour.row(y), static_cast<std::uint32_t>(row_bytes));
+        } else {
+            pixels.row(frame.colour.row(y), static_cast<std::uint32_t>(row_bytes));
+        }
     }
     for (std::uint32_t y = 0; y < frame.depth.height; ++y) pixels.row(frame.depth.row(y), frame.depth.width);
     StateHash hash;
@@ -328,7 +348,7 @@ std::uint64_t frame_digest(const Frame& frame) noexcept {
     hash.add(frame.colour.height);
     hash.add(frame.depth.width);
     hash.add(frame.depth.height);
-    hash.add(static_cast<std::uint32_t>(frame.format));
+    hash.add(static_cast<std::uint32_t>(is_bgr ? PixelFormat::kRgb8 : frame.format));
     hash.add(frame.depth_units_per_m);
     // Unsigned: whatever a caller's times are, this cannot overflow.
     hash.add(static_cast<std::uint64_t>(frame.depth_time_ns) - static_cast<std::uint64_t>(frame.time_ns));

@@ -257,6 +257,27 @@ TEST(FrameDigest, SeesOrder) {
     EXPECT_NE(frame_digest(frame), digest);
 }
 
+// Promise: the digest of a picture is that of its colours, in whichever order the channels lie in memory, for rows of
+// every length; with red and blue exchanged it is another picture.
+TEST(FrameDigest, KnowsColoursNotChannels) {
+    constexpr std::uint32_t kWidthMax = 700;
+    std::vector<std::uint8_t> rgb(3 * kWidthMax * 2), bgr(rgb.size());
+    for (std::size_t i = 0; i < rgb.size(); ++i) rgb[i] = static_cast<std::uint8_t>(37 * i + i / 251);
+    for (std::size_t i = 0; i < rgb.size(); ++i) bgr[i] = rgb[i - i % 3 + 2 - i % 3];
+    const std::vector<std::uint16_t> depth(kWidthMax * 2, 5000);
+    for (std::uint32_t width = 1; width <= kWidthMax; ++width) {
+        Frame frame;
+        frame.format = PixelFormat::kRgb8;
+        frame.colour = {rgb.data(), width, 2, 3 * kWidthMax};
+        frame.depth = {depth.data(), width, 2, kWidthMax};
+        const std::uint64_t digest = frame_digest(frame);
+        frame.format = PixelFormat::kBgr8;
+        ASSERT_NE(frame_digest(frame), digest) << width;
+        frame.colour.data = bgr.data();
+        ASSERT_EQ(frame_digest(frame), digest) << width;
+    }
+}
+
 // The hexadecimal dump behind `heading` in the SPEC page.
 ByteVector dump_behind(const std::string& page, const std::string& heading) {
     ByteVector bytes;

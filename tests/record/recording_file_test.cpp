@@ -213,9 +213,10 @@ struct Picture {
     }
 };
 
-// Promise: frames come back from their folder with the same digest and time, grey or colour, however they were padded.
+// Promise: frames come back from their folder with the same digest and time, grey or colour (of either order of
+// channels), however they were padded.
 TEST(FrameFolder, ComesBackBitForBit) {
-    for (const PixelFormat format : {PixelFormat::kGrey8, PixelFormat::kRgb8}) {
+    for (const PixelFormat format : {PixelFormat::kGrey8, PixelFormat::kRgb8, PixelFormat::kBgr8}) {
         const test::TemporaryFolder folder;
         const std::string out = folder.path() + "/frames";
         CameraInfo info;
