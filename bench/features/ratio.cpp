@@ -1,7 +1,7 @@
 // Time of our extraction as a share of cv::ORB(1000, 1.2, 8)'s, on the same frames, in the same run, on one thread.
 // Each frame is measured several times by both in turn and the minimum of each is kept, so that what else the machine
 // does falls out. Exit 1 when the share exceeds --max.
-//   feature_ratio [--kernels auto|avx2|sse2|plain] [--max SHARE] [--repeat N]
+//   feature_ratio [--kernels auto|avx2|sse2|neon|plain] [--max SHARE] [--repeat N]
 #include <chrono>
 #include <cstdio>
 #include <opencv2/core.hpp>
@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
             // AVX2 only where the processor has it.
             if (value == "avx2") kernels = &cpu_kernels() == avx2_kernels() ? avx2_kernels() : nullptr;
             if (value == "sse2") kernels = sse2_kernels();
+            if (value == "neon") kernels = &cpu_kernels() == neon_kernels() ? neon_kernels() : nullptr;
             if (value == "plain") kernels = &plain_kernels();
         }
         if (option == "--max") share_max = std::atof(argv[i + 1]);

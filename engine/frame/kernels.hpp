@@ -1,4 +1,4 @@
-// The integer kernels of the engine as a table of functions: plain C++, SSE2, AVX2 (later NEON) give the same bits, and
+// The integer kernels of the engine as a table of functions: plain C++, SSE2, AVX2 and NEON give the same bits, and
 // `platform` chooses the fastest that the processor has. Only builtin types cross this table and this header has no
 // inline function: a translation unit compiled for a newer processor must not emit code that others share (the linker
 // keeps one copy, and it might be the one an older processor cannot run).
@@ -95,5 +95,6 @@ void plain_grey_from_bgr(const std::uint8_t* pixels, std::uint32_t width, std::u
 // nullptr where the engine was not built for such a processor. Whether this one can run them is for the caller to ask.
 [[nodiscard]] STILLMESH_API const Kernels* sse2_kernels() noexcept;
 [[nodiscard]] STILLMESH_API const Kernels* avx2_kernels() noexcept;
+[[nodiscard]] STILLMESH_API const Kernels* neon_kernels() noexcept;
 
 }  // namespace stillmesh

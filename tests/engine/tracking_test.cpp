@@ -355,6 +355,7 @@ TEST(Engine, ResetEqualsANewEngine) {
 TEST(Engine, KernelsGiveTheSameBits) {
     std::vector<const Kernels*> all = {&plain_kernels()};
     if (sse2_kernels() != nullptr) all.push_back(sse2_kernels());
+    if (&cpu_kernels() == neon_kernels()) all.push_back(neon_kernels());
 #if defined(__x86_64__)
     if (avx2_kernels() != nullptr && __builtin_cpu_supports("avx2")) all.push_back(avx2_kernels());
 #endif

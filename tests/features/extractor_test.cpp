@@ -57,6 +57,7 @@ std::uint64_t digest(const FeatureSet& features) {
 std::vector<const Kernels*> all_kernels() {
     std::vector<const Kernels*> all = {&plain_kernels()};
     if (sse2_kernels() != nullptr) all.push_back(sse2_kernels());
+    if (&cpu_kernels() == neon_kernels()) all.push_back(neon_kernels());
     if (&cpu_kernels() != all.back()) all.push_back(&cpu_kernels());
     return all;
 }

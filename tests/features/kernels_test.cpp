@@ -19,6 +19,7 @@ using testing::Image;
 std::vector<const Kernels*> fast_kernels() {
     std::vector<const Kernels*> all;
     if (sse2_kernels() != nullptr) all.push_back(sse2_kernels());
+    if (&cpu_kernels() == neon_kernels()) all.push_back(neon_kernels());
     // Only what this processor can run.
     if (&cpu_kernels() == avx2_kernels()) all.push_back(avx2_kernels());
     return all;
