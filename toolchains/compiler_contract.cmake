@@ -16,7 +16,7 @@ target_include_directories(stillmesh_contract INTERFACE $<BUILD_INTERFACE:${PROJ
 target_compile_options(stillmesh_contract INTERFACE
     -Wall -Wextra -Wpedantic -Werror -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor
     -Wno-unknown-warning-option
-    -Wno-psabi  # gcc 10 mended how ARM passes pairs; nothing here is older
+    $<$<BOOL:${CMAKE_CROSSCOMPILING}>:-Wno-psabi>  # gcc 10 mended how ARM passes pairs; nothing here is older
     # Same bits everywhere: no fused multiply-add behind our back, no reassociation; errno is not worth a libm call for
     # sqrt (the order matters: -fno-fast-math turns errno on again).
     -fno-fast-math -fno-math-errno -ffp-contract=off

@@ -6,7 +6,7 @@ function(stillmesh_runnable target variable)
         return()
     endif()
     list(JOIN CMAKE_CROSSCOMPILING_EMULATOR "' '" emulator)
-    set(script ${PROJECT_BINARY_DIR}/emulated/${target})
+    set(script ${CMAKE_CURRENT_BINARY_DIR}/emulated/${target})
     file(GENERATE OUTPUT ${script} CONTENT "#!/bin/sh\nexec '${emulator}' '$<TARGET_FILE:${target}>' \"$@\"\n"
         FILE_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
     set(${variable} ${script} PARENT_SCOPE)

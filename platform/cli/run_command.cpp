@@ -15,6 +15,7 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/linux/service.hpp"
 #include "platform/report/report.hpp"
 
 namespace stillmesh {
@@ -64,6 +65,7 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
         return refuse(message);
     }
     catch_stop_signals();
+    catch_reopen_signal();
     record.start_up_ms = static_cast<double>(monotonic_ns() - begin_ns) * 1e-6;
     RunLoopOptions loop = arguments.loop;
     loop.frames_expected = loop.frames_max > 0 && loop.frames_max < frames ? loop.frames_max : frames;
@@ -77,6 +79,7 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
     if (arguments.is_realtime) {
         if (realtime.open() != Status::kOk) return refuse("the system has no thread or memory left for --realtime.");
         loop.realtime = &realtime;
+        if (const std::string refused = become_realtime(); !refused.empty()) record.notes.push_back(refused);
     }
     DepthCamera& served = arguments.is_realtime ? static_cast<DepthCamera&>(realtime) : camera;
     int code = run_loop(served, camera_message, *session, loop, record);

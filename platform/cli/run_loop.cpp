@@ -12,6 +12,7 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/progress.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/linux/service.hpp"
 #include "platform/linux/text_output.hpp"
 #include "platform/report/png_writer.hpp"
 
@@ -171,6 +172,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     }
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
 
+    ServiceNotifier service;
+    service.ready();
     ProgressLine progress(options.show_progress, options.frames_expected);
     SnapshotKeeper snapshots(options.snapshots_max);
     LossWatch loss;
@@ -187,7 +190,13 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     const double cpu_begin = cpu_seconds();
 
     while (options.frames_max == 0 || record.frames_total < options.frames_max) {
+        if (take_reopen_signal() && trajectory.is_open() && !trajectory.reopen(message)) {
+            record.problems.push_back(message);  // the old file is still there
+            code = kExitFailed;
+        }
+        service.alive(monotonic_ns());
         if (stop_signal() != 0) {
+            service.stopping();
             code = 128 + stop_signal();
             record.problems.push_back("stopped by a signal; everything up to the last frame was written.");
             break;

@@ -2,6 +2,7 @@
 
 #include <sys/resource.h>
 #include <time.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <cstdio>
@@ -11,9 +12,14 @@ namespace stillmesh {
 namespace {
 
 volatile std::sig_atomic_t caught_signal = 0;
+volatile std::sig_atomic_t is_reopen_wanted = 0;
 
 void remember(int signal) {
     caught_signal = signal;
+}
+
+void want_reopen(int) {
+    is_reopen_wanted = 1;
 }
 
 }  // namespace
@@ -63,6 +69,23 @@ void catch_stop_signals() noexcept {
 
 int stop_signal() noexcept {
     return caught_signal;
+}
+
+void catch_reopen_signal() noexcept {
+    if (::isatty(STDERR_FILENO) != 0) return;
+    struct sigaction action {};
+    if (::sigaction(SIGHUP, nullptr, &action) == 0 && action.sa_handler == SIG_IGN) return;  // nohup
+    action = {};
+    action.sa_handler = want_reopen;
+    static_cast<void>(sigemptyset(&action.sa_mask));
+    action.sa_flags = SA_RESTART;
+    static_cast<void>(::sigaction(SIGHUP, &action, nullptr));
+}
+
+bool take_reopen_signal() noexcept {
+    if (is_reopen_wanted == 0) return false;
+    is_reopen_wanted = 0;
+    return true;
 }
 
 }  // namespace stillmesh

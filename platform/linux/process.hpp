@@ -20,4 +20,9 @@ void catch_stop_signals() noexcept;
 // 0, or the signal that asked us to finish.
 [[nodiscard]] int stop_signal() noexcept;
 
+// From now on SIGHUP only makes take_reopen_signal() true, once. Not where standard error is a terminal: there SIGHUP
+// means that the terminal is gone, and ends the program as ever.
+void catch_reopen_signal() noexcept;
+[[nodiscard]] bool take_reopen_signal() noexcept;
+
 }  // namespace stillmesh

@@ -18,6 +18,17 @@ bool LineFile::open(const std::string& file, std::string& message) {
     return false;
 }
 
+bool LineFile::reopen(std::string& message) {
+    const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+    if (descriptor < 0) {
+        message = file_ + ": cannot be opened anew: " + std::strerror(errno) + "; the old file is written on.";
+        return false;
+    }
+    close();
+    descriptor_ = descriptor;
+    return true;
+}
+
 bool LineFile::write(std::string_view lines, std::string& message) {
     while (!lines.empty()) {
         const ssize_t count = ::write(descriptor_, lines.data(), lines.size());

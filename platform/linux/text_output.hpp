@@ -15,6 +15,9 @@ public:
 
     // Replaces the file. False: `message` says why.
     [[nodiscard]] bool open(const std::string& file, std::string& message);
+    // The file under the same name anew, after somebody moved it away; one that is still there is added to. False: as
+    // open, and the old one is kept.
+    [[nodiscard]] bool reopen(std::string& message);
     [[nodiscard]] bool is_open() const { return descriptor_ >= 0; }
     // False: the disk is full or gone; what was written before stays.
     [[nodiscard]] bool write(std::string_view lines, std::string& message);

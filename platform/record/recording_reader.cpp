@@ -16,7 +16,8 @@ Status RecordingReader::open(const std::string& file) {
         return Status::kUnavailable;
     }
     buffer_.resize(2 * kRecordingHeaderBytesMax);
-    begin_ = end_ = frames_ = 0;
+    begin_ = end_ = 0;
+    frames_ = 0;
     is_over_ = is_whole_ = false;
     fill();
     if (std::ferror(stream_.get()) != 0) {

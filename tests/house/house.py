@@ -7,6 +7,7 @@
   text      no open ends and no absolute paths in what is committed
   flags     every file is compiled with the contract's flags
   stack     every frame in the engine is bounded and small, nothing recurses; prints the deepest path
+  size      code and read-only data of the engine library stay below the limit, and it has no writable data
   selftest  each of these checks finds a planted mistake
 
 Every check is a function from text to a list of complaints, so that the selftest can feed it wrong text.
@@ -36,6 +37,9 @@ ENGINE_SYSTEM_HEADERS = {
 ENGINE_SHARED_HEADERS = {"engine/limits.hpp", "engine/configuration.hpp"}
 FRAME_BYTES_MAX = 20 * 1024  # the largest is the radix sort of the corners: two histograms of 8 KiB
 STACK_BYTES_MAX = 96 * 1024
+SIZE_BYTES_MAX = 600 * 1024  # code, read-only data, and tables of addresses (read-only once they are relocated)
+# The one variable: the function that a failed check calls, a pointer.
+WRITABLE_BYTES_MAX = 8
 
 
 def tracked_files(source):
@@ -378,6 +382,39 @@ def check_stack(arguments):
     return complaints
 
 
+# --- size ------------------------------------------------------------------------------------------------------------
+
+def size_complaints(headers):
+    """headers: what objdump -h prints. Complaints, and the bytes of code, of read-only data and of writable data."""
+    code = constant = writable = 0
+    for name, size, flags in re.findall(r"^\s*\d+\s+(\S+)\s+([0-9a-f]+)(?:\s+[0-9a-f]+){3}\s+2\*\*\d+\s*\n\s+(.*)$", headers, re.M):
+        flags = flags.replace(" ", "").split(",")
+        size = int(size, 16)
+        if "ALLOC" not in flags:
+            continue
+        if "CODE" in flags:
+            code += size
+        elif "READONLY" in flags or name.startswith(".data.rel.ro"):
+            constant += size
+        else:
+            writable += size
+    complaints = []
+    if code == 0:
+        complaints.append("no code found in the engine library")
+    if code + constant > SIZE_BYTES_MAX:
+        complaints.append(f"{code + constant} bytes of code and read-only data, limit {SIZE_BYTES_MAX}")
+    if writable > WRITABLE_BYTES_MAX:
+        complaints.append(f"{writable} bytes of writable data, limit {WRITABLE_BYTES_MAX}: where would a second engine have its own?")
+    return complaints, (code, constant, writable)
+
+
+def check_size(arguments):
+    headers = subprocess.run([arguments.objdump, "-h", arguments.library], capture_output=True, text=True, check=True).stdout
+    complaints, (code, constant, writable) = size_complaints(headers)
+    print(f"{code} bytes of code, {constant} of read-only data, {writable} of writable data")
+    return complaints
+
+
 # --- selftest --------------------------------------------------------------------------------------------------------
 
 def check_selftest(arguments):
@@ -418,6 +455,12 @@ def check_selftest(arguments):
     expect("flags", flags(good.replace("-ffp-contract=off", ""), "hal/a.cpp"), 1)
     expect("stack", frame_complaints(["a.cpp:1:1:void f()\t64\tstatic", "a.cpp:2:1:void g()\t80\tdynamic",
                                       "a.cpp:3:1:void h()\t99999\tstatic"])[1], 2)
+    section = "  0 {} {:08x}  00000000  00000000  00000040  2**0\n                  CONTENTS, ALLOC, LOAD, {}\n"
+    code = section.format(".text.a", 600 * 1024, "RELOC, READONLY, CODE")
+    expect("size", size_complaints(code + section.format(".bss.a", 8, "DATA"))[0], 0)
+    expect("size", size_complaints(code + section.format(".rodata", 1, "READONLY, DATA"))[0], 1)
+    expect("size", size_complaints(code + section.format(".bss.a", 9, "DATA"))[0], 1)
+    expect("size", size_complaints(section.format(".data.rel.ro.t", 9, "DATA"))[0], 1)
     loop = {"a": (16, {"b"}, False), "b": (8, {"c"}, False), "c": (8, {"b"}, False)}
     expect("recursion", graph_complaints(loop)[1], 1)
     expect("depth", graph_complaints({"a": (90000, {"b"}, False), "b": (10000, set(), False)})[1], 1)

@@ -1,0 +1,35 @@
+// The program as a service: what systemd is told (ready, alive, stopping; a datagram each, nothing when nobody asked)
+// and what the kernel is asked for in real time.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace stillmesh {
+
+// Reads NOTIFY_SOCKET and WATCHDOG_USEC of the environment; without the first, says nothing to nobody.
+class ServiceNotifier {
+public:
+    ServiceNotifier();
+    ~ServiceNotifier();
+    ServiceNotifier(const ServiceNotifier&) = delete;
+    ServiceNotifier& operator=(const ServiceNotifier&) = delete;
+
+    void ready() { say("READY=1"); }
+    void stopping() { say("STOPPING=1"); }
+    // May be called every frame: speaks three times per watchdog period. `now_ns` of monotonic_ns.
+    void alive(std::int64_t now_ns);
+
+private:
+    void say(const char* state);
+
+    int socket_ = -1;
+    std::int64_t period_ns_ = 0;  // 0: no watchdog
+    std::int64_t last_ns_ = 0;
+};
+
+// Memory stays in memory, and this thread goes before ordinary ones (SCHED_FIFO). Empty when both were granted, else a
+// sentence about what was not and what would help; the program then runs on as an ordinary one.
+[[nodiscard]] std::string become_realtime();
+
+}  // namespace stillmesh
