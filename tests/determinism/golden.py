@@ -80,6 +80,7 @@ def main():
     if arguments.update:
         GOLDEN.write_text(HEADER + "".join(f"{name} {golden[name]}\n" for name in RUNS if name in golden))
     if wrong:
+        print("golden: if this commit changes numbers on purpose, on every processor: ./run golden --update")
         return 1
     return 0 if compared else 77
 
