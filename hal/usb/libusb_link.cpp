@@ -48,6 +48,8 @@ namespace {
     port.bus = libusb_get_bus_number(device);
     const int depth = libusb_get_port_numbers(device, port.ports.data(), static_cast<int>(port.ports.size()));
     port.depth = static_cast<std::uint8_t>(std::max(depth, 0));
+    // libusb fills from the end, and leaves what it moved behind.
+    std::fill(port.ports.begin() + port.depth, port.ports.end(), std::uint8_t{0});
     return port;
 }
 
@@ -139,7 +141,11 @@ struct DeviceList {
 struct LibusbLink::State {
     libusb_context* context = nullptr;
     int begin_code = LIBUSB_ERROR_OTHER;
-    std::array<libusb_device_handle*, kOpenMax> open{};
+    struct Open {
+        libusb_device_handle* device = nullptr;
+        std::uint32_t claimed = 0;  // a bit per interface
+    };
+    std::array<Open, kOpenMax> open{};
     bool is_listening = false;
     libusb_hotplug_callback_handle listener = 0;
     std::array<UsbEvent, kEventsMax> events;  // a ring
@@ -147,16 +153,18 @@ struct LibusbLink::State {
     std::size_t event_count = 0;
     bool has_lost_events = false;
 
-    [[nodiscard]] libusb_device_handle*& slot(UsbHandle handle) noexcept {
+    [[nodiscard]] Open& slot(UsbHandle handle) noexcept {
         STILLMESH_CHECK(handle.slot_plus_one > 0 && handle.slot_plus_one <= kOpenMax);
-        libusb_device_handle*& slot = open[handle.slot_plus_one - 1];
-        STILLMESH_CHECK(slot != nullptr);
+        Open& slot = open[handle.slot_plus_one - 1];
+        STILLMESH_CHECK(slot.device != nullptr);
         return slot;
     }
-    void close(UsbHandle handle) noexcept {
-        libusb_device_handle*& slot_of = slot(handle);
-        libusb_close(slot_of);
-        slot_of = nullptr;
+    static void close(Open& slot) noexcept {
+        for (int interface = 0; slot.claimed != 0; ++interface, slot.claimed >>= 1U) {
+            if ((slot.claimed & 1U) != 0) static_cast<void>(libusb_release_interface(slot.device, interface));
+        }
+        libusb_close(slot.device);
+        slot = {};
     }
     static int LIBUSB_CALL on_event(libusb_context*, libusb_device* device, libusb_hotplug_event kind, void* self) {
         State& state = *static_cast<State*>(self);
@@ -183,8 +191,8 @@ LibusbLink::LibusbLink() : state_(std::make_unique<State>()) {
 
 LibusbLink::~LibusbLink() {
     if (state_->context == nullptr) return;
-    for (libusb_device_handle* const handle : state_->open) {
-        if (handle != nullptr) libusb_close(handle);
+    for (State::Open& slot : state_->open) {
+        if (slot.device != nullptr) State::close(slot);
     }
     if (state_->is_listening) libusb_hotplug_deregister_callback(state_->context, state_->listener);
     libusb_exit(state_->context);
@@ -253,7 +261,8 @@ std::string LibusbLink::kernel_driver(const UsbDevice& device) {
 
 UsbStatus LibusbLink::open(const UsbDevice& device, UsbHandle& handle) {
     if (state_->context == nullptr) return UsbStatus::kUnsupported;
-    const auto free = std::find(state_->open.begin(), state_->open.end(), nullptr);
+    const auto free = std::find_if(state_->open.begin(), state_->open.end(),
+                                   [](const State::Open& slot) { return slot.device == nullptr; });
     if (free == state_->open.end()) return UsbStatus::kFull;
     const DeviceList list(state_->context);
     if (list.status != UsbStatus::kOk) return list.status;
@@ -262,9 +271,9 @@ UsbStatus LibusbLink::open(const UsbDevice& device, UsbHandle& handle) {
             libusb_get_device_address(list.devices[i]) != device.address) {
             continue;
         }
-        const int code = libusb_open(list.devices[i], &*free);
+        const int code = libusb_open(list.devices[i], &free->device);
         if (code != LIBUSB_SUCCESS) {
-            *free = nullptr;
+            free->device = nullptr;
             return status_of(code);
         }
         handle.slot_plus_one = static_cast<std::uint32_t>(std::distance(state_->open.begin(), free)) + 1;
@@ -274,11 +283,15 @@ UsbStatus LibusbLink::open(const UsbDevice& device, UsbHandle& handle) {
 }
 
 void LibusbLink::close(UsbHandle handle) {
-    state_->close(handle);  // the kernel releases what was claimed
+    State::close(state_->slot(handle));
 }
 
 UsbStatus LibusbLink::claim(UsbHandle handle, std::uint8_t interface) {
-    return status_of(libusb_claim_interface(state_->slot(handle), interface));
+    STILLMESH_CHECK(interface < 32);
+    State::Open& slot = state_->slot(handle);
+    const int code = libusb_claim_interface(slot.device, interface);
+    if (code == LIBUSB_SUCCESS) slot.claimed |= 1U << interface;
+    return status_of(code);
 }
 
 UsbStatus LibusbLink::control_in(UsbHandle handle, std::uint8_t type, std::uint8_t request, std::uint16_t value,
@@ -286,17 +299,18 @@ UsbStatus LibusbLink::control_in(UsbHandle handle, std::uint8_t type, std::uint8
                                  std::uint32_t timeout_ms) {
     STILLMESH_CHECK(data.size() <= UINT16_MAX && timeout_ms > 0);  // 0 would mean for ever
     count = 0;
-    const int code =
-        libusb_control_transfer(state_->slot(handle), static_cast<std::uint8_t>(type | LIBUSB_ENDPOINT_IN), request,
-                                value, index, data.data(), static_cast<std::uint16_t>(data.size()), timeout_ms);
+    const int code = libusb_control_transfer(state_->slot(handle).device,
+                                             static_cast<std::uint8_t>(type | LIBUSB_ENDPOINT_IN), request, value,
+                                             index, data.data(), static_cast<std::uint16_t>(data.size()), timeout_ms);
     if (code < 0) return status_of(code);
     count = static_cast<std::size_t>(code);
     return UsbStatus::kOk;
 }
 
 UsbStatus LibusbLink::reset(UsbHandle handle) {
-    const int code = libusb_reset_device(state_->slot(handle));
-    state_->close(handle);
+    State::Open& slot = state_->slot(handle);
+    const int code = libusb_reset_device(slot.device);
+    State::close(slot);
     return status_of(code);
 }
 

@@ -107,7 +107,7 @@ struct UsbHandle {
 class UsbLink {
 public:
     static constexpr std::size_t kOpenMax = 8;
-    static constexpr std::size_t kEventsMax = 64;
+    static constexpr std::size_t kEventsMax = 16;
 
     // Everything on the bus, root hubs included, ordered by bus and port.
     //   kOk    kUnsupported: no USB here    kFull    kFailed
