@@ -6,6 +6,7 @@
 #include "engine/engine_state.hpp"
 #include "engine/frame/pyramid.hpp"
 #include "engine/geometry/camera.hpp"
+#include "engine/record/map_load.hpp"
 #include "engine/static_bytes_needed.hpp"
 
 namespace stillmesh {
@@ -113,6 +114,7 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     state.limits = limits;
     state.camera = camera;
     state.vocabulary = opened;
+    state.map_origin = {camera, configuration.features.levels, configuration.features.scale_factor, 0};
     state.tracking.create(arena, limits, configuration, camera, kernels, extractor);
     state.mapping.create(arena, limits, configuration, camera, state.tracking);
     state.scheduler.create(configuration.schedule.slice_units);
@@ -176,6 +178,35 @@ std::uint64_t Engine::state_hash() const noexcept {
     hash.add(state.tracking.map().changes_hash());
     return hash.value();
 }
+Status Engine::begin_map_copy(std::span<std::byte> workspace, std::uint8_t extractor) noexcept {
+    EngineState& state = state_of(this);
+    state.map_copy.cancel();
+    if (state.tracking.map().keyframes().size() == 0) return Status::kNotFound;
+    MapOrigin origin = state.map_origin;
+    origin.extractor = extractor;
+    return state.map_copy.begin(workspace, state.limits, origin);
+}
+Progress Engine::step_map_copy(std::uint32_t units) noexcept {
+    EngineState& state = state_of(this);
+    WorkBudget budget(units);
+    return state.map_copy.step(state.tracking.map(), {state.tracking.frame(), state.tracking.map_time_ns()}, budget);
+}
+Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProblem& problem,
+                        std::uint8_t extractor) noexcept {
+    EngineState& state = state_of(this);
+    MapOrigin origin = state.map_origin;
+    origin.extractor = extractor;
+    MapFileInfo info;
+    STILLMESH_TRY(check_map_file(file, state.limits, origin, state.tracking.map(), info, problem));
+    reset();
+    restore_map(file, info, state.tracking.map());
+    state.tracking.begin_in_map(info.frames, info.time_ns, use == MapUse::kLocalise);
+    return Status::kOk;
+}
+std::uint64_t Engine::map_hash() noexcept {
+    EngineState& state = state_of(this);
+    return stillmesh::map_hash(state.tracking.map(), state.camera);
+}
 void Engine::set_stage_observer(StageObserver observer) noexcept {
     state_of(this).tracking.set_observer(observer);
 }
@@ -186,6 +217,7 @@ void Engine::reset() noexcept {
     state.tracking.reset();
     state.mapping.reset();
     state.scheduler.reset();
+    state.map_copy.cancel();
 }
 
 }  // namespace stillmesh

@@ -20,6 +20,7 @@
 #include "engine/frame/kernels.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/limits.hpp"
+#include "engine/record/map_file.hpp"
 #include "engine/schedule/scheduler.hpp"
 
 namespace stillmesh {
@@ -153,6 +154,12 @@ struct ConfigurationProblem {
 [[nodiscard]] STILLMESH_API ConfigurationProblem validate(const Configuration& configuration,
                                                           const Limits& limits) noexcept;
 
+// What to do with a map that was loaded.
+enum class MapUse : std::uint8_t {
+    kContinue = 0,  // find the camera in it, then go on mapping
+    kLocalise = 1,  // find the camera in it; the map stays as it is
+};
+
 class STILLMESH_API Engine {
 public:
     // The engine lies inside `block` (at least bytes_needed(limits), aligned to kArenaAlignment), which must outlive
@@ -186,6 +193,25 @@ public:
     [[nodiscard]] TrackingView tracking_view() noexcept;
     // Over everything that has been decided so far: equal on every build, frame by frame.
     [[nodiscard]] std::uint64_t state_hash() const noexcept;
+
+    // --- The map on disk (engine/record/map_file.hpp). `extractor` is a number for whoever made the features: 0 the
+    // engine's own.
+    // Begins a copy of the map into a workspace of map_copy_bytes(limits), aligned to kArenaAlignment, which is
+    // borrowed until step_map_copy is done. A copy that was begun before is dropped.
+    //   kOk    kFull  the workspace is too small    kNotFound  there is no map yet
+    [[nodiscard]] Status begin_map_copy(std::span<std::byte> workspace, std::uint8_t extractor = 0) noexcept;
+    // Goes on with it for so many units, between frames; poses, decisions and the state hash do not change by it. The
+    // copy is the map as it is when this says kDone; MapFileWriter makes a file of it.
+    //   kIdle  nothing was begun    kWorking  the units ended first    kDone  the workspace is the caller's again
+    Progress step_map_copy(std::uint32_t units) noexcept;
+    // Forgets everything and takes the map of a file in its place. Nothing is touched unless the whole file is right.
+    // Until the camera is found in the map, poses are `none`.
+    //   kOk    kNotFound, kEnd, kInvalid, kCorrupt, kFull (larger than the limits)  `problem` says what is wrong
+    [[nodiscard]] Status load_map(std::span<const std::byte> file, MapUse use, MapFileProblem& problem,
+                                  std::uint8_t extractor = 0) noexcept;
+    // The hash of the content that a file of this map would carry. Slow: for checkpoints.
+    [[nodiscard]] std::uint64_t map_hash() noexcept;
+
     void set_stage_observer(StageObserver observer) noexcept;
     // Forgets everything: from here on it does what a new engine would do, bit by bit, hash and counters included. Only
     // the pools' high-water marks stay.

@@ -7,6 +7,7 @@
 #include "engine/base/arena.hpp"
 #include "engine/engine.hpp"
 #include "engine/place/vocabulary.hpp"
+#include "engine/record/map_copy.hpp"
 #include "engine/schedule/scheduler.hpp"
 #include "engine/tasks/mapping.hpp"
 #include "engine/tasks/tracking.hpp"
@@ -19,6 +20,8 @@ struct EngineState final : Engine {
     Vocabulary vocabulary;  // empty: none
     Tracking tracking;
     Mapping mapping;
+    MapOrigin map_origin;
+    MapCopy map_copy;
     Scheduler scheduler;  // of the background tasks, in the order of add() in create()
     std::uint64_t frames_refused = 0;
     std::size_t arena_used_bytes = 0;

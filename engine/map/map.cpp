@@ -122,6 +122,7 @@ std::uint32_t Map::fuse(Handle<MapPoint> kept, Handle<MapPoint> gone) noexcept {
             // Taken away from `gone` without its bit, which release_point needs; then given to `kept`, unless it is
             // there already.
             seen[i].point = {};
+            ++keyframes_.at(keyframe).observations_changed;
             static_cast<void>(link(handle, i, kept));
             break;
         }
@@ -146,6 +147,7 @@ void Map::add_observation(Handle<Keyframe> keyframe, const Observation& observat
     Keyframe* const found = keyframes_.find(keyframe);
     STILLMESH_CHECK(found != nullptr && found->observations < features_max_);
     const std::uint32_t index = found->observations++;
+    ++found->observations_changed;
     const std::size_t at = static_cast<std::size_t>(keyframe.slot()) * features_max_ + index;
     observations_[at] = observation;
     observations_[at].point = {};
@@ -171,6 +173,7 @@ bool Map::link(Handle<Keyframe> keyframe, std::uint32_t index, Handle<MapPoint> 
     Observation& observation = observations_of(slot)[index];
     if (points_.find(observation.point) != nullptr || is_observed_by(point.slot(), slot)) return false;
     observation.point = point;
+    ++keyframes_.at(slot).observations_changed;
     visit_observers(point.slot(), [&](std::uint32_t other) { share(slot, other, 1); });
     observers_[point.slot() * words_ + slot / 64] |= std::uint64_t{1} << (slot % 64);
     MapPoint& seen = points_.at(point.slot());
@@ -201,6 +204,7 @@ void Map::unlink(Handle<Keyframe> keyframe, std::uint32_t index) noexcept {
     Observation& observation = observations_of(slot)[index];
     const Handle<MapPoint> point = observation.point;
     observation.point = {};
+    ++keyframes_.at(slot).observations_changed;
     if (points_.find(point) == nullptr) return;
     forget_observer(point.slot(), slot);
     visit_observers(point.slot(), [&](std::uint32_t other) { share(slot, other, -1); });
@@ -434,6 +438,7 @@ bool Map::carry_observations(Handle<Keyframe> handle, std::uint32_t image_height
     const double change_s = readout_s_ - keyframe.readout_s;
     if (std::abs(change_s) < 1e-9) return false;
     keyframe.readout_s = readout_s_;
+    ++keyframe.observations_changed;
     Vector6 turning = keyframe.speed;
     for (int i = 0; i < 3; ++i) turning(i) = 0;
     for (Observation& o : observations_of(handle.slot())) {

@@ -69,6 +69,7 @@ struct Keyframe {
     std::uint64_t frame = 0;
     std::uint64_t last_useful_frame = 0;  // tracking saw points of it
     std::uint32_t observations = 0;
+    std::uint32_t observations_changed = 0;  // times that one came, was moved, or showed another point from then on
 };
 
 // A feature of a keyframe.
@@ -186,6 +187,8 @@ public:
 
     // --- the readout that all of it is expressed with (engine/pose/rolling_shutter.hpp)
     [[nodiscard]] double readout_s() const noexcept { return readout_s_; }
+    // For a map that was loaded: it is expressed with this one already.
+    void begin_with_readout(double readout_s) noexcept { readout_s_ = readout_s; }
     // Points and keyframes where they would be had the readout been this one all along; observations follow when they
     // are asked for. Cost: one pass over both pools.
     void express_with_readout(double readout_s) noexcept;
@@ -200,6 +203,8 @@ public:
     void note_change(double number) noexcept { changes_.add(number); }
     [[nodiscard]] std::uint64_t changes_hash() const noexcept { return changes_.value(); }
 
+    // For whoever needs a number per point slot for a moment: anything may be in it, now and after any call.
+    [[nodiscard]] std::span<std::uint64_t> scratch() noexcept { return by_age_; }
     [[nodiscard]] Pool<MapPoint>& points() noexcept { return points_; }
     [[nodiscard]] const Pool<MapPoint>& points() const noexcept { return points_; }
     [[nodiscard]] Pool<Keyframe>& keyframes() noexcept { return keyframes_; }

@@ -25,6 +25,14 @@ void RollingShutter::reset() noexcept {
     weighted_ = 0;
 }
 
+void RollingShutter::start_from(double readout_s) noexcept {
+    if (!is_estimated_) return;
+    constexpr double kSigma_s = 0.003;
+    readout_s_ = estimate_s_ = readout_s;
+    info_ = 1.0 / (kSigma_s * kSigma_s);
+    weighted_ = info_ * readout_s;
+}
+
 Vector3 RollingShutter::at_middle_row(const Vector3& p, double row_time_s, const Vector6& speed) noexcept {
     return moved_a_little(speed * row_time_s, p);
 }

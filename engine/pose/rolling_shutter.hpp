@@ -25,6 +25,8 @@ public:
     // `readout_s` from the first row to the last; negative: estimated.
     void create(double readout_s, std::uint32_t image_height, const ShutterParameters& parameters = {}) noexcept;
     void reset() noexcept;
+    // What a map from before was made with: believed at first, unless the readout is given.
+    void start_from(double readout_s) noexcept;
 
     [[nodiscard]] double readout_s() const noexcept { return readout_s_; }
     [[nodiscard]] bool is_estimated() const noexcept { return is_estimated_; }

@@ -13,6 +13,9 @@ namespace {
 
 constexpr double kSecond_ns = 1e9;
 
+// So many times the inliers of a pose must agree before a camera is placed in a map that was loaded.
+constexpr std::uint32_t kPlacedFactor = 3;
+
 double seconds(std::int64_t from_ns, std::int64_t to_ns) noexcept {
     return static_cast<double>(to_ns - from_ns) / kSecond_ns;
 }
@@ -123,6 +126,11 @@ void Tracking::reset() noexcept {
     hash_ = StateHash{};
     statistics_ = EngineStatistics{};
     frame_ = 0;
+    first_frame_ = 0;
+    time_shift_ns_ = 0;
+    has_time_shift_ = true;
+    is_frozen_ = false;
+    is_placed_ = true;
     // What view() shows.
     features_.clear();
     correspondences_.clear();
@@ -210,7 +218,7 @@ void Tracking::backdate_speed() noexcept {
     keyframe.readout_s = shutter_.readout_s();
     for (const Observation& o : map_.observations(first)) {
         MapPoint* const point = map_.points().find(o.point);
-        if (point == nullptr) continue;
+        if (point == nullptr || point->created_ns != start_time_ns_) continue;
         const Vector3 moves = keyframe.world_from_camera.rotation *
                               shutter_.by_readout(keyframe.world_from_camera.inverse() * vector_of(point->world),
                                                   static_cast<double>(o.y), shutter_speed_);
@@ -246,7 +254,7 @@ void Tracking::predict(const Frame& frame) noexcept {
     predicted_ = world_from_camera_;
     context_ = RegionContext{};
     context_.colour_depth_lag_s = lag_of(frame, configuration_.region.colour_depth_lag_s);
-    const double dt = seconds(last_time_ns_, frame.time_ns);
+    const double dt = seconds(last_time_ns_, time_ns_);
     if (has_velocity_) {
         const double before = seconds(previous_time_ns_, last_time_ns_);
         Vector6 xi = se3_log(world_from_camera_previous_.inverse() * world_from_camera_);
@@ -319,8 +327,13 @@ void Tracking::gather_correspondences() noexcept {
 
 void Tracking::track(const Frame& frame) noexcept {
     frame_statistics_ = FrameStatistics{};
-    frame_statistics_.frame = frame_;
-    time_ns_ = frame.time_ns;
+    frame_statistics_.frame = frame_ - first_frame_;
+    if (!has_time_shift_) {  // the map goes on as if this came a second after its last frame
+        constexpr std::int64_t kPause_ns = 1'000'000'000;
+        time_shift_ns_ = last_time_ns_ + kPause_ns - frame.time_ns;
+        has_time_shift_ = true;
+    }
+    time_ns_ = frame.time_ns + time_shift_ns_;
     correspondences_.clear();
     chosen_.clear();
     static_count_ = 0;
@@ -359,17 +372,19 @@ void Tracking::track(const Frame& frame) noexcept {
             frame_statistics_.mesh_edges_kept = 0;
             frame_statistics_.groups = 0;
             const bool is_predicted = lost_frames_ <= configuration_.pose.lost_frames_max;
-            if (!is_predicted) ++statistics_.frames_lost;
+            if (!is_predicted && is_placed_) ++statistics_.frames_lost;
             world_from_camera_previous_ = world_from_camera_;
             if (is_predicted) world_from_camera_ = predicted_;
             give_out(is_predicted ? PoseState::kPredicted : PoseState::kNone, Matrix6::Zero());
         }
     }
-    if (configuration_.mapping.is_enabled && pose_.state == PoseState::kTracked) notice_empty_places(frame);
-    adopt_readout();
+    if (configuration_.mapping.is_enabled && !is_frozen_ && pose_.state == PoseState::kTracked) {
+        notice_empty_places(frame);
+    }
+    if (!is_frozen_) adopt_readout();
     previous_time_ns_ = last_time_ns_;
-    last_time_ns_ = frame.time_ns;
-    hash_.add(static_cast<std::uint64_t>(frame.time_ns));
+    last_time_ns_ = time_ns_;
+    hash_.add(static_cast<std::uint64_t>(time_ns_));
     for (int i = 0; i < 3; ++i) hash_.add(world_from_camera_.translation(i));
     for (int i = 0; i < 9; ++i) hash_.add(world_from_camera_.rotation(i / 3, i % 3));
     hash_.add(static_cast<std::uint32_t>(pose_.state));
@@ -541,7 +556,7 @@ bool Tracking::estimate() noexcept {
     is_choice_sure_ = is_sure;
     judge(fit.world_from_camera, is_sure);
     if (configuration_.mapping.is_enabled) count_observers();
-    if (wants_keyframe()) make_keyframe();
+    if (!is_frozen_ && wants_keyframe()) make_keyframe();
     give_out(is_sure ? PoseState::kTracked : PoseState::kUnsure, fit.information);
     observe(Stage::kMapUpdate, false);
     return true;
@@ -573,11 +588,8 @@ void Tracking::choose_again(RegionChoice& choice) noexcept {
 
 bool Tracking::recover() noexcept {
     const RecoveryParameters& r = configuration_.recovery;
-    // One keyframe a frame beside the newest, in turn: bounded work, and the whole sliding set within some frames.
-    const auto count = static_cast<std::uint32_t>(map_.keyframes().size());
-    if (count == 0) return false;
-    const std::uint32_t turn = lost_frames_ % std::min(count, r.keyframes_max);
-    matcher_.by_descriptor(map_, map_.recent_keyframe(turn));
+    if (map_.keyframes().size() == 0) return false;
+    matcher_.by_descriptor(map_, candidate());
     gather_correspondences();
     chosen_.clear();
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
@@ -596,21 +608,30 @@ bool Tracking::recover() noexcept {
     // Descriptors alone found these, so that many which agree are no accident; estimate() has the last word.
     if (!result.is_valid || result.inliers < configuration_.pose.inliers_min) return false;
     if (result.inliers < r.inlier_share_min * static_cast<double>(chosen_.size())) return false;
-    // Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can.
-    const SE3 off = world_from_camera_.inverse() * result.world_from_camera;
-    const double away_s = seconds(measured_time_ns_, time_ns_);
-    const double reach_m = r.reach_m + r.reach_m_s * away_s;
-    if (off.translation.squaredNorm() > reach_m * reach_m) return false;
-    if (rotation_angle(off.rotation) > r.reach_rad + r.reach_rad_s * away_s) return false;
+    // Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can. In a map
+    // from before nobody knows where it was: more must agree.
+    if (is_placed_) {
+        const SE3 off = world_from_camera_.inverse() * result.world_from_camera;
+        const double away_s = seconds(measured_time_ns_, time_ns_);
+        const double reach_m = r.reach_m + r.reach_m_s * away_s;
+        if (off.translation.squaredNorm() > reach_m * reach_m) return false;
+        if (rotation_angle(off.rotation) > r.reach_rad + r.reach_rad_s * away_s) return false;
+    } else if (result.inliers < kPlacedFactor * configuration_.pose.inliers_min) {
+        return false;
+    }
     predicted_ = result.world_from_camera;
     context_.world_from_camera_predicted = predicted_;
     const std::uint32_t lost_before = lost_frames_;
+    const std::int64_t start_before_ns = start_time_ns_;
+    if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves
     if (!estimate()) {
         lost_frames_ = lost_before;
+        start_time_ns_ = start_before_ns;
         return false;
     }
     has_velocity_ = false;  // the jump back is not a motion
-    ++statistics_.recoveries;
+    if (is_placed_) ++statistics_.recoveries;
+    is_placed_ = true;
     return true;
 }
 
@@ -657,7 +678,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
         Correspondence& c = correspondences_[i];
         MapPoint& point = map_.points().at(c.point_slot);
         point.last_seen_frame = frame_;
-        if (point.seen < 0xffffU) ++point.seen;
+        if (point.seen < 0xffffU && !is_frozen_) ++point.seen;
         const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
         const bool is_still = c.is_dynamic
                                   ? chi2_anchor <= chi2_max && seconds(point.anchor_ns, time_ns_) >
@@ -665,7 +686,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                                   : chi2_of(c, camera_from_world) <= chi2_max &&
                                         chi2_anchor <= configuration_.region.anchor_inlier_factor * chi2_max;
         const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
-        if (c.has_depth && is_sure && configuration_.region.is_enabled) {
+        if (c.has_depth && is_sure && configuration_.region.is_enabled && !is_frozen_) {
             if (is_still) {
                 if (c.is_dynamic && point.weight_tenths + weights.step >= weights.eligible) {
                     // Votes again, like a new point: it has stood still since its anchor.
@@ -685,7 +706,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
         }
         if (!c.is_dynamic && is_still) {
             STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
-            if (c.has_depth) {
+            if (c.has_depth && !is_frozen_) {
                 // Kalman update along and across the ray; never surer than a third of one measurement.
                 const Vector3 q = camera_from_world * c.p_world;
                 // Variances in the map are those of the model: how large they really are changes from frame to frame.
@@ -716,7 +737,7 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
             ++dynamic;
             verdicts_[c.feature] = 2;
         }
-        if (point.is_suspect && c.has_depth) {
+        if (point.is_suspect && c.has_depth && !is_frozen_) {
             // Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
             store(world_from_camera * c.p_camera, point.world);
             store(by_readout(world_from_camera, c.p_camera, c.feature), point.world_by_readout);
@@ -878,7 +899,7 @@ void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::ui
 
 // How sure the pose is: what this frame measured, and what the map that it was measured against has drifted by.
 void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
-    pose_.time_ns = time_ns_;
+    pose_.time_ns = time_ns_ - time_shift_ns_;
     pose_.state = state;
     pose_.odom_from_camera = transform_of(world_from_camera_);
     Matrix6 measured = Matrix6::Zero();
@@ -917,7 +938,7 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
 }
 
 void Tracking::fill(EngineStatistics& statistics) const noexcept {
-    statistics.frames = frame_;
+    statistics.frames = frame_ - first_frame_;
     statistics.keyframes_made = statistics_.keyframes_made;
     statistics.keyframes_forgotten = map_.keyframes_forgotten();
     statistics.points_forgotten = map_.points_forgotten();

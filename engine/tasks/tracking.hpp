@@ -75,6 +75,13 @@ public:
     [[nodiscard]] LocalMap& local_map() noexcept { return local_map_; }
     [[nodiscard]] Ring<Handle<Keyframe>>& keyframe_queue() noexcept { return keyframe_queue_; }
     [[nodiscard]] std::uint64_t frame() const noexcept { return frame_; }
+    // The map's clock: that of the frames, but after the time of a map that was loaded.
+    [[nodiscard]] std::int64_t map_time_ns() const noexcept { return last_time_ns_; }
+    // The map has just been loaded, by somebody who had tracked `frames` until `time_ns`. Where the camera is in it is
+    // not known until recover() finds out; until then there is no pose. Frozen: the map stays as it is, apart from
+    // marks of use.
+    void begin_in_map(std::uint64_t frames, std::int64_t time_ns, bool is_frozen) noexcept;
+    [[nodiscard]] bool is_frozen() const noexcept { return is_frozen_; }
     // How far real noise leaves the model's, as factors of the variances.
     [[nodiscard]] double noise_pixel() const noexcept { return noise_pixel_; }
     [[nodiscard]] double noise_depth() const noexcept { return noise_depth_; }
@@ -99,6 +106,8 @@ private:
     void start_map() noexcept;
     [[nodiscard]] bool estimate() noexcept;
     [[nodiscard]] bool recover() noexcept;
+    // Which of the map's keyframes to compare a frame without a pose with.
+    [[nodiscard]] Handle<Keyframe> candidate() const noexcept;
     // Which feature was in which group: correspondences are gathered anew afterwards.
     void note_groups() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
@@ -157,6 +166,11 @@ private:
     std::int64_t measured_time_ns_ = 0;  // of the last pose that was measured
     std::int64_t previous_time_ns_ = 0;
     std::uint64_t frame_ = 0;
+    std::uint64_t first_frame_ = 0;   // number of the first frame that was tracked here, beyond a loaded map's
+    std::int64_t time_shift_ns_ = 0;  // from the frames' clock to the map's
+    bool has_time_shift_ = true;      // false: the first frame will tell
+    bool is_frozen_ = false;
+    bool is_placed_ = true;  // false: a loaded map, and the camera has not been found in it yet
     std::uint64_t keyframe_frame_ = 0;
     std::uint64_t keyframes_refused_ = 0;  // by the queue
     std::uint32_t empty_cursor_ = 0;       // in the local map's points

@@ -1,6 +1,7 @@
 // How tracking and the map it works in meet between frames.
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "engine/base/numbers.hpp"
 #include "engine/tasks/tracking.hpp"
@@ -12,6 +13,36 @@ void Tracking::follow(const SE3& correction) noexcept {
         renormalise(pose->rotation);
     }
     // What tracking gave out stays given out; the next frame starts from here.
+}
+
+void Tracking::begin_in_map(std::uint64_t frames, std::int64_t time_ns, bool is_frozen) noexcept {
+    has_map_ = true;
+    is_placed_ = false;
+    is_frozen_ = is_frozen;
+    frame_ = first_frame_ = keyframe_frame_ = frames;
+    last_time_ns_ = previous_time_ns_ = measured_time_ns_ = start_time_ns_ = time_ns;
+    has_time_shift_ = false;
+    has_velocity_ = false;
+    is_choice_sure_ = true;
+    // Nothing is carried on from any motion: only recover() may say where the camera is.
+    lost_frames_ = configuration_.pose.lost_frames_max + 1;
+    map_covariance_ = Matrix6::Zero();
+    renewed_share_ = 0;
+    keyframe_tracked_ = 0;
+    shutter_.start_from(map_.readout_s());
+    if (shutter_.readout_s() != map_.readout_s()) map_.express_with_readout(shutter_.readout_s());  // it is given
+}
+
+Handle<Keyframe> Tracking::candidate() const noexcept {
+    const auto count = static_cast<std::uint32_t>(map_.keyframes().size());
+    if (is_placed_) {
+        // One keyframe a frame beside the newest, in turn: bounded work, and the whole sliding set within some frames.
+        return map_.recent_keyframe(lost_frames_ % std::min(count, configuration_.recovery.keyframes_max));
+    }
+    // All of them in turn, in steps of about 0.6 of their number: keyframes that follow each other see much the same.
+    std::uint32_t step = static_cast<std::uint32_t>(std::uint64_t{count} * 618 / 1000) | 1U;
+    while (std::gcd(step, count) != 1) step += 2;
+    return map_.recent_keyframe(static_cast<std::uint32_t>((frame_ - first_frame_) % count * step % count));
 }
 
 void Tracking::count_observers() noexcept {

@@ -1,0 +1,363 @@
+#include "engine/record/map_copy.hpp"
+
+#include <algorithm>
+#include <new>
+
+namespace stillmesh {
+namespace {
+
+using namespace map_copy_detail;
+using namespace map_records;
+
+// Where an array lies in a workspace; with no workspace, only how far it reaches.
+class Places {
+public:
+    explicit constexpr Places(std::byte* begin) noexcept : begin_(begin) {}
+    template <typename T>
+    constexpr std::span<T> array(std::size_t count) noexcept {
+        used_ = align_up(used_, kArenaAlignment);
+        const std::size_t at = used_;
+        used_ += count * sizeof(T);
+        return begin_ == nullptr ? std::span<T>{} : std::span<T>{reinterpret_cast<T*>(begin_ + at), count};
+    }
+    [[nodiscard]] constexpr std::size_t used() const noexcept { return used_; }
+
+private:
+    std::byte* begin_;
+    std::size_t used_ = 0;
+};
+
+std::size_t parts_of(std::byte* begin, const Limits& limits, Parts& parts) noexcept {
+    Places places(begin);
+    const std::size_t features = std::size_t{limits.keyframes_max} * limits.features_max;
+    const std::span<Head> head = places.array<Head>(1);
+    parts.head = head.data();
+    parts.keyframes = places.array<StagedKeyframe>(limits.keyframes_max);
+    parts.order = places.array<std::uint32_t>(limits.keyframes_max);
+    parts.places = places.array<PointPlace>(limits.map_points_max);
+    parts.points = places.array<MapPoint>(limits.map_points_max);
+    parts.observations = places.array<Observation>(features);
+    parts.descriptors = places.array<Descriptor>(features);
+    return places.used();
+}
+
+// The workspace is only read; Parts has one type for both directions.
+Parts parts_of(std::span<const std::byte> workspace) noexcept {
+    auto* const begin = const_cast<std::byte*>(workspace.data());
+    Parts parts;
+    static_cast<void>(parts_of(begin, reinterpret_cast<const Head*>(begin)->limits, parts));
+    return parts;
+}
+
+std::uint32_t place_of(const Parts& parts, Handle<Keyframe> keyframe) noexcept {
+    if (keyframe.is_null()) return 0;
+    const StagedKeyframe& staged = parts.keyframes[keyframe.slot()];
+    return staged.handle == keyframe ? staged.place_plus_one : 0;
+}
+std::uint32_t place_of(const Parts& parts, Handle<MapPoint> point) noexcept {
+    if (point.is_null()) return 0;
+    const PointPlace& place = parts.places[point.slot()];
+    return place.generation == point.generation ? place.plus_one : 0;
+}
+
+// The record at the cursor (feature: of the keyframe), into `out`; its size.
+std::size_t write_record(const Parts& parts, std::uint32_t section, std::uint32_t record, std::uint32_t feature,
+                         std::span<std::byte> out) noexcept {
+    ByteWriter writer(out);
+    switch (static_cast<Section>(section)) {
+        case Section::kCamera: write_camera(writer, parts.head->camera, parts.head->readout_s); break;
+        case Section::kKeyframes: writer.bytes(parts.keyframes[parts.order[record]].record); break;
+        case Section::kPoints:
+            write_point(writer, parts.points[record], place_of(parts, parts.points[record].reference));
+            break;
+        case Section::kFeatures:
+        case Section::kLinks: {
+            const std::size_t at = std::size_t{parts.order[record]} * parts.head->limits.features_max + feature;
+            if (static_cast<Section>(section) == Section::kFeatures) {
+                write_feature(writer, parts.observations[at], parts.descriptors[at]);
+            } else {
+                writer.u32(place_of(parts, parts.observations[at].point));
+            }
+            break;
+        }
+    }
+    STILLMESH_CHECK(writer.is_ok());
+    return writer.position();
+}
+
+constexpr bool is_by_feature(std::uint32_t section) noexcept {
+    return section >= static_cast<std::uint32_t>(Section::kFeatures);
+}
+
+void write_header(const MapFileInfo& info, std::span<std::byte> out) noexcept {
+    ByteWriter writer(out);
+    for (const char letter : kMapMagic) writer.u8(static_cast<std::uint8_t>(letter));
+    writer.u32(kMapVersion);
+    writer.u32(static_cast<std::uint32_t>(kMapHeaderBytes));
+    writer.u64(info.size_bytes);
+    writer.u32(info.keyframes);
+    writer.u32(info.points);
+    writer.u32(info.features);
+    writer.u32(info.features_of_keyframe);
+    writer.u32(info.pyramid_levels);
+    writer.u32(info.extractor);
+    writer.f64(info.scale_factor);
+    writer.i64(info.time_ns);
+    writer.u64(info.frames);
+    writer.u64(info.hash);
+    writer.u64(0);
+    writer.u32(0);
+    writer.u32(crc32(writer.written()));
+    STILLMESH_CHECK(writer.position() == kMapHeaderBytes);
+}
+
+}  // namespace
+
+std::size_t map_copy_bytes(const Limits& limits) noexcept {
+    Parts parts;
+    return parts_of(nullptr, limits, parts);
+}
+
+// --- the copy --------------------------------------------------------------------------------------------------------
+
+Status MapCopy::begin(std::span<std::byte> workspace, const Limits& limits, const MapOrigin& origin) noexcept {
+    stage_ = Stage::kIdle;
+    if (workspace.size() < map_copy_bytes(limits)) return Status::kFull;
+    STILLMESH_CHECK(reinterpret_cast<std::uintptr_t>(workspace.data()) % kArenaAlignment == 0);
+    static_cast<void>(parts_of(workspace.data(), limits, parts_));
+    Head& head = *::new (static_cast<void*>(parts_.head)) Head;
+    head.limits = limits;
+    head.camera = origin.camera;
+    head.info.pyramid_levels = origin.pyramid_levels;
+    head.info.scale_factor = origin.scale_factor;
+    head.info.extractor = origin.extractor;
+    for (StagedKeyframe& staged : parts_.keyframes) staged.handle = {};
+    stage_ = Stage::kFeatures;
+    cursor_ = 0;
+    return Status::kOk;
+}
+
+bool MapCopy::is_staged(const Map& map, std::uint32_t slot) const noexcept {
+    const StagedKeyframe& staged = parts_.keyframes[slot];
+    return staged.handle == map.keyframes().handle_of(slot) &&
+           staged.observations_changed == map.keyframes().at(slot).observations_changed;
+}
+
+std::uint32_t MapCopy::stage(const Map& map, std::uint32_t slot) noexcept {
+    StagedKeyframe& staged = parts_.keyframes[slot];
+    staged.handle = map.keyframes().handle_of(slot);
+    staged.observations_changed = map.keyframes().at(slot).observations_changed;
+    const std::span<const Observation> observations = map.observations(staged.handle);
+    const std::span<const Descriptor> descriptors = map.descriptors(staged.handle);
+    staged.features = static_cast<std::uint32_t>(observations.size());
+    const auto at = static_cast<std::ptrdiff_t>(std::size_t{slot} * parts_.head->limits.features_max);
+    std::copy(observations.begin(), observations.end(), parts_.observations.begin() + at);
+    std::copy(descriptors.begin(), descriptors.end(), parts_.descriptors.begin() + at);
+    return staged.features / 16 + 1;
+}
+
+Progress MapCopy::step(const Map& map, const MapMoment& moment, WorkBudget& budget) noexcept {
+    if (stage_ == Stage::kIdle) return Progress::kIdle;
+    while (!budget.is_spent()) {
+        if (stage_ == Stage::kFeatures) {
+            if (cursor_ == map.keyframes().slots_count()) {
+                stage_ = Stage::kInstant;
+                continue;
+            }
+            const std::uint32_t slot = cursor_++;
+            if (map.keyframes().is_taken(slot) && !is_staged(map, slot)) budget.spend(stage(map, slot));
+        } else if (take_instant(map, moment, budget)) {
+            stage_ = Stage::kIdle;
+            return Progress::kDone;
+        } else {
+            stage_ = Stage::kFeatures;
+            cursor_ = 0;
+        }
+    }
+    return Progress::kWorking;
+}
+
+bool MapCopy::take_instant(const Map& map, const MapMoment& moment, WorkBudget& budget) noexcept {
+    const Pool<Keyframe>& keyframes = map.keyframes();
+    std::uint32_t late = 0;
+    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+        late += keyframes.is_taken(slot) && !is_staged(map, slot) ? 1U : 0U;
+    }
+    budget.spend(keyframes.slots_count() / 16 + 1);
+    if (late > kLateMax) return false;
+    MapFileInfo& info = parts_.head->info;
+    info.keyframes = info.points = info.features = info.features_of_keyframe = 0;
+    info.frames = moment.frames;
+    info.time_ns = moment.time_ns;
+    parts_.head->readout_s = map.readout_s();
+    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+        StagedKeyframe& staged = parts_.keyframes[slot];
+        staged.place_plus_one = 0;
+        if (!keyframes.is_taken(slot)) continue;
+        if (!is_staged(map, slot)) budget.spend(stage(map, slot));
+        parts_.order[info.keyframes++] = slot;
+        staged.place_plus_one = info.keyframes;
+        info.features += staged.features;
+        info.features_of_keyframe = std::max(info.features_of_keyframe, staged.features);
+    }
+    for (std::uint32_t i = 0; i < info.keyframes; ++i) {
+        const Keyframe& keyframe = keyframes.at(parts_.order[i]);
+        ByteWriter writer(parts_.keyframes[parts_.order[i]].record);
+        write_keyframe(writer, keyframe, place_of(parts_, keyframe.parent));
+        STILLMESH_CHECK(writer.is_ok());
+    }
+    const Pool<MapPoint>& points = map.points();
+    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+        PointPlace& place = parts_.places[slot];
+        place = {};
+        if (!points.is_taken(slot)) continue;
+        parts_.points[info.points++] = points.at(slot);
+        place = {points.handle_of(slot).generation, info.points};
+    }
+    budget.spend(points.slots_count() / 16 + keyframes.slots_count() / 16);
+    info.size_bytes = records_at(info, kSections);
+    return true;
+}
+
+// --- the file --------------------------------------------------------------------------------------------------------
+
+MapFileWriter::MapFileWriter(std::span<const std::byte> workspace) noexcept : workspace_(workspace) {
+    info_ = reinterpret_cast<const Head*>(workspace.data())->info;
+    info_.hash = hash();
+}
+
+std::uint64_t MapFileWriter::hash() const noexcept {
+    const Parts parts = parts_of(workspace_);
+    StateHash hash;
+    std::array<std::byte, kMapPieceBytesMin> buffer{};
+    const std::span<std::byte> out(buffer);
+    for (std::uint32_t section = 0; section < kSections; ++section) {
+        if (!is_by_feature(section)) {
+            const std::uint32_t count = records_of(info_, section);
+            for (std::uint32_t i = 0; i < count; ++i) {
+                add_record(hash, section, out.first(write_record(parts, section, i, 0, out)));
+            }
+            continue;
+        }
+        for (std::uint32_t i = 0; i < info_.keyframes; ++i) {
+            for (std::uint32_t f = 0; f < parts.keyframes[parts.order[i]].features; ++f) {
+                add_record(hash, section, out.first(write_record(parts, section, i, f, out)));
+            }
+        }
+    }
+    return hash.value();
+}
+
+std::size_t MapFileWriter::next(std::span<std::byte> out) noexcept {
+    STILLMESH_CHECK(out.size() >= kMapPieceBytesMin);
+    const Parts parts = parts_of(workspace_);
+    std::size_t used = 0;
+    while (part_ != Part::kDone && out.size() - used >= kMapPieceBytesMin) {
+        const std::span<std::byte> rest = out.subspan(used);
+        std::size_t size = 0;
+        switch (part_) {
+            case Part::kHeader:
+                write_header(info_, rest);
+                used += kMapHeaderBytes;
+                part_ = Part::kBegin;
+                continue;
+            case Part::kBegin: {
+                ByteWriter writer(rest);
+                for (const char letter : kTags[section_]) writer.u8(static_cast<std::uint8_t>(letter));
+                writer.u32(records_of(info_, section_));
+                writer.u64(section_bytes(info_, section_));
+                size = writer.position();
+                crc_ = Crc32();
+                record_ = keyframe_ = feature_ = 0;
+                part_ = Part::kRecords;
+                break;
+            }
+            case Part::kRecords: {
+                if (record_ == records_of(info_, section_)) {
+                    part_ = Part::kEnd;
+                    continue;
+                }
+                if (is_by_feature(section_)) {
+                    while (feature_ == parts.keyframes[parts.order[keyframe_]].features) {
+                        ++keyframe_;
+                        feature_ = 0;
+                    }
+                    size = write_record(parts, section_, keyframe_, feature_++, rest);
+                } else {
+                    size = write_record(parts, section_, record_, 0, rest);
+                }
+                ++record_;
+                break;
+            }
+            case Part::kEnd: {
+                ByteWriter writer(rest);
+                writer.u32(crc_.value());
+                used += writer.position();
+                part_ = ++section_ == kSections ? Part::kDone : Part::kBegin;
+                continue;
+            }
+            case Part::kDone: break;
+        }
+        crc_.add(rest.first(size));
+        used += size;
+    }
+    return used;
+}
+
+// --- of a live map ---------------------------------------------------------------------------------------------------
+
+std::uint64_t map_hash(Map& map, const CameraModel& camera) noexcept {
+    // Places in the file, by slot: of points in the scratch, of keyframes counted anew each time.
+    const std::span<std::uint64_t> places = map.scratch();
+    std::uint64_t place = 0;
+    for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
+        places[slot] = map.points().is_taken(slot) ? ++place : 0;
+    }
+    const Pool<Keyframe>& keyframes = map.keyframes();
+    const auto keyframe_place = [&](Handle<Keyframe> handle) {
+        std::uint32_t out = 0;
+        if (keyframes.find(handle) == nullptr) return out;
+        for (std::uint32_t slot = 0; slot <= handle.slot(); ++slot) out += keyframes.is_taken(slot) ? 1U : 0U;
+        return out;
+    };
+    StateHash hash;
+    std::array<std::byte, kMapPieceBytesMin> buffer{};
+    const auto add = [&](Section section, auto&& write) {
+        ByteWriter writer(buffer);
+        write(writer);
+        add_record(hash, static_cast<std::uint32_t>(section), writer.written());
+    };
+    const auto each_keyframe = [&](auto&& visit) {
+        for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+            if (keyframes.is_taken(slot)) visit(keyframes.handle_of(slot));
+        }
+    };
+    add(Section::kCamera, [&](ByteWriter& out) { write_camera(out, camera, map.readout_s()); });
+    each_keyframe([&](Handle<Keyframe> handle) {
+        const Keyframe& keyframe = *keyframes.find(handle);
+        add(Section::kKeyframes,
+            [&](ByteWriter& out) { write_keyframe(out, keyframe, keyframe_place(keyframe.parent)); });
+    });
+    for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
+        if (places[slot] == 0) continue;
+        const MapPoint& point = map.points().at(slot);
+        add(Section::kPoints, [&](ByteWriter& out) { write_point(out, point, keyframe_place(point.reference)); });
+    }
+    each_keyframe([&](Handle<Keyframe> handle) {
+        const std::span<const Observation> observations = map.observations(handle);
+        for (std::size_t i = 0; i < observations.size(); ++i) {
+            add(Section::kFeatures,
+                [&](ByteWriter& out) { write_feature(out, observations[i], map.descriptors(handle)[i]); });
+        }
+    });
+    each_keyframe([&](Handle<Keyframe> handle) {
+        for (const Observation& o : map.observations(handle)) {
+            const bool is_alive = map.points().find(o.point) != nullptr;
+            add(Section::kLinks,
+                [&](ByteWriter& out) { out.u32(is_alive ? static_cast<std::uint32_t>(places[o.point.slot()]) : 0U); });
+        }
+    });
+    return hash.value();
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,21 @@
+// A map file back into a map: all of it is checked first, and nothing is touched unless all of it is right.
+// Cost: two passes over the file. Limit: the engine's limits, compared before anything is counted by.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/map/map.hpp"
+#include "engine/record/map_copy.hpp"
+#include "engine/record/map_file.hpp"
+
+namespace stillmesh {
+
+// Of the map only the scratch is used.
+//   kNotFound, kEnd, kInvalid, kCorrupt, kFull (larger than the limits): `problem` says what
+[[nodiscard]] Status check_map_file(std::span<const std::byte> bytes, const Limits& limits, const MapOrigin& origin,
+                                    Map& map, MapFileInfo& info, MapFileProblem& problem) noexcept;
+// The map that a checked file holds, in place of what was there. The n-th of its keyframes and points gets slot n.
+void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map& map) noexcept;
+
+}  // namespace stillmesh

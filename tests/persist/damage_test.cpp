@@ -1,0 +1,227 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+
+#include "engine/record/map_records.hpp"
+#include "tests/persist/map_rig.hpp"
+
+namespace stillmesh {
+namespace {
+
+using namespace map_records;
+using test::Bytes;
+using test::EngineRig;
+using test::Sequence;
+
+const Sequence& sequence() {
+    static const Sequence out = test::rendered("static_xyz", 12, 160, 120, 2);
+    return out;
+}
+
+// A small map, two keyframes, and an engine in the middle of another run, who must not notice.
+struct Damage : testing::Test {
+    Damage() : engine(Limits::tiny(), sequence().camera) {
+        EngineRig maker(Limits::tiny(), sequence().camera);
+        test::run(*maker, sequence(), 0, 12);
+        file = test::saved(*maker, Limits::tiny());
+        test::run(*engine, sequence(), 0, 5);
+        before = engine->map_hash();
+    }
+    // What load_map says; it must not say yes, and the engine must be as it was.
+    MapFileProblem refused(const Bytes& bytes, Status& status) {
+        MapFileProblem problem;
+        status = engine->load_map(bytes, MapUse::kContinue, problem);
+        EXPECT_NE(status, Status::kOk);
+        EXPECT_NE(problem.fault, MapFault::kNone);
+        return problem;
+    }
+    MapFault fault_of(const Bytes& bytes) {
+        Status status = Status::kOk;
+        return refused(bytes, status).fault;
+    }
+    void TearDown() override {
+        EXPECT_EQ(engine->map_hash(), before) << "a file that was refused touched the engine";
+        EXPECT_EQ(engine->statistics().frames, 5U);
+        MapFileProblem problem;
+        EXPECT_EQ(engine->load_map(file, MapUse::kContinue, problem), Status::kOk) << "and the good one is good";
+    }
+    // Where record `index` of a section begins.
+    [[nodiscard]] std::size_t at(Section section, std::uint32_t index) const {
+        const auto s = static_cast<std::uint32_t>(section);
+        return static_cast<std::size_t>(records_at(test::info_of(file), s)) + index * kRecordBytes[s];
+    }
+
+    EngineRig engine;
+    Bytes file;
+    std::uint64_t before = 0;
+};
+
+// Promise: a file cut off anywhere is refused as cut off (as no map when nothing is left of it); one with a byte too
+// many too.
+TEST_F(Damage, CutOffAtEveryByte) {
+    for (std::size_t size = 0; size < file.size(); ++size) {
+        const Bytes cut(file.begin(), file.begin() + static_cast<std::ptrdiff_t>(size));
+        ASSERT_EQ(fault_of(cut), size == 0 ? MapFault::kNoMap : MapFault::kCutOff) << size;
+    }
+    Bytes longer = file;
+    longer.push_back(std::byte{0});
+    EXPECT_EQ(fault_of(longer), MapFault::kTooLong);
+}
+
+// Promise: no bit of the header can change unnoticed, and no byte of the rest.
+TEST_F(Damage, EveryByteFlipped) {
+    Bytes flipped = file;
+    for (std::size_t i = 0; i < kMapHeaderBytes; ++i) {
+        for (std::uint32_t bit = 0; bit < 8; ++bit) {
+            flipped[i] = file[i] ^ static_cast<std::byte>(1U << bit);
+            const MapFault wanted = i < 8 ? MapFault::kNoMap : i < 12 ? MapFault::kOtherVersion : MapFault::kDamaged;
+            ASSERT_EQ(fault_of(flipped), wanted) << i << " bit " << bit;
+        }
+        flipped[i] = file[i];
+    }
+    for (std::size_t i = kMapHeaderBytes; i < file.size(); ++i) {
+        flipped[i] = file[i] ^ static_cast<std::byte>(1U << (i % 8));
+        ASSERT_EQ(fault_of(flipped), MapFault::kDamaged) << i;
+        flipped[i] = file[i];
+    }
+}
+
+// Promise: a map that is larger than the engine's limits is refused by the key that would have to grow.
+TEST_F(Damage, LargerThanTheLimits) {
+    const MapFileInfo info = test::info_of(file);
+    ASSERT_GE(info.keyframes, 2U);
+    const struct {
+        std::size_t at;
+        std::uint32_t limit;
+        const char* key;
+    } counts[] = {{24, Limits::tiny().keyframes_max, "limits.keyframes_max"},
+                  {28, Limits::tiny().map_points_max, "limits.map_points_max"},
+                  {36, Limits::tiny().features_max, "limits.features_max"}};
+    for (const auto& count : counts) {
+        for (const std::uint64_t value : {std::uint64_t{count.limit} + 1, std::uint64_t{0xffffffffU}}) {
+            Bytes larger = file;
+            test::put(larger, count.at, value, 4);
+            // A file of the size that its header says, as far as it is there.
+            MapFileInfo said = info;
+            (count.at == 24   ? said.keyframes
+             : count.at == 28 ? said.points
+                              : said.features_of_keyframe) = static_cast<std::uint32_t>(value);
+            test::put(larger, 16, records_at(said, kSections), 8);
+            test::mend(larger);
+            Status status = Status::kOk;
+            const MapFileProblem problem = refused(larger, status);
+            EXPECT_EQ(status, Status::kFull);
+            EXPECT_EQ(problem.fault, MapFault::kTooManyFor);
+            EXPECT_STREQ(problem.part, count.key);
+            EXPECT_EQ(problem.value, static_cast<double>(value));
+            EXPECT_EQ(problem.limit, static_cast<double>(count.limit));
+        }
+    }
+}
+
+// Promise: what another camera, extractor or pyramid made is refused by name.
+TEST_F(Damage, MadeByOthers) {
+    MapFileProblem problem;
+    EXPECT_EQ(engine->load_map(file, MapUse::kContinue, problem, 1), Status::kInvalid);
+    EXPECT_EQ(problem.fault, MapFault::kOtherExtractor);
+    Bytes other = file;
+    test::put(other, 40, 5, 4);
+    test::mend(other);
+    Status status = Status::kOk;
+    problem = refused(other, status);
+    EXPECT_EQ(problem.fault, MapFault::kOtherFeatures);
+    EXPECT_STREQ(problem.part, "features.levels");
+    other = file;
+    test::put(other, at(Section::kCamera, 0) + 8, std::bit_cast<std::uint64_t>(100.0), 8);
+    test::mend(other);
+    problem = refused(other, status);
+    EXPECT_EQ(problem.fault, MapFault::kOtherCamera);
+    EXPECT_STREQ(problem.part, "fx");
+}
+
+// Promise: contents that cannot be are refused although every CRC is right.
+TEST_F(Damage, ImpossibleContents) {
+    const MapFileInfo info = test::info_of(file);
+    constexpr auto kNan = std::numeric_limits<double>::quiet_NaN();
+    const auto bits = [](double number) { return std::bit_cast<std::uint64_t>(number); };
+    const std::uint64_t nan_float = 0x7fc00000U;
+    const std::size_t keyframe = at(Section::kKeyframes, 1);
+    const std::size_t point = at(Section::kPoints, 3);
+    const std::size_t feature = at(Section::kFeatures, 5);
+    std::uint32_t linked[2] = {};  // two features of the first keyframe that show points
+    for (std::uint32_t i = 0, count = 0; count < 2; ++i) {
+        if (test::number_at(file, at(Section::kLinks, i), 4) != 0) linked[count++] = i;
+    }
+    const std::uint64_t first_link = test::number_at(file, at(Section::kLinks, linked[0]), 4);
+    const struct {
+        const char* what;
+        std::size_t at;
+        std::uint64_t value;
+        std::size_t bytes;
+    } edits[] = {
+        {"features too many", 32, info.features + 1, 4},
+        {"largest keyframe", 36, info.features_of_keyframe - 1, 4},
+        {"time below zero", 56, ~std::uint64_t{0}, 8},
+        {"frames beyond all time", 64, std::uint64_t{1} << 60U, 8},
+        {"fewer frames than keyframes know", 64, 1, 8},
+        {"reserved", 80, 1, 8},
+        {"readout of the camera", at(Section::kCamera, 0) + 80, bits(kNan), 8},
+        {"a rotation that is none", keyframe, bits(0.5), 8},
+        {"NaN in a rotation", keyframe + 8, bits(kNan), 8},
+        {"NaN in a translation", keyframe + 72, bits(kNan), 8},
+        {"far away", keyframe + 80, bits(1e7), 8},
+        {"NaN to the parent", keyframe + 96, bits(kNan), 8},
+        {"NaN derivative of a pose", keyframe + 200, bits(kNan), 8},
+        {"speed of light", keyframe + 240, bits(3e8), 8},
+        {"readout of a keyframe", keyframe + 288, bits(kNan), 8},
+        {"parent that is not there", keyframe + 296, info.keyframes + 1, 4},
+        {"its own parent", keyframe + 296, 2, 4},
+        {"two roots", keyframe + 296, 0, 4},
+        {"features of a keyframe", keyframe + 300, 0xffffffffU, 4},
+        {"time of a keyframe", keyframe + 304, std::uint64_t{1} << 62U, 8},
+        {"frame of a keyframe", keyframe + 312, info.frames, 8},
+        {"frame of the other", keyframe + 312, test::number_at(file, at(Section::kKeyframes, 0) + 312, 8), 8},
+        {"use of a keyframe", keyframe + 320, info.frames, 8},
+        {"NaN in a point", point + 16, bits(kNan), 8},
+        {"NaN in an anchor", point + 24, bits(kNan), 8},
+        {"variance below zero", point + 48, bits(-1e-9), 8},
+        {"infinite variance", point + 72, bits(std::numeric_limits<double>::infinity()), 8},
+        {"created in the future", point + 112, std::uint64_t{1} << 62U, 8},
+        {"anchor before time", point + 120, ~std::uint64_t{0}, 8},
+        {"seen in the future", point + 128, info.frames, 8},
+        {"reference that is not there", point + 136, info.keyframes + 1, 4},
+        {"no reference", point + 136, 0, 4},
+        {"NaN distance", point + 140, nan_float, 4},
+        {"NaN angle", point + 144, nan_float, 4},
+        {"level beyond the pyramid", point + 150, info.pyramid_levels, 1},
+        {"suspect twice", point + 153, 2, 1},
+        {"NaN derivative of a point", point + 164, nan_float, 4},
+        {"NaN derivative of an anchor", point + 168, nan_float, 4},
+        {"padding of a point", point + 180, 1, 4},
+        {"feature outside", feature, std::bit_cast<std::uint32_t>(161.0F), 4},
+        {"NaN feature", feature + 4, nan_float, 4},
+        {"NaN position", feature + 8, nan_float, 4},
+        {"NaN depth", feature + 16, nan_float, 4},
+        {"NaN variance", feature + 20, nan_float, 4},
+        {"level of a feature", feature + 28, info.pyramid_levels, 1},
+        {"padding of a feature", feature + 29, 1, 1},
+        {"link to nowhere", at(Section::kLinks, linked[0]), info.points + 1, 4},
+        {"one point twice in a keyframe", at(Section::kLinks, linked[1]), first_link, 4},
+    };
+    for (const auto& edit : edits) {
+        Bytes bad = file;
+        test::put(bad, edit.at, edit.value, edit.bytes);
+        ASSERT_FALSE(bad == file) << edit.what;
+        test::mend(bad);
+        EXPECT_EQ(fault_of(bad), MapFault::kImpossible) << edit.what;
+    }
+    // Unlinking everything leaves points with a reference that does not observe them.
+    Bytes bad = file;
+    for (std::uint32_t i = 0; i < info.features; ++i) test::put(bad, at(Section::kLinks, i), 0, 4);
+    test::mend(bad);
+    EXPECT_EQ(fault_of(bad), MapFault::kImpossible);
+}
+
+}  // namespace
+}  // namespace stillmesh
