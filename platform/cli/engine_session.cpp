@@ -15,6 +15,7 @@
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/record/map_saver.hpp"
 #include "platform/record/recording_writer.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
@@ -158,6 +159,23 @@ public:
             return Status::kInvalid;
         }
         engine_ = engine.value();
+        const std::uint8_t extractor_number = options.features == "opencv" ? 1 : 0;
+        if (!options.map_in.empty()) {
+            const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
+            const std::int64_t begin_ns = monotonic_ns();
+            if (!load_map_file(options.map_in, *engine_, use, extractor_number, map_in_info_, message)) {
+                return Status::kInvalid;
+            }
+            map_in_ = options.map_in;
+            map_load_s_ = static_cast<double>(monotonic_ns() - begin_ns) * 1e-9;
+            is_localising_ = options.is_localising;
+        }
+        if (!options.map_out.empty() &&
+            !map_saver_.open(options.map_out, limits_, extractor_number,
+                             static_cast<std::int64_t>(options.map_every_s * 1e9), message)) {
+            return Status::kUnavailable;
+        }
+        map_out_ = options.map_out;
         units_per_frame_ = configuration.schedule.units_per_frame;
         slice_units_ = configuration.schedule.slice_units;
         pacer_ = StepPacer(slice_units_);
@@ -225,6 +243,7 @@ public:
             if (progress == Progress::kIdle) break;
         }
         background_ms_.add(static_cast<double>(now_ns - begin_ns) * 1e-6);
+        if (map_saver_.is_open()) map_saver_.work(*engine_, now_ns, slice_units_);
         out.state_hash = recorded_.hash = engine_->state_hash();
         if (writer_ != nullptr) {
             record_frame();
@@ -261,6 +280,18 @@ public:
         record.background_ms = background_ms_;
         record.slice_ms = slice_ms_;
         if (!note_.empty()) record.notes.push_back(note_);
+        if (!map_in_.empty()) {
+            record.maps.push_back(
+                map_record(map_in_, map_in_info_, map_load_s_, is_localising_ ? "localised in" : "read"));
+        }
+        if (map_saver_.is_open()) {
+            if (const std::string problem = map_saver_.finish(*engine_); !problem.empty()) {
+                record.problems.push_back(problem);
+            } else {
+                record.maps.push_back(map_record(map_out_, map_saver_.info(), map_saver_.last_save_s(), "written"));
+                record.maps.back().times = map_saver_.saves();
+            }
+        }
         if (writer_ != nullptr) {
             if (const std::string problem = writer_->close(); !problem.empty()) record.problems.push_back(problem);
             record.recording = recording_;
@@ -270,6 +301,10 @@ public:
     }
 
 private:
+    [[nodiscard]] static MapRecord map_record(const std::string& file, const MapFileInfo& info, double seconds,
+                                              const char* what) {
+        return {what, file, info.size_bytes, info.keyframes, info.points, info.hash, seconds, 1};
+    }
     // Behind submit, while the pose is not out yet: the least that is needed.
     void note_decisions(const Frame& frame, Status status) {
         const FrameStatistics& statistics = engine_->frame_statistics();
@@ -306,6 +341,11 @@ private:
     std::uint32_t units_per_frame_ = 0;
     std::uint32_t slice_units_ = 1;
     StepPacer pacer_{1};
+    std::string map_in_, map_out_;
+    MapFileInfo map_in_info_;
+    double map_load_s_ = 0;
+    bool is_localising_ = false;
+    MapSaver map_saver_;
     bool can_wait_ = true;
     std::string recording_;
     std::unique_ptr<RecordingWriter> writer_;

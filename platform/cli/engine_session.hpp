@@ -17,6 +17,10 @@ struct SessionOptions {
     std::string configuration;             // TOML file; empty: defaults
     std::vector<std::string> assignments;  // "key=value", applied after the file
     std::string record;                    // recording to write; empty: none
+    std::string map_in;                    // map to begin in; empty: none
+    std::string map_out;                   // map to write at the end; empty: none
+    double map_every_s = 0;                // and as often while running; 0: not
+    bool is_localising = false;            // the map that was read stays as it is
     bool can_wait = true;                  // for a full recording ring, between frames: the camera is no live one
 };
 

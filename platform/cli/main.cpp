@@ -21,9 +21,8 @@ namespace stillmesh {
 namespace {
 
 // The switches of design.md that have nothing behind them yet: known, so that the answer is a sentence.
-constexpr const char* kLaterOptions[] = {"--camera",  "--inject",    "--cloud", "--map-in",
-                                         "--map-out", "--map-store", "--view",  "--publish"};
-constexpr const char* kLaterFlags[] = {"--wait", "--localize"};
+constexpr const char* kLaterOptions[] = {"--camera", "--inject", "--cloud", "--map-store", "--view", "--publish"};
+constexpr const char* kLaterFlags[] = {"--wait"};
 constexpr const char* kLaterCommands[][2] = {{"capture", "record a live camera"},
                                              {"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"},
@@ -100,6 +99,23 @@ int program(int argc, char** argv) {
     run_app->add_option("--record-frames", arguments.record_frames, "the frames, as a folder to replay")
         ->type_name("DIR")
         ->group("What comes out");
+    run_app
+        ->add_option("--map-out", arguments.session.map_out,
+                     "the map, when the run ends; Ctrl-C and SIGTERM end it too. Replaced as a whole or not at all")
+        ->type_name("FILE")
+        ->group("Map");
+    run_app->add_option("--map-every", arguments.session.map_every_s, "and while it runs, as often")
+        ->check(CLI::Range(0.1, 1e6).description(""))
+        ->type_name("SECONDS")
+        ->group("Map");
+    run_app
+        ->add_option("--map-in", arguments.session.map_in,
+                     "begin in this map: find the camera in it, then go on mapping")
+        ->type_name("FILE")
+        ->group("Map");
+    run_app
+        ->add_flag("--localize", arguments.session.is_localising, "with --map-in: the map stays as it is, poses only")
+        ->group("Map");
     run_app->add_flag("--json", arguments.is_json, "the summary as JSON, no progress")->group("What comes out");
     run_app->add_option("--scene", arguments.session.scene, "thresholds: indoor (default) or outdoor")
         ->check(CLI::IsMember({"indoor", "outdoor"}).description(""))
@@ -126,6 +142,8 @@ int program(int argc, char** argv) {
         "Examples:\n"
         "  stillmesh run --simulate walking_xyz:1 --report out\n"
         "  stillmesh run --replay rgbd_dataset_freiburg3_walking_xyz --calibration tum-fr3 --trajectory path.txt\n"
+        "  stillmesh run --simulate static_xyz:1 --map-out room.map\n"
+        "  stillmesh run --simulate walking_xyz:1+7 --map-in room.map --localize     (the room on another day)\n"
         "  stillmesh run --replay DIR --set region.is_enabled=false     (what the static region is worth)");
     // Not in this build: parsed all the same, without a place in the help.
     for (const char* name : kLaterOptions) {
@@ -157,6 +175,8 @@ int program(int argc, char** argv) {
                      "its frames: the folder that was replayed, or written by --record-frames")
         ->required()
         ->type_name("DIR");
+    rerun_command->add_option("--map-in", rerun.map_in, "the map that the run began in, if it did")->type_name("FILE");
+    rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
     rerun_command->add_flag("--json", rerun.is_json, "as JSON");
     rerun_command->footer(
         "Exit codes: 0 every frame was repeated bit for bit; 1 one differs; 2 bad recording or folder.");

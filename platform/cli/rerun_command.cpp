@@ -14,6 +14,7 @@
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/record/map_saver.hpp"
 #include "platform/record/recording_reader.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
@@ -176,6 +177,14 @@ int rerun_command(const RerunOptions& options) {
                                   header.camera.width, header.camera.height));
     }
 
+    if (!options.map_in.empty()) {
+        const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
+        MapFileInfo info;
+        std::string message;
+        if (!load_map_file(options.map_in, *engine.value(), use, header.extractor, info, message)) {
+            return refuse(message);
+        }
+    }
     catch_stop_signals();
     Outcome outcome;
     if (const Status status = repeat(*engine.value(), camera, reader, outcome); status != Status::kOk) {

@@ -10,6 +10,8 @@ namespace stillmesh {
 struct RerunOptions {
     std::string recording;
     std::string folder;
+    std::string map_in;  // empty: none
+    bool is_localising = false;
     bool is_json = false;
 };
 

@@ -180,6 +180,16 @@ int run_command(const RunArguments& arguments, std::int64_t begin_ns) {
         std::fputs(toml.c_str(), stdout);
         return kExitDone;
     }
+    const SessionOptions& session = arguments.session;
+    if (session.is_localising && session.map_in.empty()) {
+        return refuse("--localize: needs the map to localise in: --map-in FILE.");
+    }
+    if (session.is_localising && !session.map_out.empty()) {
+        return refuse("--localize leaves the map as it is: there is nothing to write to --map-out.");
+    }
+    if (session.map_every_s > 0 && session.map_out.empty()) {
+        return refuse("--map-every: needs a file to write the map to: --map-out FILE.");
+    }
     if (arguments.replay.empty() == arguments.simulate.empty()) {
         return refuse("give one camera: --replay DIR or --simulate SCENE[:SEED].");
     }

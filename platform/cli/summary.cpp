@@ -91,6 +91,12 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
             fmt::format("recording     {}, {} frames; {:.3f} ms median, {:.3f} ms p99 per frame\n", record.recording,
                         record.frames_recorded, record.record_ms.median(), record.record_ms.p99());
     }
+    for (const MapRecord& map : record.maps) {
+        text += fmt::format("map {:9} {}: {} keyframes, {} points, {:.1f} MB, hash {:016x}, {:.0f} ms", map.what,
+                            map.file, map.keyframes, map.points, static_cast<double>(map.size_bytes) * 1e-6, map.hash,
+                            1e3 * map.seconds);
+        text += map.times > 1 ? fmt::format(", {} times\n", map.times) : "\n";
+    }
     text += fmt::format("state hash    {:016x}\n", record.state_hash);
     for (const std::string& note : record.notes) text += fmt::format("note          {}\n", note);
     if (!report.empty()) text += fmt::format("report        {}\n", report);
@@ -130,6 +136,17 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
     json["points_forgotten"] = record.points_forgotten;
     json["recoveries"] = record.recoveries;
     json["keyframes_refused"] = record.keyframes_refused;
+    json["maps"] = Json::array();
+    for (const MapRecord& map : record.maps) {
+        json["maps"].push_back({{"what", map.what},
+                                {"file", map.file},
+                                {"size_bytes", map.size_bytes},
+                                {"keyframes", map.keyframes},
+                                {"points", map.points},
+                                {"hash", fmt::format("{:016x}", map.hash)},
+                                {"ms", 1e3 * map.seconds},
+                                {"times", map.times}});
+    }
     json["keyframe_queue"] = {{"size", record.keyframe_queue.size},
                               {"high_water", record.keyframe_queue.high_water},
                               {"limit", record.keyframe_queue.capacity}};

@@ -54,6 +54,18 @@ struct PoolRecord {
     std::size_t limit = 0;
 };
 
+// A map that was read or written.
+struct MapRecord {
+    std::string what;  // "read", "localised in", "written"
+    std::string file;
+    std::uint64_t size_bytes = 0;
+    std::uint32_t keyframes = 0;
+    std::uint32_t points = 0;
+    std::uint64_t hash = 0;   // of its content
+    double seconds = 0;       // to read and check it; to copy and write it
+    std::uint64_t times = 1;  // that it was written
+};
+
 struct RunRecord {
     static constexpr std::size_t kFramesMax = 32768;
 
@@ -94,7 +106,8 @@ struct RunRecord {
     ScheduleStatistics schedule;
     std::string recording;  // file; empty: none
     std::uint64_t frames_recorded = 0;
-    Percentiles record_ms;              // what recording a frame costs the engine's thread
+    Percentiles record_ms;  // what recording a frame costs the engine's thread
+    std::vector<MapRecord> maps;
     std::vector<std::string> notes;     // sentences about what was as it should not be, but did no harm
     std::vector<std::string> problems;  // sentences about what makes this a failed run
 

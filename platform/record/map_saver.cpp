@@ -1,0 +1,146 @@
+#include "platform/record/map_saver.hpp"
+
+#include <fmt/format.h>
+
+#include <vector>
+
+#include "platform/linux/atomic_file.hpp"
+#include "platform/linux/process.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::size_t kPieceBytes = 64 * 1024;
+// A copy at the end of a run need not be cut.
+constexpr std::uint32_t kAllUnits = 0xffffffffU;
+
+[[nodiscard]] const char* extractor_name(double code) {
+    return code == 0 ? "native" : code == 1 ? "opencv" : "another program's";
+}
+
+}  // namespace
+
+MapSaver::~MapSaver() {
+    join();
+}
+
+void MapSaver::join() {
+    if (thread_.joinable()) thread_.join();
+}
+
+bool MapSaver::open(const std::string& file, const Limits& limits, std::uint8_t extractor, std::int64_t every_ns,
+                    std::string& message) {
+    AtomicFile probe;
+    if (!probe.open(file, message)) return false;
+    probe.discard();
+    if (!workspace_.allocate(map_copy_bytes(limits))) {
+        message = fmt::format("the system has no {:.1f} MiB of memory left for saving the map; leave out --map-out.",
+                              static_cast<double>(map_copy_bytes(limits)) / (1024.0 * 1024.0));
+        return false;
+    }
+    file_ = file;
+    extractor_ = extractor;
+    every_ns_ = every_ns;
+    return true;
+}
+
+void MapSaver::work(Engine& engine, std::int64_t now_ns, std::uint32_t units) {
+    if (every_ns_ <= 0 || is_writing_) return;
+    if (next_ns_ == 0) next_ns_ = now_ns + every_ns_;
+    if (!is_copying_) {
+        if (now_ns < next_ns_) return;
+        next_ns_ = now_ns + every_ns_;
+        if (engine.begin_map_copy(workspace_.bytes(), extractor_) != Status::kOk) return;  // no map yet
+        is_copying_ = true;
+    }
+    if (engine.step_map_copy(units) != Progress::kDone) return;
+    is_copying_ = false;
+    join();
+    is_writing_ = true;
+    thread_ = std::jthread([this] {
+        write();
+        is_writing_ = false;
+    });
+}
+
+void MapSaver::write() {
+    MapFileWriter writer(workspace_.bytes());
+    AtomicFile file;
+    std::string message;
+    std::vector<std::byte> piece(kPieceBytes);
+    bool is_written = file.open(file_, message);
+    while (is_written) {
+        const std::size_t size = writer.next(piece);
+        if (size == 0) break;
+        is_written = file.write(std::span(piece).first(size), message);
+    }
+    if (is_written && file.commit(message)) {
+        ++saves_;
+        info_ = writer.info();
+        problem_.clear();
+    } else {
+        problem_ = message;
+    }
+}
+
+std::string MapSaver::finish(Engine& engine) {
+    join();
+    is_copying_ = false;
+    const std::int64_t begin_ns = monotonic_ns();
+    if (engine.begin_map_copy(workspace_.bytes(), extractor_) != Status::kOk) {
+        return file_ + ": was not written: there is no map, since no frame had enough depth to begin one.";
+    }
+    while (engine.step_map_copy(kAllUnits) == Progress::kWorking) {
+    }
+    write();
+    last_save_s_ = static_cast<double>(monotonic_ns() - begin_ns) * 1e-9;
+    return problem_;
+}
+
+std::string map_sentence(const std::string& file, const MapFileProblem& p) {
+    switch (p.fault) {
+        case MapFault::kNone: return {};
+        case MapFault::kNoMap: return file + ": is no map of Stillmesh.";
+        case MapFault::kOtherVersion:
+            return fmt::format("{}: is a map of version {:.0f}; this program reads version {:.0f}.", file, p.value,
+                               p.limit);
+        case MapFault::kCutOff:
+            return fmt::format("{}: is cut off: {:.0f} bytes of {:.0f} are there.", file, p.value, p.limit);
+        case MapFault::kTooLong:
+            return fmt::format("{}: is damaged: {:.0f} bytes instead of {:.0f}.", file, p.value, p.limit);
+        case MapFault::kDamaged: return fmt::format("{}: is damaged: the checksum of its {} is wrong.", file, p.part);
+        case MapFault::kImpossible: return fmt::format("{}: is damaged: {} in it cannot be.", file, p.part);
+        case MapFault::kTooManyFor:
+            return fmt::format(
+                "{}: is larger than the limits: it needs {} = {:.0f}, this run has {:.0f} (--limits, --set).", file,
+                p.part, p.value, p.limit);
+        case MapFault::kOtherFeatures:
+            return fmt::format("{}: was made with {} = {:g}, this run has {:g}; give it the same (--set).", file,
+                               p.part, p.value, p.limit);
+        case MapFault::kOtherExtractor:
+            return fmt::format("{}: was made with --features {}, this run has {}.", file, extractor_name(p.value),
+                               extractor_name(p.limit));
+        case MapFault::kOtherCamera:
+            return fmt::format("{}: was made with another camera: its {} is {:g}, this camera's is {:g}.", file, p.part,
+                               p.value, p.limit);
+    }
+    return {};
+}
+
+bool load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor, MapFileInfo& info,
+                   std::string& message) {
+    // More than any limits ask for; a larger file would only be read to be refused.
+    constexpr std::size_t kBytesMax = std::size_t{1} << 30U;
+    MemoryBlock block;
+    std::span<const std::byte> bytes;
+    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return false;
+    MapFileProblem problem;
+    if (engine.load_map(bytes, use, problem, extractor) != Status::kOk) {
+        message = map_sentence(file, problem);
+        return false;
+    }
+    static_cast<void>(read_map_header(bytes, info, problem));
+    return true;
+}
+
+}  // namespace stillmesh

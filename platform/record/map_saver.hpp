@@ -1,0 +1,61 @@
+// Saves an engine's map to a file, once or again and again while it runs: the copy is made by the engine's thread
+// between frames, in slices (engine/record/map_file.hpp); writing it down is a thread's of its own, so that nobody
+// waits for a disk. The file is replaced as a whole (platform/linux/atomic_file.hpp). And reads one back.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <thread>
+
+#include "engine/engine.hpp"
+#include "platform/linux/memory_block.hpp"
+
+namespace stillmesh {
+
+class MapSaver {
+public:
+    MapSaver() = default;
+    ~MapSaver();
+    MapSaver(const MapSaver&) = delete;
+    MapSaver& operator=(const MapSaver&) = delete;
+
+    // `every_ns`: between the begin of one save and the next; 0: only at the end. Tries whether the file can be
+    // written. False: `message` says why.
+    [[nodiscard]] bool open(const std::string& file, const Limits& limits, std::uint8_t extractor,
+                            std::int64_t every_ns, std::string& message);
+    [[nodiscard]] bool is_open() const { return !file_.empty(); }
+    // Between frames: begins a save when it is time, and goes on with it for so many units.
+    void work(Engine& engine, std::int64_t now_ns, std::uint32_t units);
+    // The map as it is now, down to the disk. Empty: all is well; else a sentence.
+    [[nodiscard]] std::string finish(Engine& engine);
+
+    [[nodiscard]] std::uint64_t saves() const { return saves_; }
+    [[nodiscard]] const MapFileInfo& info() const { return info_; }    // of the last save; after finish()
+    [[nodiscard]] double last_save_s() const { return last_save_s_; }  // copy and writing, of finish()
+
+private:
+    void write();
+    void join();
+
+    std::string file_;
+    MemoryBlock workspace_;
+    std::uint8_t extractor_ = 0;
+    std::int64_t every_ns_ = 0;
+    std::int64_t next_ns_ = 0;
+    std::jthread thread_;
+    std::atomic<bool> is_writing_ = false;
+    bool is_copying_ = false;
+    std::uint64_t saves_ = 0;  // these three: the thread's while is_writing_
+    MapFileInfo info_;
+    std::string problem_;
+    double last_save_s_ = 0;
+};
+
+// A sentence for what is wrong with a map file.
+[[nodiscard]] std::string map_sentence(const std::string& file, const MapFileProblem& problem);
+// False: `message` says why, and the engine was not touched.
+[[nodiscard]] bool load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor,
+                                 MapFileInfo& info, std::string& message);
+
+}  // namespace stillmesh
