@@ -38,7 +38,7 @@ TEST(Program, Helps) {
 TEST(Program, LaterPartsAreNotInThisBuild) {
     for (const char* arguments :
          {"capture --camera auto --out x", "check-camera", "report a b", "vocabulary train",
-          "run --camera auto", "run --map-in x --replay y", "run --wait", "run --view 8080"}) {
+          "run --camera auto", "run --map-store x --replay y", "run --wait", "run --view 8080"}) {
         const Answer answer = stillmesh_says(arguments);
         EXPECT_EQ(answer.code, 2) << arguments;
         EXPECT_NE(answer.text.find("not in this build"), std::string::npos) << arguments << ": " << answer.text;
