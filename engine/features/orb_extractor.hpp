@@ -9,6 +9,7 @@
 
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
+#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/frame/kernels.hpp"
 #include "engine/frame/pyramid.hpp"
@@ -26,6 +27,9 @@ struct OrbOptions {
     // 0 takes the best wherever they are.
     std::uint32_t even_permille = 250;
 };
+
+// What a configuration asks for.
+[[nodiscard]] OrbOptions orb_options(const FeatureParameters& parameters) noexcept;
 
 class OrbExtractor final : public FeatureExtractor {
 public:

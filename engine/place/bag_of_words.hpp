@@ -29,22 +29,17 @@ struct WordOfFeature {
     friend constexpr bool operator==(WordOfFeature, WordOfFeature) noexcept = default;
 };
 
-// The sum of the smaller weights of the words that two lists share. Both sorted by word.
-template <typename A, typename B>
-[[nodiscard]] constexpr std::uint32_t common_weight(std::span<const A> a, std::span<const B> b) noexcept {
-    std::uint32_t sum = 0;
+// How alike two bags are, 0 to kBagWeightOne: 1 - |a - b| / 2 in the L1 norm, which is the sum of the smaller weights
+// of the words they share. Both sorted by word.
+[[nodiscard]] constexpr std::uint32_t bag_score(std::span<const WordWeight> a, std::span<const WordWeight> b) noexcept {
+    std::uint32_t score = 0;
     std::size_t j = 0;
-    for (const A& entry : a) {
+    for (const WordWeight& entry : a) {
         while (j < b.size() && b[j].word < entry.word) ++j;
         if (j == b.size()) break;
-        if (b[j].word == entry.word) sum += entry.weight < b[j].weight ? entry.weight : b[j].weight;
+        if (b[j].word == entry.word) score += entry.weight < b[j].weight ? entry.weight : b[j].weight;
     }
-    return sum;
-}
-// How alike two bags are, 0 to kBagWeightOne: 1 - |a - b| / 2 in the L1 norm, which is the sum of the smaller weights
-// of the words they share.
-[[nodiscard]] constexpr std::uint32_t bag_score(std::span<const WordWeight> a, std::span<const WordWeight> b) noexcept {
-    return common_weight(a, b);
+    return score;
 }
 
 class FrameWords {

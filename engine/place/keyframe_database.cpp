@@ -7,9 +7,10 @@ namespace stillmesh {
 void KeyframeDatabase::create(Arena& arena, const Limits& limits) noexcept {
     features_max_ = limits.features_max;
     const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
-    postings_ = arena.array<Posting>(rows);
+    bags_ = arena.array<WordWeight>(rows);
     direct_ = arena.array<WordOfFeature>(rows);
     entries_ = arena.array<Entry>(limits.keyframes_max);
+    blocks_ = arena.array<Block>(blocks_max(limits));
     first_of_word_ = arena.array<std::uint32_t>(limits.vocabulary_words_max);
     reset();
 }
@@ -17,23 +18,60 @@ void KeyframeDatabase::create(Arena& arena, const Limits& limits) noexcept {
 void KeyframeDatabase::reset() noexcept {
     for (Entry& entry : entries_) entry = Entry{};
     for (std::uint32_t& first : first_of_word_) first = 0;
+    for (std::uint32_t i = 0; i < blocks_.size(); ++i) blocks_[i] = {i + 1 < blocks_.size() ? i + 2 : 0, 0, {}, {}};
+    first_free_ = blocks_.empty() ? 0 : 1;
     size_ = 0;
     adds_ = 0;
+}
+
+void KeyframeDatabase::add_posting(std::uint32_t word, std::uint32_t slot, std::uint32_t weight) noexcept {
+    std::uint32_t& first = first_of_word_[word];
+    if (first == 0 || blocks_[first - 1].count == kBlockPostings) {
+        STILLMESH_CHECK(first_free_ != 0);  // blocks_max()
+        const std::uint32_t taken = first_free_;
+        first_free_ = blocks_[taken - 1].next_plus_one;
+        blocks_[taken - 1].next_plus_one = first;
+        blocks_[taken - 1].count = 0;
+        first = taken;
+    }
+    Block& block = blocks_[first - 1];
+    block.slots[block.count] = static_cast<std::uint16_t>(slot);
+    block.weights[block.count] = weight;
+    ++block.count;
+}
+
+// The last posting of the first block takes the empty place: no answer depends on their order.
+void KeyframeDatabase::remove_posting(std::uint32_t word, std::uint32_t slot) noexcept {
+    const std::uint32_t first = first_of_word_[word];
+    STILLMESH_CHECK(first != 0);
+    Block& head = blocks_[first - 1];
+    for (std::uint32_t at = first; at != 0; at = blocks_[at - 1].next_plus_one) {
+        Block& block = blocks_[at - 1];
+        for (std::uint32_t i = 0; i < block.count; ++i) {
+            if (block.slots[i] != slot) continue;
+            --head.count;
+            block.slots[i] = head.slots[head.count];
+            block.weights[i] = head.weights[head.count];
+            if (head.count == 0) {
+                first_of_word_[word] = head.next_plus_one;
+                head.next_plus_one = first_free_;
+                first_free_ = first;
+            }
+            return;
+        }
+    }
+    STILLMESH_CHECK(false);  // the keyframe has the word
 }
 
 void KeyframeDatabase::add(std::uint32_t slot, const FrameWords& words) noexcept {
     STILLMESH_CHECK(slot < entries_.size() && !entries_[slot].is_in);
     STILLMESH_CHECK(words.by_word().size() <= features_max_ && words.bag().size() <= features_max_);
-    const std::size_t first_row = static_cast<std::size_t>(slot) * features_max_;
-    std::size_t row = first_row;
+    std::size_t row = static_cast<std::size_t>(slot) * features_max_;
     for (const WordOfFeature& entry : words.by_word()) direct_[row++] = entry;
-    row = first_row;
+    row = static_cast<std::size_t>(slot) * features_max_;
     for (const WordWeight& entry : words.bag()) {
-        std::uint32_t& first = first_of_word_[entry.word];
-        postings_[row] = {entry.weight, first, 0, entry.word, static_cast<std::uint16_t>(slot)};
-        ++row;
-        if (first != 0) postings_[first - 1].previous_plus_one = static_cast<std::uint32_t>(row);
-        first = static_cast<std::uint32_t>(row);
+        bags_[row++] = entry;
+        add_posting(entry.word, slot, entry.weight);
     }
     entries_[slot] = {++adds_, static_cast<std::uint32_t>(words.bag().size()),
                       static_cast<std::uint32_t>(words.by_word().size()), true};
@@ -43,15 +81,7 @@ void KeyframeDatabase::add(std::uint32_t slot, const FrameWords& words) noexcept
 void KeyframeDatabase::remove(std::uint32_t slot) noexcept {
     STILLMESH_CHECK(slot < entries_.size());
     if (!entries_[slot].is_in) return;
-    for (const Posting& posting : postings_of(slot)) {
-        if (posting.next_plus_one != 0)
-            postings_[posting.next_plus_one - 1].previous_plus_one = posting.previous_plus_one;
-        if (posting.previous_plus_one != 0) {
-            postings_[posting.previous_plus_one - 1].next_plus_one = posting.next_plus_one;
-        } else {
-            first_of_word_[posting.word] = posting.next_plus_one;
-        }
-    }
+    for (const WordWeight& entry : bag_of(slot)) remove_posting(entry.word, slot);
     entries_[slot] = Entry{};
     --size_;
 }
@@ -63,43 +93,49 @@ std::span<const WordOfFeature> KeyframeDatabase::direct_index(std::uint32_t slot
 
 std::uint32_t KeyframeDatabase::score(std::uint32_t slot, std::span<const WordWeight> bag) const noexcept {
     STILLMESH_CHECK(slot < entries_.size() && entries_[slot].is_in);
-    return common_weight(postings_of(slot), bag);
+    return bag_score(bag_of(slot), bag);
 }
 
 std::uint32_t KeyframeDatabase::score(std::uint32_t slot_a, std::uint32_t slot_b) const noexcept {
     STILLMESH_CHECK(slot_a < entries_.size() && entries_[slot_a].is_in);
     STILLMESH_CHECK(slot_b < entries_.size() && entries_[slot_b].is_in);
-    return common_weight(postings_of(slot_a), postings_of(slot_b));
+    return bag_score(bag_of(slot_a), bag_of(slot_b));
 }
 
 const char* KeyframeDatabase::find_fault() const noexcept {
     std::uint32_t in = 0;
-    std::size_t postings = 0;
+    std::size_t words = 0;
     for (std::uint32_t slot = 0; slot < entries_.size(); ++slot) {
         if (!entries_[slot].is_in) continue;
         ++in;
-        postings += entries_[slot].postings;
+        words += entries_[slot].words;
         std::int32_t last = -1;
-        for (const Posting& posting : postings_of(slot)) {
-            if (posting.slot != slot) return "a posting in a foreign row";
-            if (posting.word <= last) return "words out of order";
-            last = posting.word;
+        for (const WordWeight& entry : bag_of(slot)) {
+            if (entry.word <= last) return "words out of order";
+            last = entry.word;
+            std::uint32_t found = 0;
+            visit_keyframes(entry.word, [&](std::uint32_t other, std::uint32_t weight) {
+                found += other == slot && weight == entry.weight;
+            });
+            if (found != 1) return "a word of a keyframe that its chain does not have once";
         }
     }
     if (in != size_) return "size is not what is in";
-    std::size_t linked = 0;
-    for (std::uint32_t word = 0; word < first_of_word_.size(); ++word) {
-        std::uint32_t previous = 0;
-        for (std::uint32_t at = first_of_word_[word]; at != 0; at = postings_[at - 1].next_plus_one) {
-            const Posting& posting = postings_[at - 1];
-            if (++linked > postings) return "a list without an end, or of what went";
-            if (posting.word != word) return "a posting in a foreign list";
-            if (posting.previous_plus_one != previous) return "a link back that is wrong";
-            if (!entries_[posting.slot].is_in) return "a posting of a keyframe that went";
-            previous = at;
+    std::size_t postings = 0;
+    std::size_t blocks = 0;
+    for (const std::uint32_t first : first_of_word_) {
+        for (std::uint32_t at = first; at != 0; at = blocks_[at - 1].next_plus_one) {
+            const Block& block = blocks_[at - 1];
+            if (++blocks > blocks_.size()) return "a chain without an end";
+            if (block.count == 0 || (at != first && block.count != kBlockPostings)) return "a block with room inside";
+            postings += block.count;
         }
     }
-    return linked == postings ? nullptr : "a posting in no list";
+    for (std::uint32_t at = first_free_; at != 0; at = blocks_[at - 1].next_plus_one) {
+        if (++blocks > blocks_.size()) return "a block that is free and in use";
+    }
+    if (blocks != blocks_.size()) return "a block that is lost";
+    return postings == words ? nullptr : "a posting of nobody";
 }
 
 void PlaceQuery::create(Arena& arena, const Limits& limits) noexcept {
@@ -132,6 +168,8 @@ Progress PlaceQuery::step(const KeyframeDatabase& database, WorkBudget& budget) 
     for (; next_word_ < bag_.size(); ++next_word_) {
         if (budget.is_spent()) return Progress::kWorking;
         const std::uint32_t weight = bag_[next_word_].weight;
+        constexpr std::uint32_t kAhead = 4;  // words
+        if (next_word_ + kAhead < bag_.size()) database.prefetch(bag_[next_word_ + kAhead].word);
         // A word without keyframes is work too.
         postings_ += 1 + database.visit_keyframes(bag_[next_word_].word, [&](std::uint32_t slot, std::uint32_t other) {
             PlaceCandidate& candidate = scores_[slot];

@@ -1,9 +1,9 @@
-// Which keyframes look like a frame: the inverted index. For every word the keyframes that have it, as a linked list
-// through fixed memory: a keyframe's postings lie in its own slot's rows, so there is room for every keyframe that the
-// map can hold, and nothing is ever full. Also keeps each keyframe's direct index. Keyframes are named by their slot in
-// the map's pool: remove() them when they are released, add() them anew when their words change. Memory: 20 bytes times
-// keyframes_max times features_max. Cost: adding and removing one step per word; a query one step per posting of its
-// words, in slices (PlaceQuery).
+// Which keyframes look like a frame: the inverted index. For every word the keyframes that have it, in chains of blocks
+// of one cache line each: a question walks some thousand postings, and what it waits for is memory. Also keeps each
+// keyframe's direct index. The pool has a block for the worst that keyframes_max bags of features_max words can ask
+// for, so it is never full. Keyframes are named by their slot in the map's pool: remove() them when they are released,
+// add() them anew when their words change. Memory: some 20 bytes times keyframes_max times features_max. Cost: adding
+// one step per word, removing and asking one per posting of their words; questions in slices (PlaceQuery).
 #pragma once
 
 #include <cstdint>
@@ -20,9 +20,10 @@ class KeyframeDatabase {
 public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
-        arena.array<Posting>(rows);
+        arena.array<WordWeight>(rows);
         arena.array<WordOfFeature>(rows);
         arena.array<Entry>(limits.keyframes_max);
+        arena.array<Block>(blocks_max(limits));
         arena.array<std::uint32_t>(limits.vocabulary_words_max);
     }
     void create(Arena& arena, const Limits& limits) noexcept;
@@ -47,10 +48,19 @@ public:
     template <typename Visit>
     std::uint32_t visit_keyframes(std::uint32_t word, Visit&& visit) const noexcept {
         std::uint32_t count = 0;
-        for (std::uint32_t at = first_of_word_[word]; at != 0; at = postings_[at - 1].next_plus_one, ++count) {
-            visit(static_cast<std::uint32_t>(postings_[at - 1].slot), postings_[at - 1].weight);
+        for (std::uint32_t at = first_of_word_[word]; at != 0;) {
+            const Block& block = blocks_[at - 1];
+            for (std::uint32_t i = 0; i < block.count; ++i) {
+                visit(static_cast<std::uint32_t>(block.slots[i]), block.weights[i]);
+            }
+            count += block.count;
+            at = block.next_plus_one;
         }
         return count;
+    }
+    // The memory of a word's first postings, wanted soon.
+    void prefetch(std::uint32_t word) const noexcept {
+        if (first_of_word_[word] != 0) __builtin_prefetch(&blocks_[first_of_word_[word] - 1]);
     }
     // Grows with every add(): what was added after a query began does not belong to it.
     [[nodiscard]] std::uint64_t adds() const noexcept { return adds_; }
@@ -60,28 +70,38 @@ public:
     [[nodiscard]] const char* find_fault() const noexcept;
 
 private:
-    // A word of a keyframe's bag, linked with the same word of others. Rows of a slot are sorted by word.
-    struct Posting {
-        std::uint32_t weight = 0;
-        std::uint32_t next_plus_one = 0;      // row + 1; 0: the last
-        std::uint32_t previous_plus_one = 0;  // 0: the first
-        std::uint16_t word = 0;
-        std::uint16_t slot = 0;
+    static constexpr std::uint32_t kBlockPostings = 9;
+    // Postings of one word. All blocks of a chain are full but the first, which holds at least one.
+    struct alignas(64) Block {
+        std::uint32_t next_plus_one = 0;  // in the chain, or in the list of free ones; 0: the last
+        std::uint16_t count = 0;
+        std::uint16_t slots[kBlockPostings] = {};
+        std::uint32_t weights[kBlockPostings] = {};
     };
+    // The chains of all words together: a full block for every kBlockPostings postings, and one begun for each word.
+    [[nodiscard]] static constexpr std::size_t blocks_max(const Limits& limits) noexcept {
+        const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
+        const std::size_t in_chains = rows / kBlockPostings + limits.vocabulary_words_max;
+        return in_chains < rows ? in_chains : rows;
+    }
     struct Entry {
         std::uint64_t added_at = 0;
-        std::uint32_t postings = 0;
+        std::uint32_t words = 0;
         std::uint32_t features = 0;
         bool is_in = false;
     };
-    [[nodiscard]] std::span<const Posting> postings_of(std::uint32_t slot) const noexcept {
-        return postings_.subspan(static_cast<std::size_t>(slot) * features_max_, entries_[slot].postings);
+    [[nodiscard]] std::span<const WordWeight> bag_of(std::uint32_t slot) const noexcept {
+        return bags_.subspan(static_cast<std::size_t>(slot) * features_max_, entries_[slot].words);
     }
+    void add_posting(std::uint32_t word, std::uint32_t slot, std::uint32_t weight) noexcept;
+    void remove_posting(std::uint32_t word, std::uint32_t slot) noexcept;
 
-    std::span<Posting> postings_;             // features_max per slot
-    std::span<WordOfFeature> direct_;         // likewise
-    std::span<Entry> entries_;                // by slot
-    std::span<std::uint32_t> first_of_word_;  // row + 1; 0: no keyframe has it
+    std::span<WordWeight> bags_;       // features_max per slot
+    std::span<WordOfFeature> direct_;  // likewise
+    std::span<Entry> entries_;         // by slot
+    std::span<Block> blocks_;
+    std::span<std::uint32_t> first_of_word_;  // block + 1; 0: no keyframe has it
+    std::uint32_t first_free_ = 0;            // block + 1
     std::uint32_t features_max_ = 0;
     std::uint32_t size_ = 0;
     std::uint64_t adds_ = 0;

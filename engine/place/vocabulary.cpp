@@ -47,8 +47,8 @@ bool is_name(const char (&name)[kVocabularyNameBytes]) noexcept {
 bool is_possible(const VocabularyInfo& info) noexcept {
     return info.branching >= 2 && info.branching <= kVocabularyBranchingMax && info.levels >= 1 &&
            info.levels <= kVocabularyLevelsMax && info.direct_level >= 1 && info.direct_level <= info.levels &&
-           info.words >= 1 && info.words <= kVocabularyWordsMax && info.blocks >= 1 && info.blocks <= info.words &&
-           is_name(info.name);
+           info.words >= 1 && info.words <= kVocabularyWordsMax && info.blocks >= 1 &&
+           info.blocks <= kVocabularyWordsMax && is_name(info.name);
 }
 
 }  // namespace

@@ -57,14 +57,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     configuration_ = configuration;
     camera_ = camera;
     kernels_ = &kernels;
-    OrbOptions options;
-    options.features_max = configuration.features.count;
-    options.levels = configuration.features.levels;
-    options.scale_factor = configuration.features.scale_factor;
-    options.fast_threshold = static_cast<std::uint8_t>(configuration.features.fast_threshold);
-    options.fast_threshold_low = static_cast<std::uint8_t>(configuration.features.fast_threshold_low);
-    options.even_permille = configuration.features.even_permille;
-    orb_.create(arena, limits, options, kernels);
+    orb_.create(arena, limits, orb_options(configuration.features), kernels);
     extractor_ = extractor != nullptr ? extractor : &orb_;
     features_.create(arena, limits.features_max);
     double scale = 1.0;

@@ -14,6 +14,7 @@
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
 #include "platform/cli/summary.hpp"
+#include "platform/cli/vocabulary_command.hpp"
 #include "platform/evaluation/evaluation.hpp"
 #include "platform/linux/process.hpp"
 
@@ -25,8 +26,7 @@ constexpr const char* kLaterOptions[] = {"--camera", "--inject", "--cloud", "--m
 constexpr const char* kLaterFlags[] = {"--wait"};
 constexpr const char* kLaterCommands[][2] = {{"capture", "record a live camera"},
                                              {"check-camera", "check a camera's calibration"},
-                                             {"report", "compare runs"},
-                                             {"vocabulary", "train a vocabulary"}};
+                                             {"report", "compare runs"}};
 
 int eval(const std::string& truth_file, const std::string& trajectory_file, bool is_json) {
     Trajectory truth;
@@ -210,6 +210,43 @@ int program(int argc, char** argv) {
             ->type_name("[PORT]")
             ->expected(0, 1);
     cameras_app->footer("Exit codes: 0 a camera can stream, or was reset; 1 none can; 2 the USB bus cannot be read.");
+    CLI::App* const vocabulary_command =
+        app.add_subcommand("vocabulary", "what places are recognised by: train one, or show what one is");
+    vocabulary_command->require_subcommand(1);
+    VocabularyTrainArguments training;
+    CLI::App* const train_command = vocabulary_command->add_subcommand("train", "grow a vocabulary from images");
+    train_command
+        ->add_option("--images", training.sources.folders,
+                     "folder of PNG images (all below it), or recording with rgb.txt; may be repeated")
+        ->type_name("DIR")
+        ->allow_extra_args(false);
+    train_command->add_option("--simulate", training.sources.scenes, "rendered scenes beside them; may be repeated")
+        ->type_name("SCENE:SEED[-LAST]")
+        ->allow_extra_args(false);
+    train_command->add_option("--out", training.out, "file to write")->required()->type_name("FILE");
+    train_command->add_option("--every", training.sources.every, "only each N-th image of a recording")
+        ->check(CLI::Range(1U, 1'000'000U).description(""))
+        ->type_name("N");
+    train_command->add_option("--frames", training.sources.frames, "images of each rendered scene (8)")
+        ->check(CLI::Range(1U, 100'000U).description(""))
+        ->type_name("N");
+    train_command->add_option("--features", training.sources.features, "features of an image, at most (1000)")
+        ->check(CLI::Range(50U, 4000U).description(""))
+        ->type_name("N");
+    train_command->add_option("--branching", training.training.branching, "children of a node (10)")->type_name("N");
+    train_command->add_option("--levels", training.training.levels, "levels of the tree (4)")->type_name("N");
+    train_command
+        ->add_option("--direct-level", training.training.direct_level, "level whose nodes features are matched by (2)")
+        ->type_name("N");
+    train_command->add_option("--seed", training.training.seed, "of the first medians (1)")->type_name("N");
+    train_command->add_option("--name", training.training.name, "what 'vocabulary info' calls it")->type_name("TEXT");
+    train_command->add_flag("--json", training.is_json, "as JSON, no progress");
+    std::string vocabulary_file;
+    bool is_info_json = false;
+    CLI::App* const info_command = vocabulary_command->add_subcommand("info", "what a vocabulary is");
+    info_command->add_option("file", vocabulary_file, "the one that comes with the program if not given")
+        ->type_name("FILE");
+    info_command->add_flag("--json", is_info_json, "as JSON");
 
     std::vector<CLI::App*> later_commands;
     for (const auto& [name, sentence] : kLaterCommands) {
@@ -235,6 +272,8 @@ int program(int argc, char** argv) {
         return stillmesh::cameras_command(cameras);
     }
     if (simulate_command->parsed()) return stillmesh::simulate_command(simulation);
+    if (train_command->parsed()) return vocabulary_train_command(training);
+    if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];
     arguments.command = command;

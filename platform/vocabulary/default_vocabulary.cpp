@@ -1,0 +1,25 @@
+// The default vocabulary as a part of the program: the assembler takes the file in, the linker puts it among what is
+// read only.
+#include "platform/vocabulary/vocabulary_file.hpp"
+
+asm(".pushsection .rodata\n"
+    ".balign 64\n"
+    "stillmesh_default_vocabulary_begin:\n"
+    ".incbin \"" STILLMESH_DEFAULT_VOCABULARY
+    "\"\n"
+    "stillmesh_default_vocabulary_end:\n"
+    ".byte 0\n"
+    ".popsection\n");
+
+extern "C" {
+extern const std::byte stillmesh_default_vocabulary_begin[];
+extern const std::byte stillmesh_default_vocabulary_end[];
+}
+
+namespace stillmesh {
+
+std::span<const std::byte> default_vocabulary() noexcept {
+    return {stillmesh_default_vocabulary_begin, stillmesh_default_vocabulary_end};
+}
+
+}  // namespace stillmesh
