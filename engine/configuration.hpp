@@ -216,7 +216,6 @@ struct ScheduleParameters {
 struct MappingParameters {
     bool is_enabled = true;    // off: tracking alone, over a sliding set of keyframes (to measure what mapping earns)
     bool is_adjusting = true;  // local bundle adjustment
-    bool is_filtered = true;   // its observation from a point's reference keyframe: what tracking filtered since
     bool is_fusing = false;
     bool is_triangulating = false;
     bool is_culling = true;               // redundant keyframes
@@ -265,6 +264,8 @@ struct LocalMapParameters {
     std::uint32_t neighbours = 6;
     std::uint32_t shared_min = 15;
     std::uint32_t useful_factor = 10;
+    double nearer_min = 0.3;  // than where a point was made from; eight levels of 1.2 span 3.6
+    double farther_max = 3.0;
 };
 
 struct Configuration {
@@ -485,7 +486,6 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("schedule.slice_units", c.schedule.slice_units, 1.0, 1e9, "units", "background work in one piece");
     v("mapping.is_enabled", c.mapping.is_enabled, 0.0, 1.0, "", "a map that is refined; off: tracking alone");
     v("mapping.is_adjusting", c.mapping.is_adjusting, 0.0, 1.0, "", "local bundle adjustment");
-    v("mapping.is_filtered", c.mapping.is_filtered, 0.0, 1.0, "", "adjust with what tracking filtered");
     v("mapping.is_fusing", c.mapping.is_fusing, 0.0, 1.0, "", "fuse duplicates with neighbours");
     v("mapping.is_triangulating", c.mapping.is_triangulating, 0.0, 1.0, "", "points for features without depth");
     v("mapping.is_culling", c.mapping.is_culling, 0.0, 1.0, "", "forget redundant keyframes");
@@ -537,6 +537,9 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("local_map.near_keyframes", c.local_map.near_keyframes, 0.0, 24.0, "", "with near viewpoints");
     v("local_map.neighbours", c.local_map.neighbours, 0.0, 24.0, "", "of each keyframe taken in");
     v("local_map.shared_min", c.local_map.shared_min, 1.0, 4000.0, "", "points a neighbour shares");
+    v("local_map.nearer_min", c.local_map.nearer_min, 0.0, 1.0, "",
+      "share of a point's first distance, seen from nearer");
+    v("local_map.farther_max", c.local_map.farther_max, 1.0, 100.0, "", "multiple of it, seen from farther");
     v("local_map.useful_factor", c.local_map.useful_factor, 1.0, 1000.0, "",
       "a keyframe that shares so many times less than the first is no use");
     v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");

@@ -1,6 +1,7 @@
 #include "engine/map/local_map.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace stillmesh {
 namespace {
@@ -14,8 +15,14 @@ double turn_cosine(const SE3& a, const SE3& b) noexcept {
 
 }  // namespace
 
-void LocalMap::create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters) noexcept {
+void LocalMap::create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters,
+                      double view_cosine) noexcept {
     parameters_ = parameters;
+    // Until the list is out of date the camera may turn by that much more: cos(a + b).
+    const double turned = parameters.moved_cosine_min;
+    const double sine = std::sqrt(std::max(1.0 - view_cosine * view_cosine, 0.0));
+    const double turned_sine = std::sqrt(std::max(1.0 - turned * turned, 0.0));
+    cone_cosine_ = std::max(view_cosine * turned - sine * turned_sine, 0.0);
     points_.create(arena, points_max(limits));
     listed_ = arena.array<std::uint32_t>(limits.map_points_max);
     is_local_ = arena.array<std::uint8_t>(limits.keyframes_max);
@@ -146,9 +153,23 @@ void LocalMap::build(const Map& map, const SE3& world_from_camera) noexcept {
     points_.clear();
     for (std::uint32_t i = 0; i < chosen_count_; ++i) {
         for (const Observation& observation : map.observations(keyframes.handle_of(chosen_[i]))) {
-            if (map.points().find(observation.point) != nullptr) add(observation.point.slot());
+            const MapPoint* const point = map.points().find(observation.point);
+            if (point != nullptr && may_be_seen(*point)) add(observation.point.slot());
         }
     }
+    const Pool<MapPoint>& points = map.points();
+    for (std::uint32_t slot = 0; slot < points.slots_count() && !points_.is_full(); ++slot) {
+        if (points.is_taken(slot) && may_be_seen(points.at(slot))) add(slot);
+    }
+}
+
+bool LocalMap::may_be_seen(const MapPoint& point) const noexcept {
+    const Vector3 ray = vector_of(point.world) - built_at_.translation;
+    const double along = built_at_.rotation.col(2).dot(ray);
+    if (along <= 0 || along * along < cone_cosine_ * cone_cosine_ * ray.squaredNorm()) return false;
+    // Much nearer or farther than where it was made from, and no level of the pyramid shows it as it was.
+    const auto made_at = static_cast<double>(point.distance_m);
+    return along >= parameters_.nearer_min * made_at && along <= parameters_.farther_max * made_at;
 }
 
 }  // namespace stillmesh

@@ -1,9 +1,10 @@
 // The part of the map that a camera may see: the keyframes that share points with the last frame, their best covisible
-// neighbours and the neighbours of those, and keyframes with a near viewpoint; and the points they observe. Tracking
-// projects these alone, so that its time does not grow with the map. Limits: kKeyframesMax keyframes (at most half of
-// the pool: something must remain that may be evicted) and local_points_max points, nearest keyframes first. Cost of
-// build(): the features of its keyframes and one look at every keyframe's pose; of count_shared(): matches times
-// observers.
+// neighbours and the neighbours of those, and keyframes with a near viewpoint; the points they observe within the
+// camera's view; and, while there is room, any other point of the map within it: keyframes that share most are the
+// newest, and without the points that only old ones observe the map would drift. Tracking projects these alone, so that
+// its time does not grow with the map. Limits: kKeyframesMax keyframes (at most half of the pool: something must remain
+// that may be evicted) and local_points_max points, nearest keyframes first. Cost of build(): the features of its
+// keyframes, one look at every keyframe's pose and at every point; of count(): matches times observers.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +25,9 @@ public:
         arena.array<std::uint8_t>(limits.keyframes_max);
         arena.array<std::uint16_t>(limits.keyframes_max);
     }
-    void create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters = {}) noexcept;
+    // `view_cosine`: of the angle between the camera's axis and its farthest corner.
+    void create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters = {},
+                double view_cosine = 0.7) noexcept;
     void reset() noexcept;
 
     // How many of the matched points (by slot) each keyframe observes. Begin, add each, then build or ask.
@@ -52,6 +55,7 @@ private:
         return limits.local_points_max < limits.map_points_max ? limits.local_points_max : limits.map_points_max;
     }
     bool choose(std::uint32_t keyframe_slot) noexcept;
+    [[nodiscard]] bool may_be_seen(const MapPoint& point) const noexcept;
 
     LocalMapParameters parameters_;
     FixedVector<std::uint32_t> points_;
@@ -62,6 +66,7 @@ private:
     std::uint32_t chosen_count_ = 0;
     std::uint32_t chosen_max_ = 0;
     std::uint32_t round_ = 0;
+    double cone_cosine_ = 0;
     SE3 built_at_;
     Handle<Keyframe> reference_, newest_;
     bool is_built_ = false;

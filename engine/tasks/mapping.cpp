@@ -446,7 +446,6 @@ std::uint32_t Mapping::collect() noexcept {
         const std::span<const Observation> seen = map_->observations(handle);
         const double noise_pixel = tracking_->noise_pixel();
         const double noise_depth = tracking_->noise_depth();
-        const SE3 camera_from_world = problem_keyframes_[k].world_from_camera.inverse();
         for (std::uint32_t i = 0; i < seen.size(); ++i) {
             const Observation& o = seen[i];
             const MapPoint* const point = map_->points().find(o.point);
@@ -463,18 +462,6 @@ std::uint32_t Mapping::collect() noexcept {
             if (o.var_z >= 0) {
                 in.z_m = static_cast<double>(o.z_m);
                 in.var_z = static_cast<double>(o.var_z) * noise_depth;
-            }
-            // Tracking has filtered the point over every frame since: seen from its reference keyframe, that is a
-            // better measurement than the one picture's.
-            if (configuration_.mapping.is_filtered && point->reference == handle) {
-                const Vector3 q = camera_from_world * vector_of(problem_points_[index].world);
-                if (q.z() > configuration_.depth.z_min_m) {
-                    in.x = q.x() / q.z();
-                    in.y = q.y() / q.z();
-                    in.var_pixel = point->var_lateral / (q.z() * q.z()) * noise_pixel;
-                    in.z_m = q.z();
-                    in.var_z = point->var_z * noise_depth;
-                }
             }
             if (adjustment_.add_observation(in) != Status::kOk) continue;
             problem_observations_[problem_observation_count_++] = {static_cast<std::uint16_t>(k),

@@ -29,6 +29,18 @@ double lag_of(const Frame& frame, double unknown_s) noexcept {
     return lag_ns > kLagMax_ns || lag_ns < -kLagMax_ns ? unknown_s : std::abs(static_cast<double>(lag_ns)) / kSecond_ns;
 }
 
+// Of the angle between the axis and the farthest corner of the picture.
+double view_cosine_of(const CameraModel& camera) noexcept {
+    double cosine = 1.0;
+    for (const double x : {0.0, static_cast<double>(camera.width)}) {
+        for (const double y : {0.0, static_cast<double>(camera.height)}) {
+            const Vector2 n = undistort_to_normalised(camera, {x, y});
+            cosine = std::min(cosine, 1.0 / std::sqrt(1.0 + n.squaredNorm()));
+        }
+    }
+    return cosine;
+}
+
 RigidTransform transform_of(const SE3& pose) noexcept {
     RigidTransform out;
     const Vector4 q = quaternion_from_rotation(pose.rotation);
@@ -69,7 +81,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
                     std::span<const double>(scale_).first(configuration.features.levels));
     region_.create(arena, limits);
     map_.create(arena, limits, configuration.map);
-    local_map_.create(arena, limits, configuration.local_map);
+    local_map_.create(arena, limits, configuration.local_map, view_cosine_of(camera));
     keyframe_queue_.create(arena, kQueueMax);
     grey_ = arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
     measured_.create(arena, limits.features_max);
