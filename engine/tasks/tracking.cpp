@@ -205,8 +205,7 @@ void Tracking::learn_shutter(const SE3& world_from_camera, bool counts) noexcept
     for (const std::uint16_t i : chosen_) {
         const Correspondence& c = correspondences_[i];
         const MapPoint& point = map_.points().at(c.point_slot);
-        shutter_.add(c, camera_from_world * c.p_world,
-                     camera_from_world.rotation * vector_of(point.world_by_readout),
+        shutter_.add(c, camera_from_world * c.p_world, camera_from_world.rotation * vector_of(point.world_by_readout),
                      static_cast<double>(features_.keypoints[c.feature].y), shutter_speed_,
                      configuration_.region.point_chi2_max);
     }
@@ -236,8 +235,8 @@ void Tracking::backdate_speed() noexcept {
 Vector3 Tracking::by_readout(const SE3& world_from_camera, const Vector3& p, std::size_t feature) const noexcept {
     const Vector3 turning(pose_by_readout_(3), pose_by_readout_(4), pose_by_readout_(5));
     const Vector3 in_camera =
-        shutter_.by_readout(p, static_cast<double>(features_.keypoints[feature].y), shutter_speed_) +
-        turning.cross(p) + Vector3(pose_by_readout_(0), pose_by_readout_(1), pose_by_readout_(2));
+        shutter_.by_readout(p, static_cast<double>(features_.keypoints[feature].y), shutter_speed_) + turning.cross(p) +
+        Vector3(pose_by_readout_(0), pose_by_readout_(1), pose_by_readout_(2));
     return world_from_camera.rotation * in_camera;
 }
 
@@ -727,12 +726,12 @@ void Tracking::judge(const SE3& world_from_camera, bool is_sure) noexcept {
                 moved.x() = moved.z() * (q.x() / q.z() + gain_lateral * (c.normalised.x() - q.x() / q.z()));
                 moved.y() = moved.z() * (q.y() / q.z() + gain_lateral * (c.normalised.y() - q.y() / q.z()));
                 store(world_from_camera * moved, point.world);
-                const Vector3 learnt = camera_from_world.rotation *
-                                       (by_readout(world_from_camera, c.p_camera, c.feature) -
-                                        vector_of(point.world_by_readout));
+                const Vector3 learnt =
+                    camera_from_world.rotation *
+                    (by_readout(world_from_camera, c.p_camera, c.feature) - vector_of(point.world_by_readout));
                 store(vector_of(point.world_by_readout) +
-                          world_from_camera.rotation * Vector3(learnt.x() * gain_lateral, learnt.y() * gain_lateral,
-                                                               learnt.z() * gain_z),
+                          world_from_camera.rotation *
+                              Vector3(learnt.x() * gain_lateral, learnt.y() * gain_lateral, learnt.z() * gain_z),
                       point.world_by_readout);
                 point.var_z = std::max(point.var_z * (1.0 - gain_z), weights.variance_min * var_z);
                 point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), weights.variance_min * lateral);

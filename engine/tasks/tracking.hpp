@@ -100,7 +100,8 @@ private:
     void learn_shutter(const SE3& world_from_camera, bool counts) noexcept;
     void backdate_speed() noexcept;
     void adopt_readout() noexcept;
-    [[nodiscard]] Vector3 by_readout(const SE3& world_from_camera, const Vector3& p, std::size_t feature) const noexcept;
+    [[nodiscard]] Vector3 by_readout(const SE3& world_from_camera, const Vector3& p,
+                                     std::size_t feature) const noexcept;
     void predict(const Frame& frame) noexcept;
     void gather_correspondences() noexcept;
     void start_map() noexcept;
@@ -178,7 +179,7 @@ private:
     RollingShutter shutter_;
     Vector6 pose_by_readout_ = Vector6::Zero();           // of world_from_camera_, per second, in the camera
     Vector6 pose_by_readout_previous_ = Vector6::Zero();  // of world_from_camera_previous_
-    Vector6 shutter_speed_ = Vector6::Zero();   // that measured_ was carried with
+    Vector6 shutter_speed_ = Vector6::Zero();             // that measured_ was carried with
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
     double renewed_share_ = 0;                  // of the local map that the last keyframe added

@@ -402,6 +402,43 @@ TEST(Map, IsExpressedWithAnotherReadout) {
     EXPECT_LE((map->keyframes().find(handle)->world_from_camera.translation - pose.translation).norm(), 1e-12);
 }
 
+Handle<MapPoint> add_point_ahead(Map& map, const Vector3& world = {0, 0, 2}, float made_at_m = 2) {
+    const Handle<MapPoint> handle = add_point(map);
+    store(world, map.points().find(handle)->world);
+    map.points().find(handle)->distance_m = made_at_m;
+    return handle;
+}
+
+// Promise: what is in view is listed although only a keyframe far away observes it; what is behind, beside, or was made
+// from much farther or nearer is not, whoever observes it; the view is as wide as the camera's, and a little more.
+TEST(LocalMap, ListsAllThatIsInView) {
+    MapInMemory map(small(8, 60, 20));
+    test::InMemory<LocalMap> local(small(8, 60, 20));
+    const Handle<Keyframe> far = add_keyframe(*map, 1);
+    map->keyframes().find(far)->world_from_camera.translation = Vector3(50, 0, 0);
+    const Handle<Keyframe> here = add_keyframe(*map, 2);
+    struct Case {
+        Vector3 world;
+        float made_at_m;
+        bool is_in_view;
+    };
+    // Created with a cosine of 0.7: 45.6 degrees, and 5.7 more.
+    const Case cases[] = {{{0, 0, 2}, 2, true},    {{0, 0, -2}, 2, false},   {{1.9, 0, 2}, 2, true},
+                          {{2.35, 0, 2}, 2, true}, {{2.6, 0, 2}, 2, false},  {{0, -2.6, 2}, 2, false},
+                          {{0, 0, 2}, 7, false},   {{0, 0, 2}, 0.6F, false}, {{0, 0, 2}, 6, true},
+                          {{0, 0, 2}, 0.7F, true}};
+    std::vector<Handle<MapPoint>> points;
+    for (const Case& one : cases) {
+        points.push_back(add_point_ahead(*map, one.world, one.made_at_m));
+        map->add_observation(points.size() % 2 == 0 ? far : here, observation_of(points.back()));
+    }
+    local->build(*map, SE3{});
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        const auto listed = local->points();
+        EXPECT_EQ(std::count(listed.begin(), listed.end(), points[i].slot()), cases[i].is_in_view ? 1 : 0) << i;
+    }
+}
+
 // Promise: the local map lists points once, new ones at once, never more than its limit, and at most half the
 // keyframes.
 TEST(LocalMap, ListsPointsOnce) {
@@ -411,7 +448,7 @@ TEST(LocalMap, ListsPointsOnce) {
     test::InMemory<LocalMap> local(limits);
     ASSERT_EQ(local.used_bytes(), local.planned_bytes());
     std::vector<Handle<MapPoint>> points;
-    for (int i = 0; i < 40; ++i) points.push_back(add_point(*map));
+    for (int i = 0; i < 40; ++i) points.push_back(add_point_ahead(*map));
     for (std::uint64_t k = 0; k < 8; ++k) {
         const Handle<Keyframe> keyframe = add_keyframe(*map, k + 1);
         for (std::size_t i = 0; i < 12; ++i) map->add_observation(keyframe, observation_of(points[4 * k + i]));
