@@ -220,7 +220,7 @@ std::vector<std::byte> train_vocabulary(const TrainingSet& set, const TrainingOp
     Writer writer(options.branching);
     writer.add(root);
     const std::size_t weights_at = writer.bytes.size();
-    writer.bytes.resize(weights_at + std::size_t{4} * words);
+    writer.bytes.resize(weights_at + std::size_t{4} * static_cast<std::size_t>(words));
 
     VocabularyInfo info;
     info.branching = options.branching;
@@ -241,8 +241,8 @@ std::vector<std::byte> train_vocabulary(const TrainingSet& set, const TrainingOp
         return {};
     }
     // idf, by the way that every descriptor will take through the finished tree.
-    std::vector<std::uint32_t> images_with(words, 0);
-    std::vector<std::uint32_t> last_image(words, std::numeric_limits<std::uint32_t>::max());
+    std::vector<std::uint32_t> images_with(static_cast<std::size_t>(words), 0);
+    std::vector<std::uint32_t> last_image(static_cast<std::size_t>(words), std::numeric_limits<std::uint32_t>::max());
     for (std::size_t i = 0; i < set.descriptors.size(); ++i) {
         const std::uint32_t word = vocabulary.word_of(set.descriptors[i]);
         if (last_image[word] == set.image_of[i]) continue;

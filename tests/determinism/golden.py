@@ -6,7 +6,8 @@ usage: golden.py [--update] [--only NAME] [--data DIR] PROGRAM [PROGRAM ...]
 A PROGRAM is a path of `stillmesh`, or a command such as 'qemu-arm -L SYSROOT stillmesh'. Every program must give the hashes
 of the first one, frame by frame, and the hash over all frames that golden.txt holds. --update writes golden.txt from the
 first program, for the commit that changes numbers on purpose. Real recordings are looked for in --data (the environment's
-STILLMESH_TEST_DATA); without them, CI fails and others are told.
+STILLMESH_TEST_DATA); without them, CI fails and others are told. STILLMESH_NATIVE_PROGRAM in the environment is a program
+before the others, built of the same source: what others give is then compared with it at every frame.
 Exit: 0 equal, 1 not, 77 nothing could be compared.
 """
 import argparse
@@ -49,6 +50,8 @@ def main():
     parser.add_argument("--data", default=os.environ.get("STILLMESH_TEST_DATA", ""))
     parser.add_argument("programs", nargs="+", metavar="PROGRAM")
     arguments = parser.parse_args()
+    if os.environ.get("STILLMESH_NATIVE_PROGRAM"):
+        arguments.programs.insert(0, os.environ["STILLMESH_NATIVE_PROGRAM"])
     golden = dict(line.split() for line in GOLDEN.read_text().splitlines() if line and not line.startswith("#")) \
         if GOLDEN.is_file() else {}
     compared, wrong = 0, 0
