@@ -42,10 +42,11 @@ struct Sequence {
 
 // Renders a scene. Throws when there is none of this name.
 inline Sequence rendered(const std::string& scene, std::uint32_t frames, std::uint32_t width, std::uint32_t height,
-                         std::uint64_t seed = 1) {
+                         std::uint64_t seed = 1, std::uint64_t day = 0) {
     SimulationOptions options;
     options.scene = scene;
     options.seed = seed;
+    options.day = day;
     options.frames = frames;
     options.width = width;
     options.height = height;

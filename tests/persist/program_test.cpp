@@ -1,0 +1,188 @@
+// Maps as a user meets them: switches, sentences, exit codes, and what is on the disk afterwards.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/record/map_file.hpp"
+
+namespace stillmesh {
+namespace {
+
+struct Answer {
+    int code = -1;
+    std::string text;  // standard output and error
+};
+
+Answer stillmesh_says(const std::string& arguments) {
+    Answer answer;
+    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
+    if (pipe == nullptr) return answer;
+    char buffer[512];
+    while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) answer.text += buffer;
+    const int status = ::pclose(pipe);
+    if (WIFEXITED(status)) answer.code = WEXITSTATUS(status);
+    return answer;
+}
+
+std::string text_of(const std::string& file) {
+    std::ifstream stream(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+}
+void write_text(const std::string& file, const std::string& text) {
+    std::ofstream(file, std::ios::binary) << text;
+}
+
+// A folder with a map of a room in it, made by the program once.
+struct ProgramMaps : testing::Test {
+    static void SetUpTestSuite() {
+        char name[] = "/tmp/stillmesh_maps_XXXXXX";
+        if (::mkdtemp(name) != nullptr) folder = name;
+        made = stillmesh_says("run --simulate static_xyz:1 --frames 16 --json --map-out " + at("room.map"));
+    }
+    static void TearDownTestSuite() {
+        std::error_code error;
+        std::filesystem::remove_all(folder, error);
+    }
+    static std::string at(const std::string& name) { return folder + "/" + name; }
+    static inline std::string folder;
+    static inline Answer made;
+};
+
+// Whether a header and the length of the file agree.
+bool is_map(const std::string& file) {
+    const std::string text = text_of(file);
+    MapFileInfo info;
+    MapFileProblem problem;
+    return read_map_header(std::as_bytes(std::span(text)), info, problem) == Status::kOk &&
+           info.size_bytes == text.size();
+}
+
+// Promise: a map is written, read, localised in and gone on with; the summary says so.
+TEST_F(ProgramMaps, ThereAndBack) {
+    ASSERT_EQ(made.code, 0) << made.text;
+    EXPECT_NE(made.text.find("\"what\": \"written\""), std::string::npos) << made.text;
+    ASSERT_TRUE(is_map(at("room.map")));
+    const std::string before = text_of(at("room.map"));
+    const Answer localised =
+        stillmesh_says("run --simulate static_xyz:1+5 --frames 10 --localize --map-in " + at("room.map"));
+    EXPECT_EQ(localised.code, 0) << localised.text;
+    EXPECT_NE(localised.text.find("map localised in " + at("room.map")), std::string::npos) << localised.text;
+    EXPECT_TRUE(text_of(at("room.map")) == before);
+    // On in the same file: what was read is replaced by what has become of it.
+    const Answer gone_on = stillmesh_says("run --simulate static_xyz:1+5 --frames 10 --map-in " + at("room.map") +
+                                          " --map-out " + at("more.map"));
+    EXPECT_EQ(gone_on.code, 0) << gone_on.text;
+    EXPECT_TRUE(is_map(at("more.map")));
+    EXPECT_FALSE(text_of(at("more.map")) == before);
+}
+
+// Promise: a recording of a run that began in a map repeats with the map, and not without.
+TEST_F(ProgramMaps, RecordingsRepeatWithTheirMap) {
+    const Answer run = stillmesh_says("run --simulate static_xyz:1+5 --frames 8 --map-in " + at("room.map") +
+                                      " --record " + at("run.rec") + " --record-frames " + at("frames") +
+                                      " --map-every 0.1 --map-out " + at("x.map"));
+    EXPECT_EQ(run.code, 0) << run.text;
+    const std::string rerun = "rerun " + at("run.rec") + " --replay " + at("frames");
+    const Answer with = stillmesh_says(rerun + " --map-in " + at("room.map"));
+    EXPECT_EQ(with.code, 0) << with.text;
+    EXPECT_NE(with.text.find("8 frames repeated"), std::string::npos) << with.text;
+    EXPECT_EQ(stillmesh_says(rerun).code, 1);
+    EXPECT_EQ(stillmesh_says(rerun + " --map-in " + at("none.map")).code, 2);
+}
+
+// Promise: whatever is wrong with a map or with what is asked of it is said in one sentence, with exit 2, and nothing
+// is overwritten.
+TEST_F(ProgramMaps, BadMaps) {
+    const std::string good = text_of(at("room.map"));
+    ASSERT_GT(good.size(), 1000U);
+    const auto variant = [&](const std::string& name, std::string text) {
+        write_text(at(name), text);
+        return at(name);
+    };
+    const auto flipped = [&](std::size_t place) {
+        std::string text = good;
+        text[place] = static_cast<char>(text[place] ^ 4);
+        return text;
+    };
+    std::filesystem::create_directories(at("folder"));
+    write_text(at("kept.map"), "the map of yesterday");
+    const std::string in = "--map-in ";
+    const struct {
+        std::string arguments, sentence;
+    } cases[] = {
+        {in + at("none.map"), "none.map: cannot be read: No such file"},
+        {in + at("folder"), "folder: cannot be read: it is no regular file"},
+        {in + "/dev/zero", "/dev/zero: cannot be read: it is no regular file"},
+        {in + variant("empty.map", ""), "empty.map: is no map of Stillmesh"},
+        {in + variant("text.map", "hello, world"), "text.map: is no map of Stillmesh"},
+        {in + variant("short.map", good.substr(0, 50)), "short.map: is cut off: 50 bytes of 96"},
+        {in + variant("cut.map", good.substr(0, good.size() - 1)), "cut.map: is cut off: "},
+        {in + variant("long.map", good + "x"), "long.map: is damaged: "},
+        {in + variant("version.map", flipped(8)), "version.map: is a map of version 5; this program reads version 1"},
+        {in + variant("header.map", flipped(24)), "header.map: is damaged: the checksum of its header"},
+        {in + variant("points.map", flipped(good.size() / 20)), "points.map: is damaged: the checksum of its "},
+        {in + at("room.map") + " --limits pocket", "room.map: is larger than the limits: it needs limits.features_max"},
+        {in + at("room.map") + " --set features.levels=6", "room.map: was made with features.levels = 8"},
+        {in + at("room.map") + " --localize", "--localize leaves the map as it is"},
+        {"--localize", "--localize: needs the map"},
+        {"--map-out " + at("none/a.map"), "none/a.map: cannot be written"},
+        {"--map-out " + at("folder"), "folder: is no regular file"},
+    };
+    for (const auto& c : cases) {
+        const bool has_out = c.arguments.find("--map-out") != std::string::npos;
+        const Answer answer =
+            stillmesh_says("run --simulate static_xyz:1 --frames 2 " + c.arguments +
+                           (has_out || c.arguments == "--localize" ? "" : " --map-out " + at("kept.map")));
+        EXPECT_EQ(answer.code, 2) << c.arguments << ": " << answer.text;
+        EXPECT_NE(answer.text.find(c.sentence), std::string::npos) << c.arguments << ": " << answer.text;
+        EXPECT_EQ(answer.text.find('\n'), answer.text.size() - 1) << "one sentence: " << answer.text;
+        EXPECT_EQ(text_of(at("kept.map")), "the map of yesterday") << c.arguments;
+    }
+    EXPECT_EQ(stillmesh_says("run --simulate static_xyz:1 --map-every 3").code, 2);
+    EXPECT_FALSE(std::filesystem::exists(at("kept.map.part")));
+}
+
+// Promise: SIGTERM ends a run with its map on the disk; kill -9 leaves the map that was saved last.
+TEST_F(ProgramMaps, SignalsLeaveAMap) {
+    for (const int signal : {SIGTERM, SIGKILL}) {
+        const std::string file = at("signal" + std::to_string(signal) + ".map");
+        const std::string path = file + ".txt";
+        const pid_t child = ::fork();
+        ASSERT_GE(child, 0);
+        if (child == 0) {
+            static_cast<void>(std::freopen("/dev/null", "w", stdout));
+            static_cast<void>(std::freopen("/dev/null", "w", stderr));
+            ::execl(STILLMESH_PROGRAM, STILLMESH_PROGRAM, "run", "--simulate", "static_xyz:1", "--frames", "100000",
+                    "--map-every", signal == SIGKILL ? "0.2" : "1000", "--map-out", file.c_str(), "--trajectory",
+                    path.c_str(), nullptr);
+            ::_exit(127);
+        }
+        // Until frames have come; for the kill, until a map has been saved.
+        for (int i = 0; i < 600; ++i) {
+            if (signal == SIGKILL ? std::filesystem::exists(file) : text_of(path).size() > 500) break;
+            ::usleep(100'000);
+        }
+        ::usleep(50'000);
+        ASSERT_EQ(::kill(child, signal), 0);
+        int status = 0;
+        ASSERT_EQ(::waitpid(child, &status, 0), child);
+        if (signal == SIGTERM) {
+            EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 128 + SIGTERM) << status;
+        }
+        EXPECT_TRUE(is_map(file)) << signal;
+        const Answer answer = stillmesh_says("run --simulate static_xyz:1 --frames 6 --localize --map-in " + file);
+        EXPECT_EQ(answer.code, 0) << answer.text;
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
