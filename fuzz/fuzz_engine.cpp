@@ -52,6 +52,7 @@ Configuration configuration_from(fuzz::Bytes& bytes) {
     Configuration configuration;
     configuration.features.count = Limits::tiny().features_max;
     configuration.features.levels = Limits::tiny().pyramid_levels_max;
+    configuration.mapping.window_keyframes = Limits::tiny().keyframes_max;
     for (int changes = bytes.u8() % 8; changes > 0; --changes) {
         const std::uint32_t which = bytes.u8();
         const double part = bytes.u16() / 65535.0;

@@ -2,6 +2,7 @@
 //   accuracy                                       all scenes, seeds 1 to 10, region extraction on and off
 //   accuracy --scenes walking_xyz --seeds 1-2 --frames 150 --region on --set keyframes.gap_min=6
 //   accuracy --variant gap6:keyframes.gap_min=6    a further engine on the same frames, beside the default one
+//   accuracy --variant alone:mapping.is_enabled=false   what mapping earns over tracking alone
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
 //   accuracy --gate                                exit 1 with the names of what misses its bar
 #include <fmt/format.h>
@@ -132,8 +133,8 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
 
 int show(const Arguments& arguments, bool is_gated, const Outcome& outcome) {
     fmt::print("{}\n{}\n", run_table(outcome.results), scene_table(outcome.results));
-    for (const std::string& table :
-         {shares_table(outcome.results), nees_table(outcome.results), summary(outcome.results)}) {
+    for (const std::string& table : {shares_table(outcome.results), nees_table(outcome.results),
+                                     mapping_table(outcome.results), summary(outcome.results)}) {
         if (!table.empty()) fmt::print("{}\n", table);
     }
     std::string message;

@@ -107,7 +107,8 @@ std::string scene_table(const std::vector<Result>& results) {
             lost += m.is_lost();
         }
         const double bar = ate_bar(*bundle.runs.front());
-        const bool is_over = bar > 0 && bundle.variant == "on" && (ate_worst > bar || !is_measured);
+        const bool is_over =
+            bar > 0 && (bundle.variant == "on" || bundle.variant == "alone") && (ate_worst > bar || !is_measured);
         out +=
             fmt::format("{:<20} {:<8} {:>5} {:>8} {:>8} {:>6} {:>7} {:>7.1f} {:>7} {:>7} {:>7} {:>7} {:>7} {:>6}{}{}\n",
                         bundle.scene, bundle.variant, bundle.runs.size(), is_measured ? metres(ate) : "-",
@@ -205,6 +206,24 @@ std::string nees_table(const std::vector<Result>& results) {
            "fit: "
            "all poses aligned; ate: aligned as for ATE.\nerror: RMS after the fit; said: RMS the covariance says; bad: "
            "covariances that cannot be inverted.\n";
+}
+
+std::string mapping_table(const std::vector<Result>& results) {
+    const std::vector<MappingSet> sets = mapping_sets(results);
+    if (sets.empty()) return "";
+    std::string out =
+        fmt::format("{:<20} {:>5} {:>9} {:>9} {:>7}\n", "mean ATE m", "runs", "mapping", "alone", "ratio");
+    for (const MappingSet& set : sets) {
+        out += fmt::format("{:<20} {:>5} {:>9.4f} {:>9.4f} {:>7.2f}{}\n", set.name, set.runs, set.on_m, set.alone_m,
+                           set.ratio(), set.ratio() > kMappingSetGoal ? "  worse than it should be" : "");
+    }
+    const MappingSet mean = mapping_mean(sets);
+    return out + fmt::format(
+                     "{:<20} {:>5} {:>9.4f} {:>9.4f} {:>7.2f}\nto reach: mean {:.2f}, no set above {:.2f}; "
+                     "gated today: mean {:.2f}, no set above {:.2f} or {:.0f} mm more. Sets of at least {} "
+                     "frames.\n",
+                     mean.name, mean.runs, mean.on_m, mean.alone_m, mean.ratio(), kMappingMeanGoal, kMappingSetGoal,
+                     kMappingMeanMax, kMappingSetGoal, 1000 * kMappingSetSlack_m, kMappingFramesMin);
 }
 
 std::string summary(const std::vector<Result>& results) {

@@ -12,6 +12,8 @@ namespace stillmesh::accuracy {
 [[nodiscard]] std::string scene_table(const std::vector<Result>& results);   // mean and worst over the seeds
 [[nodiscard]] std::string shares_table(const std::vector<Result>& results);  // method.md 11, for the engine
 [[nodiscard]] std::string nees_table(const std::vector<Result>& results);    // static scenes
-[[nodiscard]] std::string summary(const std::vector<Result>& results);       // the promises over all runs
+// With mapping and without it, where there are both.
+[[nodiscard]] std::string mapping_table(const std::vector<Result>& results);
+[[nodiscard]] std::string summary(const std::vector<Result>& results);  // the promises over all runs
 
 }  // namespace stillmesh::accuracy

@@ -136,6 +136,7 @@ int run(const Arguments& arguments) {
     Configuration configuration = Configuration::indoor();
     configuration.features.count = std::min(configuration.features.count, limits.features_max);
     configuration.features.levels = std::min(configuration.features.levels, limits.pyramid_levels_max);
+    configuration.mapping.window_keyframes = std::min(configuration.mapping.window_keyframes, limits.keyframes_max);
     std::string message;
     for (const std::string& assignment : arguments.set) {
         if (!accuracy::set_parameter(configuration, assignment, message)) return complain(message);

@@ -2,7 +2,8 @@
 // the same frames; their pieces are the same, bit by bit, so the least time of each piece over the copies is the
 // piece's own, without what the machine did meanwhile. Pieces are put together to slices as the scheduler does it.
 //   bench_slices [--input SCENE:SEED | --input FOLDER] [--max MS] [--spread FACTOR]: exit 1 when a slice is longer, or
-//   when in a stage with more than 1 % of the time a unit takes FACTOR times more or less than on average.
+//   when in a stage with more than 1 % of the time a unit takes FACTOR times more or less than on average. Full pools:
+//   --limits pocket --gap 3, or --limits room --gap 1.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -30,6 +31,7 @@ struct Arguments {
     std::string input = "walking_loop:1", limits = "room";
     std::uint32_t frames = 400, copies = 3, gap = 0;
     double max_ms = 1e9, spread = 1e9;
+    bool has_all_stages = false;
 };
 
 double cpu_us() {
@@ -64,6 +66,7 @@ int run(const Arguments& arguments, DepthCamera& camera) {
     const Limits limits = arguments.limits == "pocket" ? Limits::pocket() : Limits::room();
     Configuration configuration = Configuration::indoor();
     configuration.features.count = std::min(configuration.features.count, limits.features_max);
+    if (arguments.has_all_stages) configuration.mapping.is_fusing = configuration.mapping.is_triangulating = true;
     if (arguments.gap > 0) {
         configuration.keyframes.tracked_share_max = 1.0;
         configuration.keyframes.new_points_min = 1;
@@ -142,10 +145,11 @@ int run(const Arguments& arguments, DepthCamera& camera) {
     if (slices.empty()) return complain("mapping had nothing to do.");
 
     double us = 0;
-    std::uint64_t units = 0;
+    std::uint64_t units = 0, units_max = 0;
     for (const StageSums& s : stages) {
         us += s.us;
         units += s.units;
+        units_max = std::max(units_max, s.units_max);
     }
     const double ns_per_unit = 1e3 * us / static_cast<double>(units);
     fmt::print("{} frames of {}, {} copies, {} keyframes, {} points; least processor time of a piece\n", frames,
@@ -173,6 +177,13 @@ int run(const Arguments& arguments, DepthCamera& camera) {
                    kStageNames[static_cast<std::size_t>(slices[i].stage)], slices[i].units);
     }
     fmt::print("\n");
+    const std::uint32_t piece_max = copies.front()->mapping.piece_units_max();
+    fmt::print("ceiling of a piece {} units (seen {}), of a slice {} units (seen {})\n", piece_max, units_max,
+               configuration.schedule.slice_units + piece_max,
+               std::max_element(slices.begin(), slices.end(), [](const Piece& a, const Piece& b) {
+                   return a.units < b.units;
+               })->units);
+    if (units_max > piece_max) return complain("a piece took more units than its ceiling.");
     const double longest_ms = 1e-3 * slices.front().us;
     const bool is_good = longest_ms <= arguments.max_ms && spread <= arguments.spread;
     fmt::print("longest slice {:.3f} ms; a unit of a stage is within a factor of {:.2f} of the mean: {}\n", longest_ms,
@@ -207,6 +218,7 @@ int main(int argc, char** argv) {
     app.add_option("--frames", arguments.frames)->check(CLI::Range(10U, 1'000'000U))->capture_default_str();
     app.add_option("--copies", arguments.copies, "of the engine")->check(CLI::Range(1U, 16U))->capture_default_str();
     app.add_option("--gap", arguments.gap, "a keyframe every so many frames; 0: as configured")->capture_default_str();
+    app.add_flag("--all-stages", arguments.has_all_stages, "fusion and triangulation, too");
     app.add_option("--limits", arguments.limits)->check(CLI::IsMember({"room", "pocket"}))->capture_default_str();
     app.add_option("--max", arguments.max_ms, "ms, of the longest slice");
     app.add_option("--spread", arguments.spread, "between the time of a stage's unit and the mean");

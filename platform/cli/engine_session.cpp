@@ -72,6 +72,7 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
         configuration.features.count = limits.features_max;
     }
     configuration.features.levels = std::min(configuration.features.levels, limits.pyramid_levels_max);
+    configuration.mapping.window_keyframes = std::min(configuration.mapping.window_keyframes, limits.keyframes_max);
     const std::vector<ParameterView> parameters = parameters_of(limits, configuration);
     std::string source = "the defaults";
     if (!options.configuration.empty()) {

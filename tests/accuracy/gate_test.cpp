@@ -12,21 +12,21 @@ Result good(const std::string& scene, const std::string& variant = "on") {
     Measures& m = result.measures;
     m.frames = m.tracked = m.judged_tracked = m.right = m.right_tracked = m.nees_frames = 1000;
     m.ends_with_pose = true;
-    m.ate_m = variant == "off" ? 0.16 : 0.02;
+    m.ate_m = variant == "off" ? 0.08 : scene.starts_with("st") || scene.starts_with("si") ? 0.008 : 0.02;
     m.nees_first_sum = 6000;
     return result;
 }
 
 std::vector<Result> all_good() {
     return {good("static_xyz"),  good("sitting_rpy"),   good("walking_xyz"), good("walking_xyz", "off"),
-            good("trolley_xyz"), good("trolley_first"), good("rearranged")};
+            good("trolley_xyz"), good("trolley_first"), good("rearranged"),  good("walking_xyz", "alone")};
 }
 
 // Promise: runs at the bars pass every gate.
 TEST(Gate, PassesAtTheBars) {
     std::vector<Result> results = all_good();
-    results[2].measures.ate_m = 0.04;
-    results[4].measures.ate_m = 0.08;
+    results[4].measures.ate_m = 0.05;
+    results[7].measures.ate_m = 0.04;  // tracking alone
     results[0].measures.tracked = 980;
     results[0].measures.none = 20;
     results[0].measures.hole_longest = 20;
@@ -46,14 +46,14 @@ TEST(Gate, FailsBeyondEachBar) {
         void (*spoil)(Measures&);
     };
     const Story stories[] = {
-        {"static", 0, [](Measures& m) { m.ate_m = 0.0201; }},
-        {"sitting", 1, [](Measures& m) { m.ate_m = 0.0201; }},
+        {"static", 0, [](Measures& m) { m.ate_m = 0.0081; }},
+        {"sitting", 1, [](Measures& m) { m.ate_m = 0.0081; }},
         {"walking", 2,
          [](Measures& m) {
-             m.ate_m = 0.0401;
+             m.ate_m = 0.0201;
              m.wrong_tracked = 0;
          }},
-        {"trolley", 4, [](Measures& m) { m.ate_m = 0.0801; }},
+        {"trolley", 4, [](Measures& m) { m.ate_m = 0.0501; }},
         {"rearranged", 6, [](Measures& m) { m.ate_m = 0.0201; }},
         {"static", 0,
          [](Measures& m) {
@@ -68,6 +68,8 @@ TEST(Gate, FailsBeyondEachBar) {
         {"nees", 0, [](Measures& m) { m.nees_first_sum = 2999; }},
         {"nees", 0, [](Measures& m) { m.covariance_bad = 1; }},
         {"region", 3, [](Measures& m) { m.ate_m = 0.0799; }},
+        {"walking", 7, [](Measures& m) { m.ate_m = 0.0401; }},
+        {"mapping", 7, [](Measures& m) { m.ate_m = 0.0181; }},
     };
     for (const Story& story : stories) {
         std::vector<Result> results = all_good();
@@ -88,10 +90,45 @@ TEST(Gate, NothingToLookAtFails) {
 TEST(Gate, RecordingsHaveTheirOwnBars) {
     Result result = good("fr1_rpy_a_walking");
     result.is_recording = true;
-    result.measures.ate_m = 0.08;
+    result.measures.ate_m = 0.045;
     EXPECT_TRUE(failures_of({result}, {"recordings"}).empty());
     result.scene = "fr1_rpy_a";
     EXPECT_EQ(failures_of({result}, {"recordings"}).size(), 1U);
+    result.variant = "alone";  // tracking alone
+    result.measures.ate_m = 0.05;
+    EXPECT_TRUE(failures_of({result}, {"recordings"}).empty());
+    result.measures.ate_m = 0.0501;
+    EXPECT_EQ(failures_of({result}, {"recordings"}).size(), 1U);
+}
+
+// Promise: mapping is held against tracking alone set by set, a set's seeds together, short runs and trolley_first left
+// out, and by the mean over the sets.
+TEST(Gate, MappingIsHeldAgainstTrackingAlone) {
+    std::vector<Result> results;
+    const auto add = [&](const std::string& scene, std::uint64_t seed, double on_m, double alone_m,
+                         std::uint32_t frames = 300) {
+        for (const char* variant : {"on", "alone"}) {
+            Result result{scene, seed, false, variant, {}};
+            result.measures.frames = frames;
+            result.measures.ate_m = std::string(variant) == "on" ? on_m : alone_m;
+            results.push_back(result);
+        }
+    };
+    add("static_xyz", 1, 0.004, 0.005);
+    add("static_xyz", 2, 0.006, 0.005);  // one seed may be worse
+    add("walking_xyz", 1, 0.010, 0.020);
+    add("walking_rpy", 1, 9, 0.020, 299);
+    add("trolley_first", 1, 9, 0.020);
+    const std::vector<MappingSet> sets = mapping_sets(results);
+    ASSERT_EQ(sets.size(), 2U);
+    EXPECT_EQ(sets[0].runs, 2U);
+    EXPECT_DOUBLE_EQ(sets[0].ratio(), 1.0);
+    EXPECT_DOUBLE_EQ(mapping_mean(sets).ratio(), 0.015 / 0.025);
+    EXPECT_TRUE(failures_of(results, {"mapping"}).empty());
+    add("static_rpy", 1, 0.0061, 0.005);  // more than 1 mm and a tenth worse, though the mean is better
+    EXPECT_EQ(failures_of(results, {"mapping"}).size(), 1U);
+    add("sitting_xyz", 1, 0.100, 0.090);  // beyond a tenth: the set, and the mean is now worse by less than a tenth
+    EXPECT_EQ(failures_of(results, {"mapping"}).size(), 2U);
 }
 
 // Promise: results written and read again are the same; other text is refused.

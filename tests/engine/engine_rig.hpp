@@ -17,6 +17,7 @@ inline Configuration fitting(const Limits& limits) {
     Configuration out;
     if (out.features.count > limits.features_max) out.features.count = limits.features_max;
     if (out.features.levels > limits.pyramid_levels_max) out.features.levels = limits.pyramid_levels_max;
+    if (out.mapping.window_keyframes > limits.keyframes_max) out.mapping.window_keyframes = limits.keyframes_max;
     return out;
 }
 

@@ -65,6 +65,7 @@ TEST(Consumer, TracksWithTheLibraryAlone) {
     Configuration configuration;
     configuration.features.count = limits.features_max;
     configuration.features.levels = limits.pyramid_levels_max;
+    configuration.mapping.window_keyframes = limits.keyframes_max;
     EXPECT_EQ(validate(configuration, limits).key, nullptr);
     configuration.features.count = limits.features_max + 1;
     EXPECT_STREQ(validate(configuration, limits).key, "features.count");

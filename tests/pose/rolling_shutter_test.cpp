@@ -314,6 +314,90 @@ TEST(RollingShutter, SaysHowThePoseMoves) {
     EXPECT_LE((found - moves).norm(), 0.05 * moves.norm());
 }
 
+// Promise: what a frame is worth is as documented: its finding F with information I counts `trust` I against the
+// prior's 1 / sigma_s^2, what came before it fades by `fading` a frame, and no finding is scaled (with nothing to weigh
+// it down the first frame's readout is believed whole).
+TEST(RollingShutter, WeighsFramesAsDocumented) {
+    Random random(16);
+    const std::vector<Seen> first = frame_of(4 * kPoints, random, 0.012);
+    const std::vector<Seen> second = frame_of(4 * kPoints, random, 0.030);
+    // Both against a shutter that is thought global, so that the two findings are the same whatever is believed.
+    const auto after = [&](const ShutterParameters& parameters, std::uint32_t firsts, std::uint32_t seconds) {
+        RollingShutter shutter;
+        shutter.create(-1, kHeight, parameters);
+        for (std::uint32_t i = 0; i < firsts + seconds; ++i) {
+            shutter.begin_frame();
+            for (const Seen& one : i < firsts ? first : second) {
+                shutter.add(one.c, one.c.p_world, Vector3::Zero(), one.y_px, kTurning, 1000.0);
+            }
+            static_cast<void>(shutter.end_frame(true));
+        }
+        EXPECT_TRUE(shutter.adopt());
+        return shutter.readout_s();
+    };
+    ShutterParameters sure;
+    sure.negligible_s = sure.step_s = sure.info_share_min = 0;
+    sure.sigma_s = 1.0;  // hardly a prior
+    const double found_first = after(sure, 1, 0);
+    const double found_second = after(sure, 0, 1);
+    EXPECT_NEAR(found_first, 0.012, 0.002);
+    EXPECT_NEAR(found_second, 0.030, 0.002);
+    // F / estimate - 1 = 1 / (sigma^2 trust I): inverse in trust and in the square of sigma.
+    ShutterParameters doubting = sure;
+    doubting.sigma_s = 0.001;
+    const double doubt = found_first / after(doubting, 1, 0) - 1.0;
+    ASSERT_GT(doubt, 0.01);
+    doubting.trust *= 2;
+    EXPECT_NEAR(found_first / after(doubting, 1, 0) - 1.0, doubt / 2, 1e-3 * doubt);
+    doubting.trust /= 2;
+    doubting.sigma_s /= 2;
+    EXPECT_NEAR(found_first / after(doubting, 1, 0) - 1.0, doubt * 4, 4e-3 * doubt);
+    // n frames of the first kind, then m of the second: geometric sums of the fading.
+    const auto sum = [](double fading, int from, int count) {
+        double out = 0;
+        for (int i = from; i < from + count; ++i) out += std::pow(fading, i);
+        return out;
+    };
+    const double first_info = 1.0 / (found_first / after(doubting, 1, 0) - 1.0);
+    const double second_info = 1.0 / (found_second / after(doubting, 0, 1) - 1.0);
+    for (const double fading : {ShutterParameters{}.fading, 0.8, 1.0}) {
+        sure.fading = fading;
+        const double old_weight = first_info * sum(fading, 4, 6);
+        const double new_weight = second_info * sum(fading, 0, 4);
+        const double wanted = (old_weight * found_first + new_weight * found_second) / (old_weight + new_weight);
+        EXPECT_NEAR(after(sure, 6, 4), wanted, 2e-5) << fading;
+    }
+    // The defaults are those of the documentation: a frame counts a tenth, and a second of frames keeps three quarters.
+    EXPECT_EQ(ShutterParameters{}.trust, 0.1);
+    EXPECT_NEAR(std::pow(ShutterParameters{}.fading, 30), 0.74, 0.005);
+}
+
+// Promise: changes below step_s are not adopted, but add up until they are; a readout below negligible_s is none.
+TEST(RollingShutter, SmallChangesWait) {
+    Random random(17);
+    const std::vector<Seen> seen = frame_of(4 * kPoints, random, 0.012);
+    ShutterParameters parameters;
+    parameters.sigma_s = 1.0;
+    RollingShutter shutter;
+    const auto believed = [&] {
+        shutter.create(-1, kHeight, parameters);
+        learn_turning(shutter, seen);
+        return shutter.readout_s();
+    };
+    const double readout_s = believed();
+    EXPECT_NEAR(readout_s, 0.012, 0.002);
+    parameters.step_s = 1.01 * readout_s;
+    EXPECT_EQ(believed(), 0.0);
+    parameters.step_s = 0.99 * readout_s;
+    EXPECT_EQ(believed(), readout_s);
+    parameters.negligible_s = 1.01 * readout_s;
+    EXPECT_EQ(believed(), 0.0);
+    parameters.negligible_s = 0;
+    parameters.readout_max_s = 0.5 * readout_s;
+    parameters.step_s = 0;
+    EXPECT_NEAR(believed(), 0.5 * readout_s, 1e-6);
+}
+
 // Promise: after reset() nothing is left of what was learnt: the same frames give the same bits as the first time.
 TEST(RollingShutter, ResetStartsAnew) {
     Random random(11);

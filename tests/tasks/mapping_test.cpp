@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "platform/linux/cpu_kernels.hpp"
@@ -26,6 +28,7 @@ Configuration fitting(const Limits& limits) {
     out.mapping.is_triangulating = true;
     out.features.count = limits.features_max;
     out.features.levels = limits.pyramid_levels_max;
+    out.mapping.window_keyframes = std::min(out.mapping.window_keyframes, limits.keyframes_max);
     out.keyframes.gap_min = 3;
     out.keyframes.new_points_min = 10;
     return out;
@@ -127,6 +130,85 @@ TEST(Mapping, EveryPoolMayBeFull) {
         // A hundred points in a crowd are few: it may be lost, and then it says so.
         EXPECT_GE(measured, sequence().frames.size() / (keyframes < 4 ? 5 : 2)) << keyframes;
         EXPECT_LE(rig.tracking().map().keyframes().high_water(), keyframes);
+    }
+}
+
+// Takes all but `left` points of the pool, for good: nobody forgets what was seen in the far future.
+std::vector<Handle<MapPoint>> rob(Map& map, std::size_t left) {
+    std::vector<Handle<MapPoint>> taken;
+    while (map.points().capacity() - map.points().size() > left) {
+        taken.push_back(map.add_point().value());
+        map.points().find(taken.back())->last_seen_frame = std::uint64_t{1} << 38U;
+    }
+    return taken;
+}
+
+// Promise: the n-th take of a point fails, n = 1, 2, 3, ..., whoever takes it (tracking's keyframes, triangulation):
+// the engine tracks on or says that it does not, the map stays right, and once there is room again it is used.
+TEST(Mapping, EveryTakeOfAPointMayFail) {
+    const Limits limits = limits_of(6, 300);
+    const test::Sequence still = test::rendered("static_xyz", 50, 160, 120);
+    for (std::uint32_t left = 0; left <= 120; left += left < 16 ? 1 : 8) {
+        Rig rig(still.camera, limits, fitting(limits));
+        Map& map = rig.tracking().map();
+        std::vector<Handle<MapPoint>> robbed = rob(map, left);
+        std::uint32_t measured_later = 0, refusals_said = 0;
+        const std::size_t rich_from = 26;
+        for (std::size_t i = 0; i < still.frames.size(); ++i) {
+            if (i == rich_from) {
+                for (const Handle<MapPoint> point : robbed) map.release_point(point);
+            }
+            const test::KeptFrame& kept = still.frames[i];
+            rig.tracking().track(kept.frame());
+            rig.work(i % 3 == 0 ? 300 : 5000);
+            const PoseEstimate& pose = rig.tracking().pose();
+            for (const double t : pose.odom_from_camera.translation_m) ASSERT_TRUE(std::isfinite(t));
+            if (i < rich_from) {
+                ASSERT_LE(map.points().size(), map.points().capacity());
+                // Fewer points than a pose takes: no pose is measured, and it says so.
+                if (left < fitting(limits).pose.inliers_min && i > 0) {
+                    ASSERT_LE(pose.state, PoseState::kPredicted) << left << " points, frame " << i;
+                    ++refusals_said;
+                }
+            } else {
+                measured_later += pose.state >= PoseState::kUnsure ? 1U : 0U;
+            }
+            ASSERT_EQ(map.find_fault(), nullptr) << map.find_fault() << ", " << left << " points, frame " << i;
+        }
+        // Some dozens carry it through; fewer, and it stays lost, since who is lost makes no keyframe.
+        if (left >= 64) {
+            EXPECT_GT(measured_later, 20U) << left;
+        }
+        if (left < 90) {
+            EXPECT_GT(map.points().refused(), 0U) << left;
+        }
+        EXPECT_EQ(refusals_said, left < fitting(limits).pose.inliers_min ? rich_from - 1 : 0U);
+    }
+}
+
+// Promise: every other limit may be as small as can be named: groups, points of the local map, levels, features with
+// what follows from them (points and observations of an adjustment; more keyframes than its window), keyframes.
+TEST(Mapping, EveryLimitMayBeSmall) {
+    const Limits tiny = limits_of(8, 300);
+    std::vector<std::pair<const char*, Limits>> cases;
+    for (std::uint32_t n = 1; n <= 5; ++n) {
+        cases.emplace_back("groups", tiny).second.groups_max = n;
+        cases.emplace_back("local points", tiny).second.local_points_max = n * n * n;
+        cases.emplace_back("keyframes", tiny).second.keyframes_max = n + 1;
+        if (n <= 2) cases.emplace_back("levels", tiny).second.pyramid_levels_max = n;
+        Limits& few = cases.emplace_back("features", limits_of(40, 2000)).second;
+        few.features_max = 45 + 5 * n;
+    }
+    for (const auto& [name, limits] : cases) {
+        Rig rig(sequence().camera, limits, fitting(limits));
+        for (std::size_t i = 0; i < 40; ++i) {
+            rig.tracking().track(sequence().frames[i].frame());
+            rig.work(1000);
+            const Map& map = rig.tracking().map();
+            ASSERT_EQ(map.find_fault(), nullptr) << map.find_fault() << ", " << name << ", frame " << i;
+            ASSERT_LE(rig.tracking().local_map().points().size(), limits.local_points_max) << name;
+            for (const double t : rig.tracking().pose().odom_from_camera.translation_m) ASSERT_TRUE(std::isfinite(t));
+        }
     }
 }
 

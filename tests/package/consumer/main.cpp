@@ -20,6 +20,7 @@ int main() {
     Configuration configuration;
     configuration.features.count = limits.features_max;
     configuration.features.levels = limits.pyramid_levels_max;
+    configuration.mapping.window_keyframes = limits.keyframes_max;
     const std::size_t size = bytes_needed(limits);
     void* const memory = std::aligned_alloc(64, (size + 63) / 64 * 64);
     const Result<Engine*> made =
