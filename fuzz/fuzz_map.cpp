@@ -42,6 +42,7 @@ Engine& engine() {
         Configuration configuration;
         configuration.features.count = kLimits.features_max;
         configuration.features.levels = kLimits.pyramid_levels_max;
+        configuration.mapping.window_keyframes = kLimits.keyframes_max;
         const Result<Engine*> created =
             Engine::create(block.span(), kLimits, configuration, scene().camera(), cpu_kernels());
         fuzz::expect(created.is_ok(), "an engine");
