@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "engine/base/numbers.hpp"
-#include "engine/geometry/camera.hpp"
 #include "engine/features/hamming.hpp"
+#include "engine/geometry/camera.hpp"
 
 namespace stillmesh {
 namespace {
@@ -157,6 +157,45 @@ void MapMatcher::by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexce
         Claim& claim = claims_[best_feature];
         if (claim.is_free() || best < claim.distance_bits) claim = {observation.point.slot() + 1, best};
     }
+    keep_common_turn(map);
+}
+
+void MapMatcher::by_words(const Map& map, Handle<Keyframe> keyframe, const Vocabulary& vocabulary, std::uint32_t level,
+                          std::span<const WordOfFeature> frame_index,
+                          std::span<const WordOfFeature> keyframe_index) noexcept {
+    clear();
+    const std::span<const Observation> observations = map.observations(keyframe);
+    STILLMESH_CHECK(frame_index.size() <= features_->size() && keyframe_index.size() <= observations.size());
+    visit_common_nodes(vocabulary, level, keyframe_index, frame_index,
+                       [&](std::span<const WordOfFeature> of_keyframe, std::span<const WordOfFeature> of_frame) {
+                           for (const WordOfFeature& entry : of_keyframe) {
+                               const Handle<MapPoint> handle = observations[entry.feature].point;
+                               const MapPoint* const point = map.points().find(handle);
+                               if (point == nullptr) continue;
+                               std::uint32_t best = kNoDistance;
+                               std::uint32_t second = kNoDistance;
+                               std::uint32_t best_feature = 0;
+                               for (const WordOfFeature& candidate : of_frame) {
+                                   const std::uint32_t distance =
+                                       hamming_distance(features_->descriptors[candidate.feature], point->descriptor);
+                                   if (distance < best) {
+                                       second = best;
+                                       best = distance;
+                                       best_feature = candidate.feature;
+                                   } else if (distance < second) {
+                                       second = distance;
+                                   }
+                               }
+                               if (best > parameters_.hamming_wide_max) continue;
+                               if (static_cast<double>(best) > parameters_.ratio_max * static_cast<double>(second))
+                                   continue;
+                               Claim& claim = claims_[best_feature];
+                               const bool is_nearer =
+                                   best < claim.distance_bits ||
+                                   (best == claim.distance_bits && handle.slot() < claim.point_slot());
+                               if (claim.is_free() || is_nearer) claim = {handle.slot() + 1, best};
+                           }
+                       });
     keep_common_turn(map);
 }
 

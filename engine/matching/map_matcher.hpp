@@ -1,5 +1,5 @@
 // Which map point each feature of a frame shows: by projection around where a pose puts the points, or by descriptor
-// alone against one keyframe when there is no pose to trust (the vocabulary's direct index will narrow that search).
+// alone against one keyframe when there is no pose to trust, if there is a vocabulary under the same node of it only.
 // One point per feature; the nearer descriptor wins, ties go to the lower slot. Limit: features_max features. Cost: one
 // pass over the local map for a projection, features times observations for a keyframe.
 #pragma once
@@ -15,6 +15,8 @@
 #include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/feature_grid.hpp"
+#include "engine/place/bag_of_words.hpp"
+#include "engine/place/vocabulary.hpp"
 
 namespace stillmesh {
 
@@ -52,6 +54,11 @@ public:
                             std::uint64_t frame) noexcept;
     // The points of a keyframe by ratio test and by agreement on one turn of the picture.
     void by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexcept;
+
+    // The same, but features are only compared under one node of the vocabulary at `level` (method.md 2). The indices
+    // are those of the frame's features and of the keyframe's observations.
+    void by_words(const Map& map, Handle<Keyframe> keyframe, const Vocabulary& vocabulary, std::uint32_t level,
+                  std::span<const WordOfFeature> frame_index, std::span<const WordOfFeature> keyframe_index) noexcept;
 
     [[nodiscard]] const Claim& claim(std::size_t feature) const noexcept { return claims_[feature]; }
     [[nodiscard]] const FeatureGrid& grid() const noexcept { return grid_; }

@@ -22,6 +22,7 @@ constexpr Scene kScenes[] = {
     {"trolley_xyz", CameraMotion::kXyz, Cast::kTrolley, 300},
     {"trolley_first", CameraMotion::kXyz, Cast::kTrolleyFirst, 300},
     {"rearranged", CameraMotion::kXyz, Cast::kRearranged, 300},
+    {"corridor", CameraMotion::kCorridor, Cast::kNobody, 1200},
 };
 
 constexpr double kRpyYaw = radians(25);
@@ -63,6 +64,12 @@ Rigid CameraPath::base_at(double time_s) const noexcept {
         const Vec3 ahead = normalised(Vec3{-1.75 * sine(angle), 1.3 * cosine(angle), 0} * side_);
         const Vec3 outward{ahead.y * side_, -ahead.x * side_, 0};
         return look_along(eye, ahead + outward * 0.1);
+    }
+    if (motion_ == CameraMotion::kCorridor) {
+        // Ahead and to one wall; at the end of its way it stands.
+        const double way = kCorridorPace_m_s * time_s;
+        const Vec3 eye{way < kCorridorWay_m ? way : kCorridorWay_m, -0.45 * side_, 1.4};
+        return look_along(eye, Vec3{1.0, 0.8 * side_, -0.1});
     }
     if (motion_ == CameraMotion::kHalfsphere) {
         const double azimuth = radians(62) * wave(0, 1.0 / 15, time_s);
@@ -106,6 +113,7 @@ Rigid CameraPath::at(double time_s) const noexcept {
             roll = radians(20) * wave(7, 0.15, t);
             break;
         case CameraMotion::kHalfsphere: roll = radians(4) * wave(7, 0.15, t); break;
+        case CameraMotion::kCorridor:
         case CameraMotion::kLoop:
             shift = {0.02 * wave(2, 0.9, t), 0.015 * wave(3, 1.7, t), 0};
             yaw = radians(8) * wave(5, 0.13, t);

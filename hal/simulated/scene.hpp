@@ -8,7 +8,7 @@
 
 namespace stillmesh::simulated {
 
-enum class CameraMotion : std::uint8_t { kStatic, kXyz, kRpy, kHalfsphere, kLoop };
+enum class CameraMotion : std::uint8_t { kStatic, kXyz, kRpy, kHalfsphere, kLoop, kCorridor };
 enum class Cast : std::uint8_t { kNobody, kSitting, kWalking, kTrolley, kTrolleyFirst, kRearranged };
 
 struct Scene {
@@ -44,6 +44,9 @@ struct DeskPlace {
     double x = 0, y = 0, half_x = 0, half_y = 0;  // m
 };
 [[nodiscard]] DeskPlace desk_place(const Scene& scene, double side) noexcept;
+
+// The corridor runs along x, in sections that look alike; |y| <= 1.2. The camera goes from its begin, never back.
+inline constexpr double kCorridorHalfY = 1.2, kCorridorSection = 4.0, kCorridorPace_m_s = 0.5, kCorridorWay_m = 24.0;
 
 // The room: |x| <= 3, |y| <= 2.5, 0 <= z <= 2.6.
 inline constexpr double kRoomHalfX = 3.0, kRoomHalfY = 2.5, kRoomHeight = 2.6;

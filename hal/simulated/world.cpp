@@ -11,6 +11,10 @@ World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double d
       side_(random_.uniform() < 0.5 ? -1.0 : 1.0),
       duration_s_(duration_s),
       camera_(scene.motion, side_, day) {
+    if (scene.motion == CameraMotion::kCorridor) {
+        build_corridor();
+        return;
+    }
     const Coat plain = coat(Pattern::kPlainWall, 200);
     const Coat carpet = coat(Pattern::kCarpet, 300);
     const Coat ceiling = coat(Pattern::kCeiling, 420);
@@ -37,7 +41,12 @@ World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double d
     if (scene.cast == Cast::kRearranged) add_movables();
 }
 
-float World::light_at(const Vec3& p, const Vec3& normal) noexcept {
+float World::light_at(const Vec3& at, const Vec3& normal) const noexcept {
+    Vec3 p = at;
+    if (scene_.motion == CameraMotion::kCorridor) {  // every section has its own lamps
+        while (p.x > kCorridorSection / 2) p.x -= kCorridorSection;
+        while (p.x < -kCorridorSection / 2) p.x += kCorridorSection;
+    }
     double sum = 0.58;
     for (const double lx : {-1.5, 1.5}) {
         for (const double ly : {-1.2, 1.2}) {
@@ -187,6 +196,55 @@ void World::furnish(const Wall& wall, bool is_seen_first) {
                 break;
             }
         }
+    }
+}
+
+// Sections with the same doors, cabinets, signs and floors at nearly the same places, as corridors have; papers,
+// parcels and every other picture are of each section alone, as they are too. Nowhere is like another, and everywhere
+// nearly.
+void World::build_corridor() {
+    const Coat plain = coat(Pattern::kPlainWall, 200);
+    const Coat carpet = coat(Pattern::kCarpet, 300);
+    const Coat ceiling = coat(Pattern::kCeiling, 420);
+    const Coat door = coat(Pattern::kDoor, 0);
+    const Coat wood = coat(Pattern::kWood, 350);
+    const Coat metal = coat(Pattern::kMetal, 0);
+    const Coat sign = coat(Pattern::kPoster, 0);
+    const Coat picture = coat(Pattern::kPoster, 0);
+    const Coat parcel = coat(Pattern::kParcel, 0);
+    const double h = kCorridorHalfY;
+    const double length = kCorridorSection;
+    constexpr int kSections = 9;  // two beyond the end of the way
+    for (int i = -1; i < kSections; ++i) {
+        const double begin = (i - 0.5) * length;
+        add_quad(quads_, {begin, h, 0}, {length, 0, 0}, {0, -2 * h, 0}, carpet);
+        add_quad(quads_, {begin, -h, kRoomHeight}, {length, 0, 0}, {0, 2 * h, 0}, ceiling);
+        const Wall walls[2] = {{{begin, h, 0}, {1, 0, 0}, {0, -1, 0}, length},
+                               {{begin + length, -h, 0}, {-1, 0, 0}, {0, 1, 0}, length}};
+        for (const Wall& wall : walls) {
+            add_on_wall(wall, 0, 0, length, kRoomHeight, 0, plain);
+            const double at_door = 0.15 + random_.uniform(0.0, 0.1);
+            add_on_wall(wall, at_door, 0, 0.9, 2.05, 0.01, door);
+            add_on_wall(wall, at_door + 0.16, 1.2, 0.45, 0.5, 0.015, sign);
+            const double at_cabinet = 1.3 + random_.uniform(0.0, 0.1);
+            add_box_at_wall(wall, at_cabinet, 0, 0.9, 1.0, 0.3, metal, wood);
+            add_box_at_wall(wall, at_cabinet + 0.1, 1.0, 0.3, 0.22, 0.25, parcel, parcel);
+            const Coat own_parcel = coat(Pattern::kParcel, 0);
+            const double at_parcel = at_cabinet + 0.5 + random_.uniform(0.0, 0.1);
+            add_box_at_wall(wall, at_parcel, 1.0, 0.25, 0.18, 0.2, own_parcel, own_parcel);
+            add_on_wall(wall, at_cabinet + 0.1, 1.35, 0.7, 0.7, 0.006, picture);
+            const double at_board = 2.5 + random_.uniform(0.0, 0.15);
+            const Coat board = coat(i % 2 == 0 ? Pattern::kPinboard : Pattern::kPoster, 0);
+            add_on_wall(wall, at_board, 1.05, 1.2, 0.95, 0.008, board);
+            add_box_at_wall(wall, at_board, 0.45, 1.2, 0.04, 0.3, wood, wood);
+            add_box_at_wall(wall, at_board + 0.2, 0.49, 0.35, 0.25, 0.25, parcel, parcel);
+        }
+    }
+    const Wall ends[2] = {{{(kSections - 0.5) * length, h, 0}, {0, -1, 0}, {-1, 0, 0}, 2 * h},
+                          {{-1.5 * length, -h, 0}, {0, 1, 0}, {1, 0, 0}, 2 * h}};
+    for (const Wall& wall : ends) {
+        add_on_wall(wall, 0, 0, wall.width, kRoomHeight, 0, plain);
+        add_on_wall(wall, 0.75, 0.9, 0.9, 0.9, 0.006, picture);
     }
 }
 

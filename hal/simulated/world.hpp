@@ -56,6 +56,7 @@ private:
     void add_box_at_wall(const Wall& wall, double left, double bottom, double width, double height, double depth,
                          const Coat& front, const Coat& rest);
     void furnish(const Wall& wall, bool is_seen_first);
+    void build_corridor();
     void add_shelf(const Wall& wall, double left, double width);
     void add_monitor(double x, double y, double z, double yaw_rad);
     void add_desk(const DeskPlace& place);
@@ -68,7 +69,7 @@ private:
     static void draw_movable(Renderer& renderer, const Movable& movable, double time_s);
     // The largest share of the picture it holds in the first 10 s, were nothing before it.
     [[nodiscard]] double trolley_peak() const;
-    [[nodiscard]] static float light_at(const Vec3& p, const Vec3& normal) noexcept;
+    [[nodiscard]] float light_at(const Vec3& p, const Vec3& normal) const noexcept;
     [[nodiscard]] Rigid trolley_at(double time_s) const noexcept;
 
     Scene scene_;

@@ -8,8 +8,10 @@
 
 #include "engine/base/arena.hpp"
 #include "engine/base/random.hpp"
-#include "engine/geometry/camera.hpp"
 #include "engine/features/hamming.hpp"
+#include "engine/geometry/camera.hpp"
+#include "tests/place/vocabularies.hpp"
+#include "tests/support/memory.hpp"
 
 namespace stillmesh {
 namespace {
@@ -213,6 +215,63 @@ TEST_F(MapMatcherTest, OneTurnOfThePicture) {
     matcher_.begin(features_);
     matcher_.by_descriptor(map_, keyframe);
     for (std::size_t i = 0; i < features_.size(); ++i) EXPECT_EQ(matcher_.claim(i).is_free(), i % 5 == 0) << i;
+}
+
+// Promise: matching by words claims what comparing all pairs under one node claims, at every level.
+TEST_F(MapMatcherTest, WordsEqualBruteForceUnderOneNode) {
+    const std::vector<std::byte> bytes = test::vocabulary_bytes({4, 3, 10, 3});
+    Vocabulary vocabulary;
+    const char* sentence = "";
+    ASSERT_EQ(vocabulary.open(bytes, kVocabularyWordsMax, sentence), Status::kOk);
+    const Handle<Keyframe> keyframe = map_.add_keyframe();
+    std::vector<Descriptor> of_keyframe;
+    for (std::uint32_t i = 0; i < 200; ++i) {
+        of_keyframe.push_back(random_descriptor(random_));
+        add_point({0, 0, 2}, of_keyframe.back(), 0, keyframe);
+        if (i % 10 == 0) map_.points().release(map_.points().handle_of(i));  // a point that went
+        add_feature(10.0 + 3 * i, 100, with_errors(of_keyframe.back(), random_.below(60), random_), 0);
+        if (i % 7 == 0) add_feature(10.0 + 3 * i, 200, with_errors(of_keyframe.back(), 20, random_), 0);
+    }
+    test::InMemory<FrameWords> frame{limits_.features_max};
+    test::InMemory<FrameWords> words{limits_.features_max};
+    frame->find(vocabulary, features_.descriptors.span());
+    words->find(vocabulary, of_keyframe);
+    matcher_.begin(features_);
+    std::size_t claimed_above = features_.size();
+    for (std::uint32_t level = 1; level <= 3; ++level) {
+        matcher_.by_words(map_, keyframe, vocabulary, level, frame->by_word(), words->by_word());
+        std::vector<Claim> expected(features_.size());
+        for (std::uint32_t slot = 0; slot < of_keyframe.size(); ++slot) {
+            if (!map_.points().is_taken(slot)) continue;
+            const WordRange node = vocabulary.node_of(vocabulary.word_of(of_keyframe[slot]), level);
+            std::uint32_t best = 257;
+            std::uint32_t second = 257;
+            std::size_t best_feature = 0;
+            for (std::size_t i = 0; i < features_.size(); ++i) {
+                const std::uint32_t word = vocabulary.word_of(features_.descriptors[i]);
+                if (word < node.begin || word >= node.end) continue;
+                const std::uint32_t distance = hamming_distance(features_.descriptors[i], of_keyframe[slot]);
+                if (distance < best) {
+                    second = best;
+                    best = distance;
+                    best_feature = i;
+                } else {
+                    second = std::min(second, distance);
+                }
+            }
+            if (best > parameters_.hamming_wide_max || best > parameters_.ratio_max * second) continue;
+            Claim& claim = expected[best_feature];
+            if (claim.is_free() || best < claim.distance_bits) claim = {slot + 1, best};
+        }
+        std::size_t claimed = 0;
+        for (std::size_t i = 0; i < features_.size(); ++i) {
+            EXPECT_EQ(matcher_.claim(i).point_slot_plus_one, expected[i].point_slot_plus_one) << level << " " << i;
+            claimed += expected[i].is_free() ? 0U : 1U;
+        }
+        EXPECT_GT(claimed, 20U);
+        EXPECT_LE(claimed, claimed_above);
+        claimed_above = claimed;
+    }
 }
 
 // Promise: a descriptor that fits two features as well matches neither.

@@ -183,7 +183,7 @@ TEST(SimulatedCamera, SeeksAnyFrame) {
 
 // Promise: every name in the list opens; what is not in the list, or out of range, is refused with a sentence.
 TEST(SimulatedCamera, RefusesWithASentence) {
-    EXPECT_EQ(simulated_scenes().size(), 16U);
+    EXPECT_EQ(simulated_scenes().size(), 17U);
     for (const SimulatedScene& scene : simulated_scenes()) {
         SimulatedCamera camera({.scene = scene.name, .width = 64, .height = 48});
         EXPECT_EQ(camera.open(), Status::kOk) << scene.name;
@@ -235,7 +235,7 @@ TEST(SimulatedCamera, AnotherDayIsTheSameRoom) {
 // say; with a truth 5 cm wrong it is not.
 TEST(SimulatedCamera, TruthExplainsWhatStandsStill) {
     for (const char* scene : {"static_xyz", "static_rpy", "static_halfsphere", "walking_xyz", "walking_loop",
-                              "trolley_first", "rearranged"}) {
+                              "trolley_first", "rearranged", "corridor"}) {
         CameraInfo info;
         SimulationOptions options = small(scene, 2, 12);
         options.width = 320;
