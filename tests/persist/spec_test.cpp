@@ -92,5 +92,44 @@ TEST(MapSpec, TheExampleIsTrue) {
     EXPECT_TRUE(dump_behind(page, "### Example: the begin of a map") == file) << dump_of(file);
 }
 
+// Promise: what changes between the copying of features and the instant is in the copy: links that come and go, points
+// and keyframes that come and go.
+TEST(MapCopy, LateChangesAreInTheCopy) {
+    const Limits limits = Limits::tiny();
+    test::InMemory<Map> map(limits);
+    const CameraModel camera;
+    const auto add_keyframe = [&](std::uint64_t frame) {
+        const Handle<Keyframe> handle = map->add_keyframe();
+        map->keyframes().find(handle)->frame = frame;
+        for (std::uint32_t i = 0; i < 4; ++i) map->add_observation(handle, Observation{});
+        return handle;
+    };
+    const Handle<Keyframe> first = add_keyframe(1);
+    const Handle<Keyframe> second = add_keyframe(2);
+    const Handle<MapPoint> points[3] = {map->add_point().value(), map->add_point().value(), map->add_point().value()};
+    ASSERT_TRUE(map->link(first, 0, points[0]));
+    ASSERT_TRUE(map->link(first, 1, points[1]));
+    ASSERT_TRUE(map->link(second, 0, points[0]));
+    test::CopySpace space(limits);
+    for (int change = 0; change < 6; ++change) {
+        MapCopy copy;
+        ASSERT_EQ(copy.begin(space.span(), limits, {}), Status::kOk);
+        WorkBudget features(1);
+        ASSERT_EQ(copy.step(*map, {10, 10}, features), Progress::kWorking);  // the first keyframe is copied
+        switch (change) {
+            case 0: break;
+            case 1: map->unlink(first, 1); break;
+            case 2: ASSERT_TRUE(map->link(first, 2, points[2])); break;
+            case 3: map->release_point(points[0]); break;
+            case 4: static_cast<void>(add_keyframe(3)); break;
+            case 5: map->release_keyframe(first); break;
+            default: break;
+        }
+        WorkBudget rest(1'000'000);
+        ASSERT_EQ(copy.step(*map, {10, 10}, rest), Progress::kDone);
+        EXPECT_EQ(test::info_of(space.file()).hash, map_hash(*map, camera)) << "change " << change;
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh
