@@ -8,6 +8,7 @@
 
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/cli/cameras_command.hpp"
+#include "platform/cli/capture_command.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/rerun_command.hpp"
@@ -22,10 +23,8 @@ namespace stillmesh {
 namespace {
 
 // The switches of design.md that have nothing behind them yet: known, so that the answer is a sentence.
-constexpr const char* kLaterOptions[] = {"--camera", "--inject", "--cloud", "--map-store", "--view", "--publish"};
-constexpr const char* kLaterFlags[] = {"--wait"};
-constexpr const char* kLaterCommands[][2] = {{"capture", "record a live camera"},
-                                             {"check-camera", "check a camera's calibration"},
+constexpr const char* kLaterOptions[] = {"--cloud", "--map-store", "--view", "--publish"};
+constexpr const char* kLaterCommands[][2] = {{"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"}};
 
 int eval(const std::string& truth_file, const std::string& trajectory_file, bool is_json) {
@@ -48,6 +47,23 @@ int eval(const std::string& truth_file, const std::string& trajectory_file, bool
     return kExitDone;
 }
 
+void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wait, const char* group) {
+    app.add_option("--camera", options.camera,
+                   "auto, openni2:URI, openni2:SERIAL, or openni2:FILE.oni (a recording of OpenNI2)")
+        ->type_name("NAME")
+        ->group(group);
+    app.add_flag("--wait", does_wait, "for a camera, if none is plugged in yet")->group(group);
+    app.add_option("--exposure", options.exposure, "of a live camera: auto (default) or fixed (as it stands)")
+        ->check(CLI::IsMember({"auto", "fixed"}).description(""))
+        ->type_name("NAME")
+        ->group(group);
+    app.add_option("--registration", options.registration,
+                   "of depth to colour: auto (default: by the camera, else here), here, or none (it is already)")
+        ->check(CLI::IsMember({"auto", "here", "none"}).description(""))
+        ->type_name("NAME")
+        ->group(group);
+}
+
 int program(int argc, char** argv) {
     const std::int64_t begin_ns = monotonic_ns();
     CLI::App app("Stillmesh tells where a depth camera is, in rooms full of moving people.", "stillmesh");
@@ -59,26 +75,30 @@ int program(int argc, char** argv) {
     RunArguments arguments;
     std::vector<std::string> later;  // switches of what is not in this build
     CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
+    add_camera_options(*run_app, arguments.live, arguments.does_wait, "Camera (one of the first three)");
     run_app->add_option("--replay", arguments.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
         ->type_name("DIR")
-        ->group("Camera (one of the first two)");
+        ->group("Camera (one of the first three)");
     run_app
         ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
         ->type_name("SCENE[:SEED[+DAY]]")
-        ->group("Camera (one of the first two)");
+        ->group("Camera (one of the first three)");
     run_app
         ->add_option("--calibration", arguments.calibration,
                      "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect; the recording's own if not given")
         ->type_name("FILE|NAME")
-        ->group("Camera (one of the first two)");
+        ->group("Camera (one of the first three)");
     run_app->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
         ->type_name("N")
-        ->group("Camera (one of the first two)");
+        ->group("Camera (one of the first three)");
     run_app
         ->add_flag("--realtime", arguments.is_realtime,
                    "frames at their recorded times: late ones are dropped, background work gets what time is left")
-        ->group("Camera (one of the first two)");
+        ->group("Camera (one of the first three)");
+    run_app->add_option("--inject", arguments.inject, "faults of every kind into any of these cameras, from a seed")
+        ->type_name("SEED")
+        ->group("Camera (one of the first three)");
     run_app->add_option("--report", arguments.report, "a page to look at: DIR/index.html")
         ->type_name("DIR")
         ->group("What comes out");
@@ -140,6 +160,7 @@ int program(int argc, char** argv) {
         ->group("Engine");
     run_app->footer(
         "Examples:\n"
+        "  stillmesh run --camera auto --wait --trajectory path.txt     (Ctrl-C ends it, everything written)\n"
         "  stillmesh run --simulate walking_xyz:1 --report out\n"
         "  stillmesh run --replay rgbd_dataset_freiburg3_walking_xyz --calibration tum-fr3 --trajectory path.txt\n"
         "  stillmesh run --simulate static_xyz:1 --map-out room.map\n"
@@ -150,9 +171,6 @@ int program(int argc, char** argv) {
         run_app
             ->add_option_function<std::string>(name, [name, &later](const std::string&) { later.emplace_back(name); })
             ->group("");
-    }
-    for (const char* name : kLaterFlags) {
-        run_app->add_flag_callback(name, [name, &later] { later.emplace_back(name); })->group("");
     }
 
     std::string truth_file;
@@ -180,6 +198,24 @@ int program(int argc, char** argv) {
     rerun_command->add_flag("--json", rerun.is_json, "as JSON");
     rerun_command->footer(
         "Exit codes: 0 every frame was repeated bit for bit; 1 one differs; 2 bad recording or folder.");
+
+    CaptureArguments capture;
+    CLI::App* const capture_app = app.add_subcommand("capture", "record a live camera, to be run later");
+    add_camera_options(*capture_app, capture.camera, capture.does_wait, "Camera");
+    capture_app->get_option("--camera")->required();
+    capture_app->add_option("--out", capture.out, "folder to make (TUM layout), or FILE.oni")
+        ->required()
+        ->type_name("DIR|FILE.oni");
+    capture_app->add_option("--calibration", capture.camera.calibration, "camera file or name, kept with the recording")
+        ->type_name("FILE|NAME");
+    capture_app->add_option("--frames", capture.frames, "stop after so many frames")
+        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
+        ->type_name("N");
+    capture_app->add_flag("--json", capture.is_json, "summary as JSON, no progress");
+    capture_app->footer(
+        "Examples:\n"
+        "  stillmesh capture --camera auto --out desk            then: stillmesh run --replay desk\n"
+        "  stillmesh capture --camera auto --out desk.oni        then: stillmesh run --camera openni2:desk.oni");
 
     SimulateOptions simulation;
     CLI::App* const simulate_command =
@@ -271,6 +307,7 @@ int program(int argc, char** argv) {
         cameras.is_reset = reset_option->count() > 0;
         return stillmesh::cameras_command(cameras);
     }
+    if (capture_app->parsed()) return stillmesh::capture_command(capture);
     if (simulate_command->parsed()) return stillmesh::simulate_command(simulation);
     if (train_command->parsed()) return vocabulary_train_command(training);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);

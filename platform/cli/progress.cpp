@@ -30,6 +30,13 @@ void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_
     static_cast<void>(std::fflush(stderr));
 }
 
+void ProgressLine::say(const std::string& sentence) {
+    if (!is_shown_) return;
+    finish();
+    std::fprintf(stderr, "%s\n", sentence.c_str());
+    static_cast<void>(std::fflush(stderr));
+}
+
 void ProgressLine::finish() {
     if (is_line_open_) std::fprintf(stderr, "\r%60s\r", "");
     is_line_open_ = false;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "platform/report/run_record.hpp"
 
@@ -12,6 +13,8 @@ class ProgressLine {
 public:
     ProgressLine(bool is_shown, std::uint64_t frames_expected);
     void frame(std::uint64_t count, PoseState state, std::int64_t now_ns);
+    // A sentence on a line of its own.
+    void say(const std::string& sentence);
     // Ends the rewritten line.
     void finish();
 

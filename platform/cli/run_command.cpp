@@ -9,6 +9,9 @@
 #include <memory>
 #include <utility>
 
+#include "hal/faulty/faulty_camera.hpp"
+#include "hal/live/reconnecting_camera.hpp"
+#include "hal/realtime/realtime_camera.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/cli/complaint.hpp"
@@ -44,16 +47,33 @@ private:
     Trajectory& truth_;
 };
 
+// A camera with what goes with it.
+struct Source {
+    DepthCamera& camera;
+    std::function<std::string()> message;    // why its last call failed
+    std::uint64_t frames = 0;                // expected; 0: unknown
+    FrameTimes* times = nullptr;             // frames come by the clock
+    std::function<std::string()> news = {};  // what happened to it
+    std::function<void(RunRecord&)> account = [](RunRecord&) {};
+};
+
+[[nodiscard]] int stopped_before_the_first_frame() {
+    complain("stopped while waiting for a camera.");
+    return 128 + stop_signal();
+}
+
 // Everything that is left once a camera is open. `record` says where the frames come from.
-int track(DepthCamera& camera, const std::function<std::string()>& camera_message, std::uint64_t frames,
-          const RunArguments& arguments, std::int64_t begin_ns, RunRecord& record) {
+int track(const Source& source, const RunArguments& arguments, std::int64_t begin_ns, RunRecord& record) {
+    DepthCamera& camera = source.camera;
     std::string message;
     record.limits = arguments.session.limits;
     record.features = arguments.session.features;
     record.command = arguments.command;
     std::unique_ptr<TrackingSession> session;
     SessionOptions options = arguments.session;
-    options.can_wait = !arguments.is_realtime;
+    const bool is_live = source.times != nullptr;
+    const bool is_realtime = arguments.is_realtime && !is_live;  // a live camera is
+    options.can_wait = !is_realtime && !is_live;
     if (create_engine_session(options, camera.info(), session, message) != Status::kOk) return refuse(message);
     if (!arguments.report.empty()) {
         std::error_code error;
@@ -68,7 +88,8 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
     catch_reopen_signal();
     record.start_up_ms = static_cast<double>(monotonic_ns() - begin_ns) * 1e-6;
     RunLoopOptions loop = arguments.loop;
-    loop.frames_expected = loop.frames_max > 0 && loop.frames_max < frames ? loop.frames_max : frames;
+    const bool ends_earlier = loop.frames_max > 0 && (loop.frames_max < source.frames || source.frames == 0);
+    loop.frames_expected = ends_earlier ? loop.frames_max : source.frames;
     loop.snapshots_max = arguments.report.empty() ? 0 : 6;
     // 64 bytes a frame, for the error and the report only.
     loop.keep_trajectory = !arguments.report.empty() || !record.truth.empty() || !arguments.simulate.empty();
@@ -76,13 +97,20 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
     loop.frames = arguments.record_frames.empty() ? nullptr : &frames_writer;
     loop.frame_period_ns = static_cast<std::int64_t>(1e9 / camera.info().frames_per_s);
     RealtimeCamera realtime(camera, {monotonic_ns, sleep_until_ns});
-    if (arguments.is_realtime) {
+    loop.times = source.times;
+    loop.is_live = is_live;
+    loop.news = source.news;
+    if (is_realtime) {
         if (realtime.open() != Status::kOk) return refuse("the system has no thread or memory left for --realtime.");
-        loop.realtime = &realtime;
+        loop.times = &realtime;
+    }
+    if (arguments.is_realtime) {
         if (const std::string refused = become_realtime(); !refused.empty()) record.notes.push_back(refused);
     }
-    DepthCamera& served = arguments.is_realtime ? static_cast<DepthCamera&>(realtime) : camera;
-    int code = run_loop(served, camera_message, *session, loop, record);
+    DepthCamera& served = is_realtime ? static_cast<DepthCamera&>(realtime) : camera;
+    int code = run_loop(served, source.message, *session, loop, record);
+    if (is_realtime) record.source_late_s = static_cast<double>(realtime.source_late_ns()) * 1e-9;
+    source.account(record);
     realtime.close();
     session.reset();  // its memory is free for the evaluation
 
@@ -101,6 +129,71 @@ int track(DepthCamera& camera, const std::function<std::string()>& camera_messag
     static_cast<void>(std::fflush(stdout));
     for (const std::string& problem : record.problems) complain(problem);
     return code;
+}
+
+void account_life(const ReconnectingCamera& lasting, CameraRecord& record) {
+    const LifeCounts& life = lasting.counts();
+    const GuardCounts& guard = lasting.guard_counts();
+    record.unplugs = life.unplugs;
+    record.stalls = life.stalls;
+    record.returns = life.returns;
+    record.away_s = static_cast<double>(life.away_ns) * 1e-9;
+    record.away_longest_s = static_cast<double>(life.away_longest_ns) * 1e-9;
+    record.frames_refused = guard.wrong_form + guard.wrong_time + life.bad_polls;
+    record.clock_restarts = guard.clock_restarts;
+}
+
+// The camera of `source` kept alive, with faults of a seed if there is one. `is_open`: it is already; else it is opened
+// here, first of all.
+template <typename Then>
+int keep_alive(const Source& source, bool is_open, std::function<bool()> reset, const RunArguments& arguments,
+               RunRecord& record, Then then) {
+    FaultOptions fault_options;
+    fault_options.now_ns = monotonic_ns;
+    fault_options.sleep_until_ns = sleep_until_ns;
+    fault_options.times = source.times;
+    if (!arguments.inject.empty()) {
+        const char* const end = arguments.inject.data() + arguments.inject.size();
+        const auto [stop, error] = std::from_chars(arguments.inject.data(), end, fault_options.seed);
+        if (error != std::errc() || stop != end)
+            return refuse("--inject " + arguments.inject + ": is no whole number.");
+    }
+    FaultyCamera faulty(source.camera, fault_options);
+    ReconnectOptions options;
+    options.now_ns = monotonic_ns;
+    options.sleep_until_ns = sleep_until_ns;
+    options.source_message = source.message;
+    options.reset = std::move(reset);
+    options.times = source.times;
+    options.is_live = source.times != nullptr;
+    const bool is_injected = !arguments.inject.empty();
+    if (is_injected && is_open) source.camera.close();  // opened again behind the faults
+    ReconnectingCamera lasting(is_injected ? static_cast<DepthCamera&>(faulty) : source.camera, options);
+    std::string message;
+    const Status opened = open_live_camera(lasting, source.message, arguments.does_wait, message);
+    if (opened != Status::kOk) return stop_signal() != 0 ? stopped_before_the_first_frame() : refuse(message);
+    Source alive{.camera = lasting,
+                 .message = source.message,
+                 .frames = source.frames,
+                 .times = source.times != nullptr ? &lasting : nullptr,
+                 .news = [&lasting] { return lasting.take_news(); },
+                 .account =
+                     [&](RunRecord& r) {
+                         account_life(lasting, r.camera);
+                         if (is_injected) r.camera.faults = faulty.summary();
+                         source.account(r);
+                     }};
+    const int code = then(alive, record);
+    lasting.close();
+    return code;
+}
+
+// A recording or a simulation: as it is, unless there are faults to inject.
+int track_maybe_faulty(const Source& source, bool is_open, const RunArguments& arguments, std::int64_t begin_ns,
+                       RunRecord& record) {
+    if (arguments.inject.empty()) return track(source, arguments, begin_ns, record);
+    return keep_alive(source, is_open, {}, arguments, record,
+                      [&](const Source& alive, RunRecord& r) { return track(alive, arguments, begin_ns, r); });
 }
 
 int replay(const RunArguments& arguments, std::int64_t begin_ns) {
@@ -129,8 +222,9 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
         record.notes.push_back(fmt::format("{} of {} colour images have no depth image within 20 ms: skipped.",
                                            counts.colour_images - counts.frames, counts.colour_images));
     }
-    return track(
-        camera, [&camera] { return camera.message(); }, counts.frames, arguments, begin_ns, record);
+    return track_maybe_faulty(
+        {.camera = camera, .message = [&camera] { return camera.message(); }, .frames = counts.frames}, true, arguments,
+        begin_ns, record);
 }
 
 int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
@@ -166,8 +260,45 @@ int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
     if (camera.open() != Status::kOk) return refuse(simulated.message() + ".");
     // Building the simulated world is no part of the program's start-up.
     begin_ns += monotonic_ns() - building_ns;
-    return track(
-        camera, [&simulated] { return simulated.message(); }, simulated.frame_count(), arguments, begin_ns, record);
+    return track_maybe_faulty(
+        {.camera = camera, .message = [&simulated] { return simulated.message(); }, .frames = simulated.frame_count()},
+        true, arguments, begin_ns, record);
+}
+
+int live(const RunArguments& arguments) {
+    SessionSizes sizes;
+    std::string message;
+    if (session_sizes(arguments.session, sizes, message) != Status::kOk) return refuse(message);
+    LiveCameraOptions options = arguments.live;
+    options.calibration = arguments.calibration;
+    options.width_max = sizes.width_max;
+    options.height_max = sizes.height_max;
+    const std::unique_ptr<LiveCamera> camera = make_live_camera(options, message);
+    if (camera == nullptr) return refuse(message);
+    catch_stop_signals();
+    RunRecord record;
+    Source source{.camera = camera->camera(),
+                  .message = [&camera] { return camera->message(); },
+                  .frames = 0,
+                  .times = camera->is_file() ? nullptr : &camera->times(),
+                  .news = {},
+                  .account = [&camera](RunRecord& r) { camera->account(r.camera); }};
+    const auto tracked = [&](const Source& open_source, RunRecord& r) {
+        r.input = camera->is_file() ? camera->device() : "live: " + camera->device();
+        r.camera.device = camera->device();
+        r.calibration = camera->calibration_source();
+        for (const std::string& note : camera->notes()) r.notes.push_back(note);
+        Source counted = open_source;
+        counted.frames = camera->frames_expected();
+        // Waiting for a camera and opening it is no part of the program's start-up.
+        return track(counted, arguments, monotonic_ns(), r);
+    };
+    if (!camera->is_file() || !arguments.inject.empty()) {
+        return keep_alive(
+            source, false, [&camera] { return camera->reset(); }, arguments, record, tracked);
+    }
+    if (camera->camera().open() != Status::kOk) return refuse(camera->message());
+    return tracked(source, record);
 }
 
 }  // namespace
@@ -190,9 +321,10 @@ int run_command(const RunArguments& arguments, std::int64_t begin_ns) {
     if (session.map_every_s > 0 && session.map_out.empty()) {
         return refuse("--map-every: needs a file to write the map to: --map-out FILE.");
     }
-    if (arguments.replay.empty() == arguments.simulate.empty()) {
-        return refuse("give one camera: --replay DIR or --simulate SCENE[:SEED].");
-    }
+    const int cameras = (arguments.replay.empty() ? 0 : 1) + (arguments.simulate.empty() ? 0 : 1) +
+                        (arguments.live.camera.empty() ? 0 : 1);
+    if (cameras != 1) return refuse("give one camera: --camera auto, --replay DIR or --simulate SCENE[:SEED].");
+    if (!arguments.live.camera.empty()) return live(arguments);
     return arguments.replay.empty() ? simulate(arguments, begin_ns) : replay(arguments, begin_ns);
 }
 

@@ -1,17 +1,21 @@
-// `stillmesh run`: a recording or a simulated scene tracked from end to end, with trajectory, summary and report.
+// `stillmesh run`: a camera, a recording or a simulated scene tracked from end to end, with trajectory, summary and
+// report.
 #pragma once
 
 #include <cstdint>
 #include <string>
 
 #include "platform/cli/engine_session.hpp"
+#include "platform/cli/live_camera.hpp"
 #include "platform/cli/run_loop.hpp"
 
 namespace stillmesh {
 
 struct RunArguments {
     std::string replay;         // folder in the TUM layout; this or `simulate`
-    std::string simulate;       // SCENE[:SEED[+DAY]]
+    std::string simulate;       // SCENE[:SEED]
+    LiveCameraOptions live;     // its calibration is `calibration`
+    std::string inject;         // a seed for faults; empty: none
     std::string calibration;    // file or name; empty: the folder's own
     std::string report;         // folder; empty: none
     std::string record_frames;  // folder; empty: none
@@ -20,6 +24,7 @@ struct RunArguments {
     RunLoopOptions loop;
     bool is_json = false;
     bool is_realtime = false;
+    bool does_wait = false;  // for a live camera at the start
     bool print_config = false;
 };
 

@@ -93,8 +93,10 @@ private:
 // The longest time without a measured pose, and what the pixels said meanwhile.
 class LossWatch {
 public:
-    void frame(const Frame& frame, PoseState state) {
-        if (first_ns_ < 0) first_ns_ = last_measured_ns_ = frame.time_ns;
+    // `is_live`: what was lost while the camera itself was away does not count.
+    void frame(const Frame& frame, PoseState state, bool is_live) {
+        if (first_ns_ < 0) first_ns_ = last_measured_ns_ = last_ns_ = frame.time_ns;
+        if (is_live && frame.time_ns - last_ns_ > kGapNoted_ns) last_measured_ns_ += frame.time_ns - last_ns_;
         last_ns_ = frame.time_ns;
         if (state >= PoseState::kUnsure) {
             end_of_loss(frame.time_ns);
@@ -203,6 +205,17 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         }
         Frame frame;
         const Status polled = camera.poll(frame);
+        if (options.news) {
+            for (std::string sentence = options.news(); !sentence.empty(); sentence = options.news()) {
+                const double second = static_cast<double>(monotonic_ns() - wall_begin_ns) * 1e-9;
+                progress.say(sentence);
+                // Poses stop here: whoever reads the path later sees why.
+                if (trajectory.is_open()) static_cast<void>(trajectory.write("# " + sentence + "\n", message));
+                if (record.camera.events.size() < CameraRecord::kEventsMax) {
+                    record.camera.events.push_back(fmt::format("second {:.1f}: {}", second, sentence));
+                }
+            }
+        }
         if (polled == Status::kEnd) break;
         if (polled == Status::kTimedOut) {
             static_cast<void>(camera.wait(100));
@@ -229,7 +242,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         last_frame_ns = frame.time_ns;
 
         if (options.frames != nullptr) {
-            if (options.realtime == nullptr) options.frames->wait_for_room(std::chrono::seconds(10));
+            if (options.times == nullptr) options.frames->wait_for_room(std::chrono::seconds(10));
             options.frames->add(frame);
         }
         SessionFrame out;
@@ -248,7 +261,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             break;
         }
         snapshots.frame(record.frames_total, frame, out, session);
-        session.work(options.realtime != nullptr ? std::optional(options.realtime->next_due_ns()) : std::nullopt, out);
+        session.work(options.times != nullptr ? std::optional(options.times->next_due_ns()) : std::nullopt, out);
         if (hashes.is_open() &&
             !hashes.write(fmt::format("{} {:016x}\n", time_text(frame.time_ns), out.state_hash), message)) {
             code = give_up(kExitFailed);
@@ -261,8 +274,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.state_hash = out.state_hash;
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
                     out.dynamic_features, out.state});
-        loss.frame(frame, out.state);
-        const std::int64_t latency_ns = end_ns - (options.realtime != nullptr ? options.realtime->due_ns() : begin_ns);
+        loss.frame(frame, out.state, options.is_live);
+        const std::int64_t latency_ns = end_ns - (options.times != nullptr ? options.times->due_ns() : begin_ns);
         record.latency_ms.add(static_cast<double>(latency_ns) * 1e-6);
         if (options.frame_period_ns > 0 && latency_ns > options.frame_period_ns) ++record.deadline_misses;
         progress.frame(record.frames_total, out.state, end_ns);
@@ -278,11 +291,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     }
     if (record.problems.size() > problems && code == kExitDone) code = kExitFailed;
     record.frame_period_ms = static_cast<double>(options.frame_period_ns) * 1e-6;
-    if (options.realtime != nullptr) {
+    if (options.times != nullptr) {
         record.is_realtime = true;
-        record.frames_dropped = options.realtime->dropped();
-        record.source_late_s = static_cast<double>(options.realtime->source_late_ns()) * 1e-9;
-        options.realtime->close();
+        record.frames_dropped = options.times->dropped();
     }
 
     if (!options.trajectory_final.empty() && !write_whole_file(options.trajectory_final, final_lines, message)) {
@@ -309,7 +320,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
                                               100.0 * record.coverage(), loss.fault()));
         if (code == kExitDone) code = kExitFailed;
     }
-    if (gap_longest_ns > options.lost_ns) {
+    if (gap_longest_ns > options.lost_ns && !options.is_live) {
         record.problems.push_back(fmt::format(
             "no frames for {:.1f} s from second {:.1f} on; where the camera went meanwhile is unknown.",
             static_cast<double>(gap_longest_ns) * 1e-9, static_cast<double>(gap_begin_ns - first_frame_ns) * 1e-9));

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "hal/depth_camera.hpp"
-#include "hal/realtime/realtime_camera.hpp"
+#include "hal/live/frame_times.hpp"
 #include "platform/cli/session.hpp"
 #include "platform/record/frame_folder_writer.hpp"
 
@@ -22,7 +22,9 @@ struct RunLoopOptions {
     std::uint32_t snapshots_max = 0;    // meshes kept for a report
     bool keep_trajectory = false;       // in record.estimate
     bool show_progress = true;
-    RealtimeCamera* realtime = nullptr;    // the camera, if it is one: frames have a due time
+    FrameTimes* times = nullptr;           // the camera's, if frames come by the clock: late ones are dropped
+    bool is_live = false;                  // a silence is the camera's life, and no failure of the run
+    std::function<std::string()> news;     // sentences about the camera, oldest first, then an empty one; may be empty
     FrameFolderWriter* frames = nullptr;   // where every frame is written to, if anywhere
     std::int64_t frame_period_ns = 0;      // of the camera; longer from frame to pose is a deadline missed; 0: unknown
     std::int64_t lost_ns = 1'000'000'000;  // longer without a measured pose, or without a frame, is a failure

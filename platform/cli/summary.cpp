@@ -86,6 +86,23 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
                     ? fmt::format("; the camera itself was {:.2f} s late in all\n", record.source_late_s)
                     : "\n";
     }
+    if (const CameraRecord& camera = record.camera; !camera.device.empty()) {
+        text += fmt::format("camera        {}\n", camera.device);
+        text += fmt::format(
+            "              {} pairs, depth {:.1f} ms after colour ({:.1f} to {:.1f}); {} colour and {} depth images "
+            "without "
+            "a partner, {} lost before us; {:.2f} ms of CPU per frame\n",
+            camera.pairs, camera.lag_mean_ms, camera.lag_min_ms, camera.lag_max_ms, camera.colour_alone,
+            camera.depth_alone, camera.images_missing, camera.layer_cpu_ms);
+    }
+    if (const CameraRecord& camera = record.camera; camera.unplugs + camera.stalls + camera.frames_refused > 0) {
+        text += fmt::format(
+            "life          unplugged {} times, stalled {} times, back {} times; {:.1f} s without a camera ({:.1f} s at "
+            "most); {} frames refused, {} clocks restarted\n",
+            camera.unplugs, camera.stalls, camera.returns, camera.away_s, camera.away_longest_s, camera.frames_refused,
+            camera.clock_restarts);
+    }
+    if (!record.camera.faults.empty()) text += fmt::format("faults        {}\n", record.camera.faults);
     if (!record.recording.empty()) {
         text +=
             fmt::format("recording     {}, {} frames; {:.3f} ms median, {:.3f} ms p99 per frame\n", record.recording,
@@ -174,6 +191,26 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
     json["is_realtime"] = record.is_realtime;
     json["frames_dropped"] = record.frames_dropped;
     json["source_late_s"] = record.source_late_s;
+    const CameraRecord& camera = record.camera;
+    json["camera"] = camera.device.empty() ? Json(nullptr)
+                                           : Json({{"device", camera.device},
+                                                   {"pairs", camera.pairs},
+                                                   {"colour_alone", camera.colour_alone},
+                                                   {"depth_alone", camera.depth_alone},
+                                                   {"images_missing", camera.images_missing},
+                                                   {"lag_mean_ms", camera.lag_mean_ms},
+                                                   {"lag_min_ms", camera.lag_min_ms},
+                                                   {"lag_max_ms", camera.lag_max_ms},
+                                                   {"layer_cpu_ms", camera.layer_cpu_ms}});
+    json["life"] = {{"unplugs", camera.unplugs},
+                    {"stalls", camera.stalls},
+                    {"returns", camera.returns},
+                    {"away_s", camera.away_s},
+                    {"away_longest_s", camera.away_longest_s},
+                    {"frames_refused", camera.frames_refused},
+                    {"clock_restarts", camera.clock_restarts},
+                    {"events", camera.events}};
+    json["faults"] = camera.faults.empty() ? Json(nullptr) : Json(camera.faults);
     json["recording"] = record.recording.empty() ? Json(nullptr) : Json(record.recording);
     json["frames_recorded"] = record.frames_recorded;
     json["record_ms_median"] = record.record_ms.median();

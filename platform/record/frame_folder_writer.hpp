@@ -31,7 +31,8 @@ public:
     [[nodiscard]] bool open(const std::string& folder, const CameraInfo& camera, std::string& message);
     // Copies the frame. Does nothing once the folder has ended.
     void add(const Frame& frame);
-    void wait_for_room(std::chrono::milliseconds timeout) { ring_.wait_for_room(timeout); }
+    // Whether there is room for the next frame.
+    bool wait_for_room(std::chrono::milliseconds timeout) { return ring_.wait_for_room(timeout); }
     // Writes what is left. Empty: all is well; else what was lost, as a sentence.
     [[nodiscard]] std::string close();
     [[nodiscard]] std::uint64_t frames() const { return frames_; }

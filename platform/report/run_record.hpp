@@ -66,6 +66,23 @@ struct MapRecord {
     std::uint64_t times = 1;  // that it was written
 };
 
+// A camera that was plugged in, or an .oni file.
+struct CameraRecord {
+    static constexpr std::size_t kEventsMax = 64;
+
+    std::string device;  // empty: none
+    std::uint64_t pairs = 0, colour_alone = 0, depth_alone = 0;
+    std::uint64_t images_missing = 0;                        // lost before us: gaps in the driver's numbers
+    double lag_mean_ms = 0, lag_min_ms = 0, lag_max_ms = 0;  // depth after colour
+    std::uint64_t unplugs = 0, stalls = 0, returns = 0;
+    std::uint64_t frames_refused = 0;  // wrong size, format or time
+    std::uint64_t clock_restarts = 0;
+    double away_s = 0, away_longest_s = 0;
+    double layer_cpu_ms = 0;  // per frame, of the camera layer
+    std::vector<std::string> events;
+    std::string faults;  // injected: how many of which
+};
+
 struct RunRecord {
     static constexpr std::size_t kFramesMax = 32768;
 
@@ -87,6 +104,7 @@ struct RunRecord {
     std::uint64_t deadline_misses = 0;  // latency above the period
     std::uint64_t frames_dropped = 0;   // by --realtime: overtaken before they were fetched
     double source_late_s = 0;           // with --realtime: the clock waited so long for the source
+    CameraRecord camera;
     std::vector<StageRecord> stages;
     std::vector<PoolRecord> pools;
     std::size_t block_bytes = 0;  // bytes_needed(limits)

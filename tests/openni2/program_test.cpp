@@ -1,0 +1,223 @@
+// The whole program on a live camera: the real OpenNI2, our driver, a process of its own.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "platform/evaluation/evaluation.hpp"
+#include "tests/openni2/program.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::CameraRig;
+using test::Program;
+using test::Scratch;
+using test::within;
+
+class LiveProgram : public testing::Test {
+protected:
+    LiveProgram() : rig(STILLMESH_SMALL_FRAMES) {}
+
+    Program start(const std::string& arguments) {
+        return Program(STILLMESH_PROGRAM, STILLMESH_PRIVATE_OPENNI2, arguments, scratch);
+    }
+    static nlohmann::json json_of(const Program& program) {
+        const std::string text = program.out();
+        const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+        EXPECT_FALSE(json.is_discarded()) << text << program.err();
+        return json;
+    }
+    // Lines of a trajectory that are poses.
+    std::size_t poses(const std::string& file) const {
+        const std::string text = test::text_of(scratch.path(file));
+        std::istringstream lines(text);
+        std::size_t count = 0;
+        for (std::string line; std::getline(lines, line);) count += !line.empty() && line[0] != '#';
+        return count;
+    }
+    // Where the camera was, by the times that the program gives its frames.
+    Trajectory truth() {
+        const std::int64_t to_unix_ns = test::now_ns(CLOCK_REALTIME) - test::now_ns();
+        Trajectory truth;
+        for (std::uint32_t i = 0; i < rig.camera().log_count; ++i) {
+            const test::EmittedFrame& frame = rig.camera().log[i];
+            const test::FramesHead::Pose& pose = rig.pose(frame.index);
+            TrajectoryPose out;
+            out.time_ns = frame.stamp_us * 1000 + to_unix_ns;
+            std::copy(std::begin(pose.t), std::end(pose.t), out.t.begin());
+            std::copy(std::begin(pose.q), std::end(pose.q), out.q.begin());
+            truth.push_back(out);
+        }
+        return truth;
+    }
+
+    CameraRig rig;
+    Scratch scratch;
+};
+
+// Promise: a live run gives every frame a right pose at 30 frames/s, at times that are the time of day, and reports the
+// camera; depth registered here, by a wrong clock and from YUV, is as good.
+TEST_F(LiveProgram, TracksACamera) {
+    struct Case {
+        std::uint32_t modes, can_register;
+        std::int64_t stamp_offset_us;
+        const char* device;
+    };
+    for (const Case& c : {Case{2, 1, 0, "registered by the camera"}, Case{6, 0, 12345678, "registered here"}}) {
+        rig.camera().is_plugged = 1;
+        rig.camera().modes = c.modes;
+        rig.camera().can_register = c.can_register;
+        rig.camera().stamp_offset_us = c.stamp_offset_us;
+        rig.camera().log_count = 0;
+        Program run = start("run --camera auto --frames 90 --json --trajectory " + scratch.path("path.txt"));
+        ASSERT_EQ(run.wait(60'000), 0) << run.err();
+        const nlohmann::json json = json_of(run);
+        EXPECT_EQ(json["frames"], 90);
+        EXPECT_GT(json["coverage"], 0.95);
+        EXPECT_EQ(json["is_realtime"], true);
+        EXPECT_NE(json["camera"]["device"].get<std::string>().find(c.device), std::string::npos) << json["camera"];
+        EXPECT_EQ(json["camera"]["images_missing"], 0);
+        EXPECT_NEAR(json["camera"]["lag_mean_ms"].get<double>(), 1.5, 0.01);
+        EXPECT_EQ(json["life"]["unplugs"], 0);
+        Trajectory estimate;
+        std::string message;
+        ASSERT_EQ(read_trajectory(scratch.path("path.txt"), estimate, message), Status::kOk) << message;
+        Trajectory true_path = truth();
+        for (TrajectoryPose& pose : true_path) pose.time_ns -= c.stamp_offset_us * 1000;
+        const auto evaluation = evaluate(true_path, estimate);
+        ASSERT_TRUE(evaluation.has_value());
+        std::printf("%s: ATE %.4f m, latency %.1f ms median\n", c.device, evaluation->ate_rmse_m,
+                    json["latency"]["ms_median"].get<double>());
+        EXPECT_LT(evaluation->ate_rmse_m, 0.03);
+    }
+}
+
+// Promise: unplugged, the poses stop, the program says so and goes on; plugged in again it has poses within two
+// seconds; the same for a stall, which ends in a reset; lost colour images cost their frames only; Ctrl-C ends it with
+// all written.
+TEST_F(LiveProgram, SurvivesALife) {
+    rig.camera().is_plugged = 1;
+    Program run =
+        start("run --camera auto --trajectory " + scratch.path("path.txt") + " --report " + scratch.path("report"));
+    const auto has_poses = [this](std::size_t count) { return poses("path.txt") >= count; };
+    ASSERT_TRUE(within(30'000, [&] { return has_poses(40); })) << run.err();
+    rig.camera().is_plugged = 0;
+    ASSERT_TRUE(within(5000, [&] { return run.err().find("the camera is gone (unplugged)") != std::string::npos; }))
+        << run.err();
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    const std::size_t at_unplug = poses("path.txt");
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    EXPECT_EQ(poses("path.txt"), at_unplug) << "poses stop";
+    rig.camera().is_plugged = 1;
+    const std::int64_t back_ns = test::now_ns();
+    ASSERT_TRUE(within(10'000, [&] { return has_poses(at_unplug + 1); })) << run.err();
+    const double replug_s = static_cast<double>(test::now_ns() - back_ns) * 1e-9;
+    ASSERT_TRUE(within(10'000, [&] { return has_poses(at_unplug + 20); })) << run.err();
+
+    rig.camera().is_stalled = 1;
+    ASSERT_TRUE(within(8000, [&] { return run.err().find("no frames for") != std::string::npos; })) << run.err();
+    ASSERT_TRUE(within(8000, [&] { return rig.camera().opens >= 3; })) << "closed and opened again";
+    const std::size_t at_stall = poses("path.txt");
+    rig.camera().is_stalled = 0;
+    const std::int64_t flow_ns = test::now_ns();
+    ASSERT_TRUE(within(10'000, [&] { return has_poses(at_stall + 1); })) << run.err();
+    const double stall_s = static_cast<double>(test::now_ns() - flow_ns) * 1e-9;
+    rig.camera().drop_colour_every = 3;
+    ASSERT_TRUE(within(10'000, [&] { return has_poses(at_stall + 30); })) << run.err();
+    run.signal(SIGINT);
+    ASSERT_EQ(run.wait(20'000), 130) << run.err();
+    std::printf("poses %.2f s after the replug, %.2f s after the stall\n%s", replug_s, stall_s, run.out().c_str());
+    EXPECT_LT(replug_s, 2.0);
+    EXPECT_LT(stall_s, 2.0);
+    EXPECT_NE(run.out().find("unplugged 1 times"), std::string::npos);
+    EXPECT_NE(run.err().find("the camera is back after"), std::string::npos);
+    EXPECT_NE(test::text_of(scratch.path("path.txt")).find("# the camera is gone"), std::string::npos);
+    EXPECT_TRUE(std::filesystem::exists(scratch.path("report/index.html")));
+    EXPECT_EQ(rig.camera().opens, rig.camera().closes);
+}
+
+// Promise: SIGTERM during a stall ends the program within two seconds, everything written; so does Ctrl-C while it
+// waits for a camera that is not there.
+TEST_F(LiveProgram, EndsCleanlyDuringAStall) {
+    rig.camera().is_plugged = 1;
+    Program run = start("run --camera auto --json --trajectory " + scratch.path("path.txt") + " --trajectory-final " +
+                        scratch.path("final.txt"));
+    ASSERT_TRUE(within(30'000, [&] { return poses("path.txt") >= 10; })) << run.err();
+    rig.camera().is_stalled = 1;
+    std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    run.signal(SIGTERM);
+    ASSERT_EQ(run.wait(5000), 143) << run.err();
+    EXPECT_EQ(json_of(run)["exit_code"], 143);
+    EXPECT_EQ(poses("final.txt"), poses("path.txt"));
+
+    rig.camera().is_stalled = 0;
+    rig.camera().is_plugged = 0;
+    Program absent = start("run --camera auto --json");
+    EXPECT_EQ(absent.wait(20'000), 2);
+    EXPECT_NE(absent.err().find("no camera is plugged in that OpenNI2 knows"), std::string::npos) << absent.err();
+    Program waiting = start("run --camera auto --wait --json");
+    ASSERT_TRUE(within(20'000, [&] { return waiting.err().find("Waiting for one") != std::string::npos; }));
+    waiting.signal(SIGINT);
+    EXPECT_EQ(waiting.wait(5000), 130) << waiting.err();
+    Program patient = start("run --camera auto --wait --json --frames 5");
+    ASSERT_TRUE(within(20'000, [&] { return patient.err().find("Waiting for one") != std::string::npos; }));
+    rig.camera().is_plugged = 1;
+    EXPECT_EQ(patient.wait(20'000), 0) << patient.err();
+    EXPECT_EQ(json_of(patient)["frames"], 5);
+}
+
+// Promise: an .oni recording is tracked twice with the same bits, and its frames, written as a folder, once more; a
+// folder captured from the camera replays too.
+TEST_F(LiveProgram, RecordingsAreTrackedAgain) {
+    rig.camera().is_plugged = 1;
+    Program capture = start("capture --camera auto --frames 45 --json --out " + scratch.path("desk.oni"));
+    ASSERT_EQ(capture.wait(30'000), 0) << capture.err();
+    EXPECT_EQ(json_of(capture)["frames"], 45);
+    Program folder = start("capture --camera auto --frames 20 --json --out " + scratch.path("desk"));
+    ASSERT_EQ(folder.wait(30'000), 0) << folder.err();
+    rig.camera().is_plugged = 0;
+    std::string hashes[3];
+    for (const int i : {0, 1}) {
+        Program run = start("run --json --camera openni2:" + scratch.path("desk.oni") +
+                            (i == 1 ? " --record-frames " + scratch.path("again") : ""));
+        ASSERT_EQ(run.wait(60'000), 0) << run.err();
+        const nlohmann::json json = json_of(run);
+        EXPECT_GE(json["frames"], 40);
+        EXPECT_EQ(json["coverage"], 1.0);
+        EXPECT_EQ(json["is_realtime"], false);
+        hashes[i] = json["state_hash"];
+    }
+    Program again = start("run --json --replay " + scratch.path("again"));
+    ASSERT_EQ(again.wait(60'000), 0) << again.err();
+    hashes[2] = json_of(again)["state_hash"];
+    EXPECT_EQ(hashes[0], hashes[1]);
+    EXPECT_EQ(hashes[0], hashes[2]);
+    Program replay = start("run --json --replay " + scratch.path("desk"));
+    ASSERT_EQ(replay.wait(60'000), 0) << replay.err();
+    EXPECT_EQ(json_of(replay)["frames"], 20);
+}
+
+// Promise: injected faults change with their seed and not otherwise; the run goes on through all of them and says what
+// they were. Wrong names of cameras are refused with the right ones.
+TEST_F(LiveProgram, InjectedFaultsAndWrongNames) {
+    rig.camera().is_plugged = 1;
+    Program run = start("run --camera auto --inject 4 --json --frames 60");
+    const int code = run.wait(90'000);
+    EXPECT_TRUE(code == 0 || code == 1) << code << run.err();
+    EXPECT_EQ(json_of(run)["frames"], 60);
+    EXPECT_TRUE(json_of(run)["faults"].is_string());
+    for (const char* const name : {"webcam", "openni2:", "openni2x"}) {
+        Program wrong = start(std::string("run --camera ") + name);
+        EXPECT_EQ(wrong.wait(20'000), 2);
+        EXPECT_NE(wrong.err().find("openni2:FILE.oni"), std::string::npos) << wrong.err();
+    }
+    Program other = start("run --camera openni2:NOSUCH");
+    EXPECT_EQ(other.wait(20'000), 2);
+    EXPECT_NE(other.err().find("there are: stillmesh://0"), std::string::npos) << other.err();
+}
+
+}  // namespace
+}  // namespace stillmesh

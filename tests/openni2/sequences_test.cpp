@@ -1,0 +1,143 @@
+// Random lives of a camera under the real OpenNI2: unplugged, plugged in, stalled, spoilt, in any order, with a
+// watchdog. Times are a tenth of the real ones, so that many fit. STILLMESH_SEQUENCES says how many; a few by default.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <random>
+
+#include "hal/live/reconnecting_camera.hpp"
+#include "hal/openni2/openni2_camera.hpp"
+#include "tests/openni2/rig.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::CameraRig;
+
+// Ends the process when nobody has reported for too long: a hang is a failure with a name.
+class Watchdog {
+public:
+    explicit Watchdog(std::int64_t limit_ms) : limit_ns_(limit_ms * 1'000'000), thread_([this] { watch(); }) {}
+    ~Watchdog() {
+        is_ending_ = true;
+        thread_.join();
+    }
+    Watchdog(const Watchdog&) = delete;
+    Watchdog& operator=(const Watchdog&) = delete;
+    void report(int sequence) {
+        sequence_ = sequence;
+        last_ns_ = test::now_ns();
+    }
+
+private:
+    void watch() {
+        while (!is_ending_) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+            if (test::now_ns() - last_ns_ > limit_ns_) {
+                std::fprintf(stderr, "watchdog: sequence %d hangs\n", sequence_.load());
+                std::abort();
+            }
+        }
+    }
+    std::int64_t limit_ns_;
+    std::atomic<std::int64_t> last_ns_{test::now_ns()};
+    std::atomic<int> sequence_{0};
+    std::atomic<bool> is_ending_{false};
+    std::thread thread_;
+};
+
+// Promise: whatever happens to the camera, no call hangs or crashes, frames only go on in time, and they flow again
+// within two seconds of the camera being well.
+TEST(CameraSequences, AnyLifeIsSurvived) {
+    CameraRig rig(STILLMESH_SMALL_FRAMES);
+    test::CameraControl& control = rig.camera();
+    control.period_us = 8000;
+    control.depth_lag_us = 500;
+    control.is_plugged = 1;
+    OpenNi2Options camera_options;
+    camera_options.open_max_ms = 3000;
+    OpenNi2Camera source(camera_options);
+    ReconnectOptions options;
+    options.now_ns = [] { return test::now_ns(); };
+    options.sleep_until_ns = [](std::int64_t until_ns) {
+        std::this_thread::sleep_for(std::chrono::nanoseconds(until_ns - test::now_ns()));
+    };
+    options.source_message = [&source] { return source.message(); };
+    options.times = &source;
+    options.stall_ns = 100'000'000;
+    options.stall_max_ns = 800'000'000;
+    options.retry_first_ns = 10'000'000;
+    options.retry_max_ns = 50'000'000;
+    ReconnectingCamera camera(source, options);
+    Watchdog watchdog(20'000);
+    ASSERT_TRUE(test::within(3000, [&] { return camera.open() == Status::kOk; })) << source.message();
+
+    const char* const wanted = std::getenv("STILLMESH_SEQUENCES");
+    const int sequences = wanted != nullptr ? std::atoi(wanted) : 20;
+    std::int64_t last_ns = 0;
+    std::int64_t slowest_return_ns = 0;
+    std::int64_t slowest_poll_ns = 0;
+    std::uint64_t frames = 0;
+    const auto poll_until = [&](std::int64_t end_ns, bool does_end_with_frame) {
+        bool has_frame = false;
+        while (test::now_ns() < end_ns && !(has_frame && does_end_with_frame)) {
+            Frame frame;
+            const std::int64_t begin_ns = test::now_ns();
+            const Status status = camera.poll(frame);
+            if (status == Status::kOk) {
+                EXPECT_GT(frame.time_ns, last_ns);
+                EXPECT_EQ(frame.colour.width, 320U);
+                EXPECT_EQ(frame.depth.height, 240U);
+                last_ns = frame.time_ns;
+                has_frame = true;
+                ++frames;
+            } else {
+                EXPECT_EQ(status, Status::kTimedOut);
+                static_cast<void>(camera.wait(10));
+            }
+            slowest_poll_ns = std::max(slowest_poll_ns, test::now_ns() - begin_ns);
+            while (!camera.take_news().empty()) {
+            }
+        }
+        return has_frame;
+    };
+    for (int i = 0; i < sequences; ++i) {
+        watchdog.report(i);
+        std::mt19937 random(static_cast<std::uint32_t>(i));
+        const std::uint32_t steps = 1 + random() % 4;
+        for (std::uint32_t step = 0; step < steps; ++step) {
+            switch (random() % 9) {
+                case 0:
+                case 1:
+                case 2: control.is_plugged = control.is_plugged == 0 ? 1 : 0; break;
+                case 3:
+                case 4: control.is_stalled = control.is_stalled == 0 ? 1 : 0; break;
+                case 5: control.drop_colour_every = static_cast<std::uint32_t>(random() % 3); break;
+                case 6: control.emits_wrong_size = static_cast<std::uint32_t>(random() % 2); break;
+                case 7: control.is_frozen = static_cast<std::uint32_t>(random() % 2); break;
+                default:
+                    control.stamp_offset_us = static_cast<std::int64_t>(random() % 5'000'000);
+                    control.does_open_fail = static_cast<std::uint32_t>(random() % 2);
+                    control.hang_ms = static_cast<std::uint32_t>(random() % 30);
+                    break;
+            }
+            static_cast<void>(
+                poll_until(test::now_ns() + static_cast<std::int64_t>(random() % 150) * 1'000'000, false));
+        }
+        control.is_stalled = control.drop_colour_every = control.emits_wrong_size = control.is_frozen =
+            control.does_open_fail = control.hang_ms = 0;
+        control.is_plugged = 1;
+        const std::int64_t well_ns = test::now_ns();
+        ASSERT_TRUE(poll_until(well_ns + 5'000'000'000, true)) << "sequence " << i;
+        slowest_return_ns = std::max(slowest_return_ns, test::now_ns() - well_ns);
+        EXPECT_LT(test::now_ns() - well_ns, 2'000'000'000) << "sequence " << i;
+    }
+    camera.close();
+    EXPECT_TRUE(test::within(3000, [&] { return control.opens == control.closes; }));
+    std::printf("%d sequences, %llu frames, %u openings; frames at most %.2f s after it is well; slowest poll %.2f s\n",
+                sequences, static_cast<unsigned long long>(frames), control.opens.load(),
+                static_cast<double>(slowest_return_ns) * 1e-9, static_cast<double>(slowest_poll_ns) * 1e-9);
+}
+
+}  // namespace
+}  // namespace stillmesh
