@@ -81,11 +81,11 @@ void ReconnectingCamera::lost(std::int64_t now_ns) {
 
 void ReconnectingCamera::stalled(std::int64_t now_ns, const char* why) {
     ++counts_.stalls;
+    source_.close();  // a reset is for a device that nobody uses
+    is_open_ = false;
     const bool is_reset = options_.reset && options_.reset();
     tell(std::string(why) + " for " + seconds(now_ns - last_frame_ns_) + ": the camera is " +
          (is_reset ? "reset and " : "") + "opened again.");
-    source_.close();
-    is_open_ = false;
     is_disturbed_ = true;
     wrong_in_a_row_ = 0;
     life_ = CameraLife::kSilent;

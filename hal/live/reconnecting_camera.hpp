@@ -31,7 +31,7 @@ struct ReconnectOptions {
     std::function<std::int64_t()> now_ns;
     std::function<void(std::int64_t)> sleep_until_ns;
     std::function<std::string()> source_message;  // why the last open or poll failed
-    std::function<bool()> reset;                  // of a stalled device, before it is opened again; may be empty
+    std::function<bool()> reset;                  // of a stalled device, closed by then; may be empty
     FrameTimes* times = nullptr;                  // the source's, if it has them
     bool is_live = true;                          // frames come by the host's clock
     std::int64_t stall_ns = 1'000'000'000;        // silence that counts as a stall

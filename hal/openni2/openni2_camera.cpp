@@ -579,6 +579,7 @@ Status OpenNi2Camera::open() noexcept {
     }
     runtime_ = session->runtime;
     session_ = session;
+    uri_ = session->watch->uri;
     notes_ = session->notes;
     frames_expected_ =
         session->is_file ? static_cast<std::uint64_t>(std::min(session->colour_images, session->depth_images)) : 0;

@@ -73,6 +73,8 @@ public:
     [[nodiscard]] const std::string& message() const noexcept { return message_; }
     // What was found when it was opened: device, mode, registration, intrinsics.
     [[nodiscard]] const std::string& device() const noexcept { return device_; }
+    // OpenNI2's name of it; empty: a file, or never open.
+    [[nodiscard]] const std::string& uri() const noexcept { return uri_; }
     [[nodiscard]] const std::string& calibration_source() const noexcept { return calibration_source_; }
     [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
     [[nodiscard]] bool is_file() const noexcept;
@@ -94,7 +96,7 @@ private:
     CameraInfo info_;
     CameraInfo given_;  // the calibration, as it was read
     bool has_calibration_ = false;
-    std::string message_, device_, calibration_source_;
+    std::string message_, device_, uri_, calibration_source_;
     std::vector<std::string> notes_;
     std::uint64_t frames_expected_ = 0;
     std::int64_t due_ns_ = 0;

@@ -5,6 +5,10 @@
 #ifdef STILLMESH_HAS_OPENNI2
 #include "hal/openni2/openni2_camera.hpp"
 #endif
+#ifdef STILLMESH_HAS_USB
+#include "hal/usb/camera_check.hpp"
+#include "hal/usb/libusb_link.hpp"
+#endif
 
 namespace stillmesh {
 namespace {
@@ -36,6 +40,15 @@ public:
                                   static_cast<double>(counts.pairing.pairs);
         }
     }
+
+#ifdef STILLMESH_HAS_USB
+    bool reset() override {
+        if (camera_.uri().empty()) return false;
+        LibusbLink link;
+        std::string message;
+        return reset_camera(link, camera_.uri(), message) == UsbStatus::kOk;
+    }
+#endif
 
 private:
     OpenNi2Camera camera_;
