@@ -268,6 +268,36 @@ struct LocalMapParameters {
     double farther_max = 3.0;
 };
 
+// Coming home (engine/tasks/loop_closing.hpp, relocalisation.hpp). Nothing of it without a vocabulary.
+struct LoopParameters {
+    bool is_enabled = true;
+    bool is_relocalising = true;
+    bool is_adjusting = true;        // global bundle adjustment after a loop
+    std::uint32_t consistency = 5;   // k: queries before that must agree
+    double score_share = 0.8;        // of s_min, for those
+    double distance_max_m = 1.5;     // geometric consistency; 3 outdoors
+    std::uint32_t gap_frames = 150;  // nearer in time is no loop
+    std::uint32_t rest_keyframes = 10;
+    std::uint32_t candidates_max = 3;
+    // Verification.
+    std::uint32_t hamming_max = 64;
+    std::uint32_t hamming_guided_max = 64;
+    double ratio_max = 0.85;
+    double radius_px = 8.0;
+    std::uint32_t iterations_max = 500;
+    double chi2_max = 11.34;
+    std::uint32_t matches_min = 20;
+    std::uint32_t first_inliers_min = 12;
+    std::uint32_t inliers_min = 40;
+    double spread_min = 0.25;
+    // How far odometry can have drifted.
+    double drift_m = 0.3;
+    double drift_share = 0.05;
+    double drift_lost_m_s = 1.5;
+    double correction_min_m = 0.01;
+    double correction_min_rad = 0.01;
+};
+
 struct Configuration {
     CameraParameters camera;
     ShutterParameters shutter;
@@ -286,12 +316,14 @@ struct Configuration {
     MappingParameters mapping;
     MapParameters map;
     LocalMapParameters local_map;
+    LoopParameters loop;
     std::uint64_t seed = 1;  // of RANSAC
 
     [[nodiscard]] static constexpr Configuration indoor() noexcept { return {}; }
     [[nodiscard]] static constexpr Configuration outdoor() noexcept {
         Configuration out;
         out.region.edge_change_max_m = 0.5;
+        out.loop.distance_max_m = 3.0;
         return out;
     }
 };
@@ -542,6 +574,31 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("local_map.farther_max", c.local_map.farther_max, 1.0, 100.0, "", "multiple of it, seen from farther");
     v("local_map.useful_factor", c.local_map.useful_factor, 1.0, 1000.0, "",
       "a keyframe that shares so many times less than the first is no use");
+    v("loop.is_enabled", c.loop.is_enabled, 0.0, 1.0, "", "recognise places and close loops, given a vocabulary");
+    v("loop.is_relocalising", c.loop.is_relocalising, 0.0, 1.0, "", "find a lost camera by the words of its picture");
+    v("loop.is_adjusting", c.loop.is_adjusting, 0.0, 1.0, "", "global bundle adjustment after a loop");
+    v("loop.consistency", c.loop.consistency, 0.0, 5.0, "", "queries before that must agree on a place");
+    v("loop.score_share", c.loop.score_share, 0.0, 1.0, "", "of the least score among neighbours, for those");
+    v("loop.distance_max_m", c.loop.distance_max_m, 0.01, 100.0, "m", "farther apart two views are no loop");
+    v("loop.gap_frames", c.loop.gap_frames, 1.0, 1e6, "frames", "nearer in time two views are no loop");
+    v("loop.rest_keyframes", c.loop.rest_keyframes, 0.0, 1000.0, "", "after a loop none is sought for so many");
+    v("loop.candidates_max", c.loop.candidates_max, 1.0, 8.0, "", "places verified for one keyframe");
+    v("loop.hamming_max", c.loop.hamming_max, 1.0, 256.0, "bits", "largest descriptor distance of a match");
+    v("loop.hamming_guided_max", c.loop.hamming_guided_max, 1.0, 256.0, "bits", "the same around a projection");
+    v("loop.ratio_max", c.loop.ratio_max, 0.1, 1.0, "", "best to second best descriptor distance");
+    v("loop.radius_px", c.loop.radius_px, 1.0, 100.0, "px", "search radius around a projection");
+    v("loop.iterations_max", c.loop.iterations_max, 1.0, 5000.0, "", "RANSAC iterations for one candidate");
+    v("loop.chi2_max", c.loop.chi2_max, 0.1, 1000.0, "", "largest squared residual of a point that agrees");
+    v("loop.matches_min", c.loop.matches_min, 3.0, 4000.0, "", "fewer matches are no place");
+    v("loop.first_inliers_min", c.loop.first_inliers_min, 3.0, 4000.0, "",
+      "fewer that agree are not looked at further");
+    v("loop.inliers_min", c.loop.inliers_min, 3.0, 4000.0, "", "fewer that agree after guided matching are no place");
+    v("loop.spread_min", c.loop.spread_min, 0.0, 1.0, "", "share of width and of height that they span at least");
+    v("loop.drift_m", c.loop.drift_m, 0.0, 1000.0, "m", "odometry can have drifted by so much");
+    v("loop.drift_share", c.loop.drift_share, 0.0, 10.0, "", "and by this share of the path");
+    v("loop.drift_lost_m_s", c.loop.drift_lost_m_s, 0.0, 100.0, "m/s", "and so fast while nothing was measured");
+    v("loop.correction_min_m", c.loop.correction_min_m, 0.0, 10.0, "m", "a smaller correction is none");
+    v("loop.correction_min_rad", c.loop.correction_min_rad, 0.0, 3.0, "rad", "a smaller correction is none");
     v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 

@@ -125,8 +125,14 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     state.map_origin = {camera, configuration.features.levels, configuration.features.scale_factor, 0};
     state.tracking.create(arena, limits, configuration, camera, kernels, extractor);
     state.mapping.create(arena, limits, configuration, camera, state.tracking);
+    state.places.create(arena, limits, state.tracking.configuration(), camera, state.vocabulary);
+    state.loop_closing.create(arena, limits, state.tracking.configuration(), state.tracking, state.mapping,
+                              state.places);
+    state.relocalisation.create(state.tracking.configuration(), state.places);
+    if (state.relocalisation.is_on()) state.tracking.set_relocalisation(&state.relocalisation);
     state.scheduler.create(configuration.schedule.slice_units);
     if (configuration.mapping.is_enabled) state.scheduler.add(state.mapping);
+    if (state.places.is_on()) state.scheduler.add(state.loop_closing);
     arena.seal();
     state.arena_used_bytes = arena.used_bytes();
     STILLMESH_CHECK(state.arena_used_bytes == static_bytes_needed(limits));
@@ -170,6 +176,8 @@ EngineStatistics Engine::statistics() const noexcept {
     const EngineState& state = state_of(this);
     state.tracking.fill(out);
     state.mapping.fill(out);
+    state.relocalisation.fill(out);
+    state.loop_closing.fill(out);
     out.schedule = state.scheduler.statistics();
     out.frames_refused = state.frames_refused;
     out.arena_used_bytes = state.arena_used_bytes;
@@ -177,6 +185,12 @@ EngineStatistics Engine::statistics() const noexcept {
 }
 TrackingView Engine::tracking_view() noexcept {
     return state_of(this).tracking.view();
+}
+std::uint32_t Engine::keyframes(std::span<KeyframePose> out) const noexcept {
+    return state_of(this).tracking.keyframes(out);
+}
+std::uint64_t Engine::reference_keyframe() const noexcept {
+    return state_of(this).tracking.reference_keyframe();
 }
 std::uint64_t Engine::state_hash() const noexcept {
     const EngineState& state = state_of(this);
@@ -224,6 +238,9 @@ void Engine::reset() noexcept {
     state.frames_refused = 0;
     state.tracking.reset();
     state.mapping.reset();
+    state.places.reset();
+    state.loop_closing.reset();
+    state.relocalisation.reset();
     state.scheduler.reset();
     state.map_copy.cancel();
 }

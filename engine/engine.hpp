@@ -51,6 +51,14 @@ struct PoseEstimate {
     double covariance[36] = {};
 };
 
+// A keyframe of the map as it lies now. Its name is the number of the frame that it was made from.
+inline constexpr std::uint64_t kNoKeyframe = ~std::uint64_t{0};
+struct KeyframePose {
+    std::uint64_t id = kNoKeyframe;
+    std::uint64_t parent_id = kNoKeyframe;  // in the spanning tree
+    RigidTransform map_from_camera;
+};
+
 // The steps of a frame, for whoever wants to time them.
 enum class Stage : std::uint8_t { kPrepare, kFeatures, kMatching, kMesh, kRegion, kPose, kLocalMap, kMapUpdate };
 inline constexpr std::uint32_t kStages = 8;
@@ -95,6 +103,24 @@ struct MappingStatistics {
     std::uint64_t observations_dropped = 0;  // outliers of an adjustment
     std::uint64_t points_triangulated = 0;
 };
+// What loop closing and relocalisation have done.
+struct LoopStatistics {
+    std::uint64_t queries = 0;     // keyframes looked up
+    std::uint64_t candidates = 0;  // places verified
+    std::uint64_t closed = 0;      // loops that corrected the map
+    std::uint64_t confirmed = 0;   // places found again where the map has them already
+    // Candidates refused: by geometry, and because they are farther than they can be.
+    std::uint64_t refused_matches = 0, refused_pose = 0, refused_inliers = 0, refused_spread = 0;
+    std::uint64_t refused_far = 0, refused_unlikely = 0, refused_gone = 0;
+    std::uint64_t dropped = 0;  // jobs that were overtaken
+    std::uint64_t points_fused = 0, observations_found = 0;
+    std::uint64_t graph_iterations = 0;
+    std::uint64_t adjustments = 0, adjustments_dropped = 0, adjustment_iterations = 0;  // global
+    double largest_correction_m = 0;                                                    // of the camera
+    double last_correction_m = 0;
+    std::uint64_t relocalisations = 0;
+    std::uint64_t relocalisation_queries = 0, relocalisation_candidates = 0;
+};
 struct EngineStatistics {
     std::uint64_t frames = 0;
     std::uint64_t frames_refused = 0;
@@ -115,6 +141,7 @@ struct EngineStatistics {
     PoolStatistics keyframe_queue;  // waiting for mapping
     ScheduleStatistics schedule;
     MappingStatistics mapping;
+    LoopStatistics loop;
     std::size_t arena_used_bytes = 0;
 };
 
@@ -191,6 +218,11 @@ public:
     [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept;
     [[nodiscard]] EngineStatistics statistics() const noexcept;
     [[nodiscard]] TrackingView tracking_view() noexcept;
+    // All keyframes, as many as `out` takes (limits.keyframes_max: all); returns how many were written. With them poses
+    // that were given out can be carried along as the map is corrected.
+    [[nodiscard]] std::uint32_t keyframes(std::span<KeyframePose> out) const noexcept;
+    // The keyframe that saw most of what the last frame was measured against; kNoKeyframe: there is none yet.
+    [[nodiscard]] std::uint64_t reference_keyframe() const noexcept;
     // Over everything that has been decided so far: equal on every build, frame by frame.
     [[nodiscard]] std::uint64_t state_hash() const noexcept;
 

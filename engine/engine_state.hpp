@@ -9,7 +9,10 @@
 #include "engine/place/vocabulary.hpp"
 #include "engine/record/map_copy.hpp"
 #include "engine/schedule/scheduler.hpp"
+#include "engine/tasks/loop_closing.hpp"
 #include "engine/tasks/mapping.hpp"
+#include "engine/tasks/place_search.hpp"
+#include "engine/tasks/relocalisation.hpp"
 #include "engine/tasks/tracking.hpp"
 
 namespace stillmesh {
@@ -22,6 +25,9 @@ struct EngineState final : Engine {
     Mapping mapping;
     MapOrigin map_origin;
     MapCopy map_copy;
+    PlaceSearch places;
+    LoopClosing loop_closing;
+    Relocalisation relocalisation;
     Scheduler scheduler;  // of the background tasks, in the order of add() in create()
     std::uint64_t frames_refused = 0;
     std::size_t arena_used_bytes = 0;

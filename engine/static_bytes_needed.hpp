@@ -25,6 +25,8 @@ namespace stillmesh {
     plan.array<EngineState>(1);
     Tracking::plan(plan, limits);
     Mapping::plan(plan, limits);
+    PlaceSearch::plan(plan, limits);
+    LoopClosing::plan(plan, limits);
     return plan.used_bytes();
 }
 

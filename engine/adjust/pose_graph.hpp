@@ -112,8 +112,6 @@ private:
     };
     struct Edge {
         PoseGraphEdge given;
-        Vector3 q;           // b's place in a
-        Matrix3 a_from_b;    // rotation, at the current poses
         Matrix3 log_change;  // so3_log_derivative at the residual
     };
 

@@ -41,6 +41,8 @@ public:
     // Whether the list is out of date: the map's newest keyframe or the reference changed, or the camera moved on.
     [[nodiscard]] bool is_stale(const Map& map, const SE3& world_from_camera) const noexcept;
     void build(const Map& map, const SE3& world_from_camera) noexcept;
+    // The map moved: what was listed is out of date.
+    void invalidate() noexcept { is_built_ = false; }
     // A new point; a slot that is listed already is not listed twice.
     void add(std::uint32_t point_slot) noexcept;
 

@@ -70,6 +70,7 @@ struct Keyframe {
     std::uint64_t last_useful_frame = 0;  // tracking saw points of it
     std::uint32_t observations = 0;
     std::uint32_t observations_changed = 0;  // times that one came, was moved, or showed another point from then on
+    float drift_m = 0;  // that odometry can have gathered until here, since the map began
 };
 
 // A feature of a keyframe.

@@ -95,12 +95,7 @@ Progress Mapping::step(WorkBudget& budget) noexcept {
     while (!budget.is_spent()) {
         // Only tracking evicts besides the last stages, and never the newest; but the queue may have been long.
         if (map_->keyframes().find(keyframe_) == nullptr && stage_ < Stage::kRedundant) {
-            adjustment_.cancel();
-            for (std::uint32_t i = 0; i < problem_point_count_; ++i) {
-                problem_index_[problem_points_[i].handle.slot()] = 0;
-            }
-            problem_point_count_ = 0;
-            ++statistics_.adjustments_dropped;
+            drop_adjustment();
             enter(Stage::kEvict);
         }
         switch (stage_) {
@@ -120,6 +115,29 @@ Progress Mapping::step(WorkBudget& budget) noexcept {
         }
     }
     return stage_ == Stage::kIdle ? Progress::kDone : Progress::kWorking;
+}
+
+void Mapping::drop_adjustment() noexcept {
+    adjustment_.cancel();
+    for (std::uint32_t i = 0; i < problem_point_count_; ++i) problem_index_[problem_points_[i].handle.slot()] = 0;
+    problem_point_count_ = 0;
+    ++statistics_.adjustments_dropped;
+}
+
+void Mapping::note_correction() noexcept {
+    if (stage_ != Stage::kCollect && stage_ != Stage::kAdjust && stage_ != Stage::kCommit) return;
+    drop_adjustment();
+    enter(Stage::kRedundant);
+}
+
+std::uint32_t Mapping::fuse_into(Handle<MapPoint> point, Handle<Keyframe> target) noexcept {
+    if (map_->keyframes().find(target) == nullptr) return 1;
+    std::uint32_t units = 1;
+    if (!(grid_keyframe_ == target)) {
+        build_grid(target);
+        units += static_cast<std::uint32_t>(keypoints_.size()) / 8;
+    }
+    return units + fuse_point(point, target);
 }
 
 // --- points ----------------------------------------------------------------------------------------------------------

@@ -66,6 +66,17 @@ public:
     // The most that one piece of work takes, and hence the most that a slice overdraws.
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
 
+    // For loop closing. The whole map was corrected: an adjustment that began before is dropped.
+    void note_correction() noexcept;
+    // Lets a static point be seen by a keyframe that missed it, or become one with the point it has there. Returns the
+    // units it took.
+    [[nodiscard]] std::uint32_t fuse_into(Handle<MapPoint> point, Handle<Keyframe> target) noexcept;
+
+    // Of a feature's normalised coordinates.
+    [[nodiscard]] double var_pixel(std::uint8_t level) const noexcept {
+        return var_base_ * scale_[level] * scale_[level];
+    }
+
     void fill(EngineStatistics& statistics) const noexcept;
     // Of the next piece: who measures what a piece takes wants to know.
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
@@ -104,6 +115,7 @@ private:
     [[nodiscard]] std::uint32_t evict() noexcept;
 
     [[nodiscard]] bool take() noexcept;
+    void drop_adjustment() noexcept;
     void enter(Stage stage) noexcept;
     void find_neighbours() noexcept;
     void build_grid(Handle<Keyframe> keyframe) noexcept;
@@ -112,9 +124,6 @@ private:
     void correct_keyframes() noexcept;
     void correct_points() noexcept;
     void drop_outliers() noexcept;
-    [[nodiscard]] double var_pixel(std::uint8_t level) const noexcept {
-        return var_base_ * scale_[level] * scale_[level];
-    }
 
     Configuration configuration_;
     CameraModel camera_;

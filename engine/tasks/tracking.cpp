@@ -120,6 +120,9 @@ void Tracking::reset() noexcept {
     noise_frames_ = 0;
     pose_ = PoseEstimate{};
     world_from_camera_ = SE3{};
+    map_from_odom_ = SE3{};
+    has_jumped_ = false;
+    drift_m_ = 0;
     covariance_ = Matrix6::Zero();
     doubt_.reset();
     shutter_.reset();
@@ -363,6 +366,7 @@ void Tracking::track(const Frame& frame) noexcept {
         bool is_found = false;
         if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate();
         if (!is_found && lost_frames_ > 0) is_found = recover();
+        if (!is_found && lost_frames_ > 0) is_found = relocalise();
         if (!is_found) {
             ++lost_frames_;
             is_choice_sure_ = false;
@@ -386,6 +390,7 @@ void Tracking::track(const Frame& frame) noexcept {
         notice_empty_places(frame);
     }
     if (!is_frozen_) adopt_readout();
+    gather_drift(last_time_ns_);
     previous_time_ns_ = last_time_ns_;
     last_time_ns_ = time_ns_;
     hash_.add(static_cast<std::uint64_t>(time_ns_));
@@ -816,10 +821,9 @@ void Tracking::make_keyframe() noexcept {
     keyframe.time_ns = time_ns_;
     keyframe.frame = frame_;
     keyframe.last_useful_frame = frame_;
+    keyframe.drift_m = static_cast<float>(drift_m_);
     for (std::size_t i = 0; i < features_.size(); ++i) {
-        const Keypoint& keypoint = features_.keypoints[i];
-        const MeasuredFeature& m = measured_[i];
-        Observation observation;
+        Observation observation = observation_of(i);
         // What this frame says does not fit is no observation; a moving point is followed.
         if (!matcher_.claim(i).is_free()) {
             const std::uint32_t slot = matcher_.claim(i).point_slot();
@@ -827,14 +831,6 @@ void Tracking::make_keyframe() noexcept {
                 observation.point = points.handle_of(slot);
             }
         }
-        observation.x = keypoint.x;
-        observation.y = keypoint.y;
-        observation.normalised_x = static_cast<float>(m.normalised.x());
-        observation.normalised_y = static_cast<float>(m.normalised.y());
-        observation.z_m = static_cast<float>(m.z_m);
-        observation.var_z = static_cast<float>(m.var_z);
-        observation.angle_rad = keypoint.angle_rad;
-        observation.level = keypoint.level;
         map_.add_observation(handle, observation, features_.descriptors[i]);
     }
     map_.attach(handle);
@@ -905,7 +901,12 @@ void Tracking::add_point(std::size_t feature, Handle<Keyframe> keyframe, std::ui
 void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
     pose_.time_ns = time_ns_ - time_shift_ns_;
     pose_.state = state;
-    pose_.odom_from_camera = transform_of(world_from_camera_);
+    if (has_jumped_) {
+        pose_.odom_from_camera = transform_of(map_from_odom_.inverse() * world_from_camera_);
+        pose_.map_from_odom = transform_of(map_from_odom_);
+    } else {
+        pose_.odom_from_camera = transform_of(world_from_camera_);
+    }
     Matrix6 measured = Matrix6::Zero();
     if ((state == PoseState::kTracked || state == PoseState::kUnsure) && invert_spd(information, measured)) {
         // Points that a keyframe adds carry the error of its pose for good: the local map drifts by as much as it is
@@ -962,6 +963,24 @@ void Tracking::fill(EngineStatistics& statistics) const noexcept {
     };
     statistics.keyframes = pool_statistics(map_.keyframes());
     statistics.map_points = pool_statistics(map_.points());
+}
+
+std::uint32_t Tracking::keyframes(std::span<KeyframePose> out) const noexcept {
+    std::uint32_t count = 0;
+    for (std::uint32_t slot = 0; slot < map_.keyframes().slots_count() && count < out.size(); ++slot) {
+        if (!map_.keyframes().is_taken(slot)) continue;
+        const Keyframe& keyframe = map_.keyframes().at(slot);
+        const Keyframe* const parent = map_.keyframes().find(keyframe.parent);
+        out[count++] = {keyframe.frame, parent != nullptr ? parent->frame : kNoKeyframe,
+                        transform_of(keyframe.world_from_camera)};
+    }
+    return count;
+}
+
+std::uint64_t Tracking::reference_keyframe() const noexcept {
+    Handle<Keyframe> reference = configuration_.mapping.is_enabled ? local_map_.reference(map_) : Handle<Keyframe>{};
+    if (reference.is_null()) reference = map_.recent_keyframe(0);
+    return reference.is_null() ? kNoKeyframe : map_.keyframes().find(reference)->frame;
 }
 
 TrackingView Tracking::view() noexcept {

@@ -24,6 +24,8 @@
 
 namespace stillmesh {
 
+class Relocalisation;
+
 // A feature with what the depth image and the camera model add to it.
 struct MeasuredFeature {
     Vector2 normalised = Vector2::Zero();  // as the middle row's camera has it
@@ -68,6 +70,8 @@ public:
     [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept { return frame_statistics_; }
     void fill(EngineStatistics& statistics) const noexcept;
     [[nodiscard]] TrackingView view() noexcept;
+    [[nodiscard]] std::uint32_t keyframes(std::span<KeyframePose> out) const noexcept;
+    [[nodiscard]] std::uint64_t reference_keyframe() const noexcept;
     [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_.value(); }
     [[nodiscard]] const Map& map() const noexcept { return map_; }
     // For mapping, which works between frames.
@@ -87,6 +91,13 @@ public:
     [[nodiscard]] double noise_depth() const noexcept { return noise_depth_; }
     // The map around the camera was moved by `correction` (on the left of world coordinates): the camera moves along.
     void follow(const SE3& correction) noexcept;
+    // The same after a loop: map_from_odom takes it, odom_from_camera goes on as before.
+    void jump(const SE3& correction) noexcept;
+    [[nodiscard]] const Configuration& configuration() const noexcept { return configuration_; }
+    [[nodiscard]] const CameraModel& camera() const noexcept { return camera_; }
+    [[nodiscard]] const SE3& world_from_camera() const noexcept { return world_from_camera_; }
+    // Whom a lost camera asks; none without it.
+    void set_relocalisation(Relocalisation* relocalisation) noexcept { relocalisation_ = relocalisation; }
     // Of the last frame: which feature was matched to which point.
     [[nodiscard]] std::span<const Correspondence> correspondences() const noexcept { return correspondences_.span(); }
     [[nodiscard]] const FeatureSet& features() const noexcept { return features_; }
@@ -109,6 +120,9 @@ private:
     [[nodiscard]] bool recover() noexcept;
     // Which of the map's keyframes to compare a frame without a pose with.
     [[nodiscard]] Handle<Keyframe> candidate() const noexcept;
+    [[nodiscard]] bool relocalise() noexcept;
+    [[nodiscard]] Observation observation_of(std::size_t feature) const noexcept;
+    void gather_drift(std::int64_t since_ns) noexcept;
     // Which feature was in which group: correspondences are gathered anew afterwards.
     void note_groups() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
@@ -160,6 +174,10 @@ private:
     // What is known from the frames before.
     SE3 world_from_camera_;           // last pose given out
     SE3 world_from_camera_previous_;  // the one before
+    SE3 map_from_odom_;               // what loops and relocalisations have added
+    bool has_jumped_ = false;
+    double drift_m_ = 0;  // that odometry can have gathered
+    Relocalisation* relocalisation_ = nullptr;
     SE3 predicted_;
     RegionContext context_;
     std::int64_t time_ns_ = 0;

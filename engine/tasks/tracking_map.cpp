@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "engine/base/numbers.hpp"
+#include "engine/tasks/relocalisation.hpp"
 #include "engine/tasks/tracking.hpp"
 
 namespace stillmesh {
@@ -43,6 +44,81 @@ Handle<Keyframe> Tracking::candidate() const noexcept {
     std::uint32_t step = static_cast<std::uint32_t>(std::uint64_t{count} * 618 / 1000) | 1U;
     while (std::gcd(step, count) != 1) step += 2;
     return map_.recent_keyframe(static_cast<std::uint32_t>((frame_ - first_frame_) % count * step % count));
+}
+
+void Tracking::jump(const SE3& correction) noexcept {
+    follow(correction);
+    map_from_odom_ = correction * map_from_odom_;
+    renormalise(map_from_odom_.rotation);
+    has_jumped_ = true;
+    local_map_.invalidate();
+}
+
+Observation Tracking::observation_of(std::size_t feature) const noexcept {
+    const Keypoint& keypoint = features_.keypoints[feature];
+    const MeasuredFeature& m = measured_[feature];
+    Observation observation;
+    observation.x = keypoint.x;
+    observation.y = keypoint.y;
+    observation.normalised_x = static_cast<float>(m.normalised.x());
+    observation.normalised_y = static_cast<float>(m.normalised.y());
+    observation.z_m = static_cast<float>(m.z_m);
+    observation.var_z = static_cast<float>(m.var_z);
+    observation.angle_rad = keypoint.angle_rad;
+    observation.level = keypoint.level;
+    return observation;
+}
+
+// A lost camera, anywhere in the map: by the words of its picture (relocalisation.hpp). estimate() has the last word.
+bool Tracking::relocalise() noexcept {
+    if (relocalisation_ == nullptr || !relocalisation_->is_on()) return false;
+    relocalisation_->begin(features_.descriptors.span());
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        relocalisation_->add_feature(observation_of(i));
+    }
+    const PlaceVerifier::Noise noise{std::max(1.0, noise_pixel_), std::max(1.0, noise_depth_)};
+    if (!relocalisation_->find(map_, features_.descriptors.span(), noise)) return false;
+    predicted_ = relocalisation_->world_from_camera();
+    context_.world_from_camera_predicted = predicted_;
+    local_map_.begin_counting();
+    for (const PlaceMatch& match : relocalisation_->matches()) local_map_.count(map_, match.point.slot());
+    local_map_.invalidate();
+    // The camera did not move from where odometry lost it, as far as odometry knows: the map takes the jump.
+    const SE3 map_from_odom_before = map_from_odom_;
+    const bool has_jumped_before = has_jumped_;
+    const std::uint32_t lost_before = lost_frames_;
+    const std::int64_t start_before_ns = start_time_ns_;
+    if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves
+    map_from_odom_ = predicted_ * (map_from_odom_.inverse() * world_from_camera_).inverse();
+    renormalise(map_from_odom_.rotation);
+    has_jumped_ = true;
+    if (!estimate()) {
+        lost_frames_ = lost_before;
+        start_time_ns_ = start_before_ns;
+        map_from_odom_ = map_from_odom_before;
+        has_jumped_ = has_jumped_before;
+        local_map_.invalidate();
+        return false;
+    }
+    has_velocity_ = false;  // the jump is not a motion
+    if (is_placed_) ++statistics_.recoveries;
+    is_placed_ = true;
+    relocalisation_->note_success();
+    return true;
+}
+
+// How far odometry can be off by now, beside what it was before: a share of the way, more when unsure, and as far as a
+// camera gets while nothing is measured.
+void Tracking::gather_drift(std::int64_t since_ns) noexcept {
+    if (!has_map_) return;
+    const LoopParameters& p = configuration_.loop;
+    if (pose_.state >= PoseState::kUnsure) {
+        const Vector3 step = world_from_camera_.translation - world_from_camera_previous_.translation;
+        const double share = pose_.state == PoseState::kTracked ? 1.0 : 3.0;
+        if (frame_ > 0) drift_m_ += share * p.drift_share * std::sqrt(step.squaredNorm());
+    } else if (frame_ > 0) {
+        drift_m_ += p.drift_lost_m_s * static_cast<double>(time_ns_ - since_ns) * 1e-9;
+    }
 }
 
 void Tracking::count_observers() noexcept {

@@ -10,8 +10,10 @@
 #include <vector>
 
 #include "engine/engine.hpp"
+#include "engine/place/vocabulary.hpp"
 #include "platform/cli/configuration_file.hpp"
 #include "platform/cli/step_pacer.hpp"
+#include "platform/evaluation/final_trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
@@ -97,6 +99,14 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
     return Status::kOk;
 }
 
+[[nodiscard]] TrajectoryPose pose_of(const RigidTransform& transform, std::int64_t time_ns) {
+    TrajectoryPose out;
+    out.time_ns = time_ns;
+    std::copy_n(transform.translation_m, 3, out.t.begin());
+    std::copy_n(transform.rotation_xyzw, 4, out.q.begin());
+    return out;
+}
+
 [[nodiscard]] std::array<double, 4> product(const double (&a)[4], const double (&b)[4]) {
     return {
         a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1], a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2],
@@ -142,6 +152,17 @@ public:
             return Status::kUnavailable;
 #endif
         }
+        if (!options.vocabulary.empty()) {
+            STILLMESH_TRY(read_vocabulary(options.vocabulary, vocabulary_, message));
+            Vocabulary opened;
+            const char* sentence = nullptr;
+            if (const Status status = opened.open(vocabulary_, limits_.vocabulary_words_max, sentence);
+                status != Status::kOk) {
+                message = fmt::format("{}: {}.", options.vocabulary, sentence);
+                return Status::kInvalid;
+            }
+            has_vocabulary_ = configuration.loop.is_enabled;
+        }
         const std::size_t size_bytes = bytes_needed(limits_);
         if (!block_.allocate(size_bytes)) {
             message = fmt::format("the system has no {:.1f} MiB of memory left for the engine; try --limits pocket.",
@@ -149,7 +170,7 @@ public:
             return Status::kUnavailable;
         }
         const Result<Engine*> engine =
-            Engine::create(block_.bytes(), limits_, configuration, camera.model, cpu_kernels(), extractor);
+            Engine::create(block_.bytes(), limits_, configuration, camera.model, cpu_kernels(), extractor, vocabulary_);
         if (!engine.is_ok()) {
             message = fmt::format(
                 "the engine refuses this camera ({}x{} pixels, fx {}, fy {}, cx {}, cy {}): its size must be at least "
@@ -214,6 +235,10 @@ public:
         const FrameStatistics& statistics = engine_->frame_statistics();
         out.state = pose.state;
         out.world_from_camera = map_from_camera(pose);
+        if (keeps_final_ && pose.state != PoseState::kNone) {
+            note_keyframes();
+            final_.add(out.world_from_camera, engine_->reference_keyframe());
+        }
         out.features = count16(statistics.features);
         out.static_features = count16(statistics.static_matches);
         out.dynamic_features = count16(statistics.dynamic_matches);
@@ -254,6 +279,16 @@ public:
         recorded_.grant_runs = 0;
     }
 
+    void keep_final_trajectory() override {
+        keeps_final_ = true;
+        keyframes_.resize(limits_.keyframes_max);
+        keyframes_now_.reserve(limits_.keyframes_max);
+    }
+    std::optional<Trajectory> final_trajectory() override {
+        note_keyframes();
+        return final_.finish();
+    }
+
     void draw(MeshSnapshot& snapshot) override {
         const TrackingView view = engine_->tracking_view();
         for (const TrackedEdge& edge : view.edges) {
@@ -275,6 +310,8 @@ public:
         record.keyframes_forgotten = statistics.keyframes_forgotten;
         record.points_forgotten = statistics.points_forgotten;
         record.recoveries = statistics.recoveries;
+        record.has_vocabulary = has_vocabulary_;
+        record.loops = statistics.loop;
         record.keyframes_refused = statistics.keyframes_refused;
         record.keyframe_queue = statistics.keyframe_queue;
         record.schedule = statistics.schedule;
@@ -321,6 +358,15 @@ private:
         recorded_.hash_tracked = recorded_.hash = engine_->state_hash();
         recorded_.grant_runs = 0;
     }
+    void note_keyframes() {
+        keyframes_now_.clear();
+        const std::uint32_t count = engine_->keyframes(keyframes_);
+        for (std::uint32_t i = 0; i < count; ++i) {
+            keyframes_now_.push_back(
+                {keyframes_[i].id, keyframes_[i].parent_id, pose_of(keyframes_[i].map_from_camera, 0)});
+        }
+        final_.update(keyframes_now_);
+    }
     void record_frame() {
         recorded_.digest = frame_digest(frame_);
         writer_->add(recorded_);
@@ -357,12 +403,32 @@ private:
     std::array<std::int64_t, kStages> begin_ns_{};
     std::array<std::int64_t, kStages> spent_ns_{};
     std::string note_;
+    std::vector<std::byte> vocabulary_;
+    bool has_vocabulary_ = false;
+    bool keeps_final_ = false;
+    FinalTrajectory final_;
+    std::vector<KeyframePose> keyframes_;
+    std::vector<KeyframeNow> keyframes_now_;
 #ifdef STILLMESH_HAS_OPENCV
     std::unique_ptr<CvOrbExtractor> extractor_;
 #endif
 };
 
 }  // namespace
+
+Status read_vocabulary(const std::string& file, std::vector<std::byte>& bytes, std::string& message) {
+    constexpr std::size_t kBytesMax = std::size_t{64} << 20U;
+    std::ifstream stream(file, std::ios::binary | std::ios::ate);
+    const std::streamoff size = stream.is_open() ? static_cast<std::streamoff>(stream.tellg()) : -1;
+    if (size >= 0 && static_cast<std::size_t>(size) <= kBytesMax) {
+        bytes.resize(static_cast<std::size_t>(size));
+        stream.seekg(0);
+        stream.read(reinterpret_cast<char*>(bytes.data()), size);
+        if (stream.gcount() == size && size > 0) return Status::kOk;
+    }
+    message = file + ": cannot be read as a vocabulary ('stillmesh vocabulary train' makes one).";
+    return Status::kUnavailable;
+}
 
 Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message) {
     Limits limits;

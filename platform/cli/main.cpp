@@ -145,6 +145,11 @@ int program(int argc, char** argv) {
         ->check(CLI::IsMember({"room", "pocket"}).description(""))
         ->type_name("NAME")
         ->group("Engine");
+    run_app
+        ->add_option("--vocabulary", arguments.session.vocabulary,
+                     "recognise places: close loops, find a lost camera; none if not given")
+        ->type_name("FILE")
+        ->group("Engine");
     run_app->add_option("--features", arguments.session.features, "native (default) or opencv (cv::ORB)")
         ->check(CLI::IsMember({"native", "opencv"}).description(""))
         ->type_name("NAME")
@@ -195,6 +200,8 @@ int program(int argc, char** argv) {
         ->type_name("DIR");
     rerun_command->add_option("--map-in", rerun.map_in, "the map that the run began in, if it did")->type_name("FILE");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
+    rerun_command->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with; none if not given")
+        ->type_name("FILE");
     rerun_command->add_flag("--json", rerun.is_json, "as JSON");
     rerun_command->footer(
         "Exit codes: 0 every frame was repeated bit for bit; 1 one differs; 2 bad recording or folder.");

@@ -9,6 +9,7 @@
 #include "engine/engine.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "platform/cli/complaint.hpp"
+#include "platform/cli/engine_session.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -170,8 +171,14 @@ int rerun_command(const RerunOptions& options) {
         return refuse(fmt::format("the system has no {:.1f} MiB of memory left for the engine of this recording.",
                                   static_cast<double>(bytes_needed(header.limits)) / (1024.0 * 1024.0)));
     }
-    const Result<Engine*> engine =
-        Engine::create(block.bytes(), header.limits, header.configuration, header.camera, cpu_kernels(), extractor);
+    std::vector<std::byte> vocabulary;
+    std::string sentence;
+    if (!options.vocabulary.empty() && read_vocabulary(options.vocabulary, vocabulary, sentence) != Status::kOk) {
+        return refuse(sentence);
+    }
+    const Result<Engine*> engine = Engine::create(block.bytes(), header.limits, header.configuration, header.camera,
+                                                  cpu_kernels(), extractor, vocabulary);
+    if (engine.status() == Status::kCorrupt) return refuse(options.vocabulary + ": is no vocabulary that fits.");
     if (!engine.is_ok()) {
         return refuse(fmt::format("{}: the engine refuses its camera ({}x{} pixels).", options.recording,
                                   header.camera.width, header.camera.height));

@@ -12,6 +12,7 @@ struct RerunOptions {
     std::string folder;
     std::string map_in;  // empty: none
     bool is_localising = false;
+    std::string vocabulary;  // that the recording was made with; empty: none
     bool is_json = false;
 };
 

@@ -115,6 +115,9 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     session.reset();  // its memory is free for the evaluation
 
     if (!record.truth.empty()) record.evaluation = evaluate(record.truth, record.estimate);
+    if (!record.truth.empty() && !record.final_estimate.empty()) {
+        record.final_evaluation = evaluate(record.truth, record.final_estimate);
+    }
     record.peak_resident_bytes = peak_resident_bytes();
     std::string report;
     if (!arguments.report.empty()) {

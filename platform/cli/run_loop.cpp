@@ -150,10 +150,20 @@ private:
 };
 
 // A predicted pose is given out, but not measured: a comment, so that no tool counts it as covered.
-[[nodiscard]] std::string trajectory_line(const SessionFrame& out) {
-    if (out.state == PoseState::kNone) return {};
-    const std::string line = pose_line(out.world_from_camera);
-    return out.state == PoseState::kPredicted ? "# predicted " + line : line;
+[[nodiscard]] std::string trajectory_line(PoseState state, const TrajectoryPose& pose) {
+    if (state == PoseState::kNone) return {};
+    const std::string line = pose_line(pose);
+    return state == PoseState::kPredicted ? "# predicted " + line : line;
+}
+
+// The same poses as they are known at the end.
+[[nodiscard]] std::string final_text(const char* header, const Trajectory& given, const std::vector<PoseState>& states,
+                                     const std::optional<Trajectory>& known) {
+    std::string text = header;
+    const bool is_known = known && known->size() == given.size();
+    for (std::size_t i = 0; i < given.size(); ++i)
+        text += trajectory_line(states[i], is_known ? (*known)[i] : given[i]);
+    return text;
 }
 
 }  // namespace
@@ -179,7 +189,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     ProgressLine progress(options.show_progress, options.frames_expected);
     SnapshotKeeper snapshots(options.snapshots_max);
     LossWatch loss;
-    std::string final_lines = options.trajectory_final.empty() ? "" : kHeader;
+    Trajectory given;  // for the poses as they are known at the end
+    std::vector<PoseState> given_states;
+    if (!options.trajectory_final.empty()) session.keep_final_trajectory();
     int code = kExitDone;
     std::int64_t last_frame_ns = -1;
     std::int64_t first_frame_ns = -1;
@@ -256,7 +268,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             break;
         }
         out.world_from_camera.time_ns = frame.time_ns;
-        if (trajectory.is_open() && !trajectory.write(trajectory_line(out), message)) {
+        if (trajectory.is_open() && !trajectory.write(trajectory_line(out.state, out.world_from_camera), message)) {
             code = give_up(kExitFailed);
             break;
         }
@@ -267,7 +279,10 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             code = give_up(kExitFailed);
             break;
         }
-        if (!options.trajectory_final.empty()) final_lines += trajectory_line(out);
+        if (!options.trajectory_final.empty() && out.state != PoseState::kNone) {
+            given.push_back(out.world_from_camera);
+            given_states.push_back(out.state);
+        }
         if (options.keep_trajectory && out.state >= PoseState::kUnsure) {
             record.estimate.push_back(out.world_from_camera);
         }
@@ -296,8 +311,16 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.frames_dropped = options.times->dropped();
     }
 
-    if (!options.trajectory_final.empty() && !write_whole_file(options.trajectory_final, final_lines, message)) {
-        code = give_up(kExitFailed);
+    if (!options.trajectory_final.empty()) {
+        const std::optional<Trajectory> known = session.final_trajectory();
+        if (known && known->size() == given.size()) {
+            for (std::size_t i = 0; i < known->size(); ++i) {
+                if (given_states[i] >= PoseState::kUnsure) record.final_estimate.push_back((*known)[i]);
+            }
+        }
+        if (!write_whole_file(options.trajectory_final, final_text(kHeader, given, given_states, known), message)) {
+            code = give_up(kExitFailed);
+        }
     }
     if (bad_images > 0 && code == kExitDone) {
         record.problems.push_back(bad_images == 1 ? bad_image_message + " It was skipped, the others were tracked."

@@ -35,6 +35,10 @@ public:
         static_cast<void>(until_ns);
         static_cast<void>(out);
     }
+    // From here on each pose given out is kept, to be told again as it is known at the end.
+    virtual void keep_final_trajectory() {}
+    // Those poses, one for each frame that was given one; empty: as they were given out.
+    [[nodiscard]] virtual std::optional<Trajectory> final_trajectory() { return std::nullopt; }
     // What the last frame's mesh was, without the picture.
     virtual void draw(MeshSnapshot& snapshot) = 0;
     // Stages with their times, pools with their high-water marks, memory.

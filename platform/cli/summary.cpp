@@ -60,12 +60,26 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
                 ? evaluation_text(*record.evaluation)
                 : std::string(record.truth.empty() ? "ATE, RPE      no ground truth here\n"
                                                    : "ATE, RPE      fewer than three poses have a partner\n");
+    if (record.final_evaluation) {
+        text += fmt::format("final         ATE {:.4f} m RMSE of the poses as they are known at the end\n",
+                            record.final_evaluation->ate_rmse_m);
+    }
     text += fmt::format("time          {:.2f} ms median, {:.2f} ms p99, {:.2f} ms max per frame; start-up {:.1f} ms\n",
                         record.frame_ms.median(), record.frame_ms.p99(), record.frame_ms.max(), record.start_up_ms);
     text += fmt::format("memory        {:.1f} MiB block, {:.1f} MiB of it used; process peak {:.1f} MiB\n",
                         mib(record.block_bytes), mib(record.arena_used_bytes), mib(record.peak_resident_bytes));
     text += fmt::format("map           {} keyframes made, {} forgotten; {} points forgotten; {} recoveries\n",
                         record.keyframes_made, record.keyframes_forgotten, record.points_forgotten, record.recoveries);
+    if (record.has_vocabulary) {
+        const LoopStatistics& l = record.loops;
+        text += fmt::format(
+            "loops         {} closed, {} confirmed, of {} places verified for {} keyframes; refused: {} few matches, "
+            "{} "
+            "no pose, {} few inliers, {} not spread, {} too far, {} beyond drift; largest correction {:.3f} m; {} "
+            "relocalisations\n",
+            l.closed, l.confirmed, l.candidates, l.queries, l.refused_matches, l.refused_pose, l.refused_inliers,
+            l.refused_spread, l.refused_far, l.refused_unlikely, l.largest_correction_m, l.relocalisations);
+    }
     text += fmt::format(
         "background    {:.0f} units per frame of {:.0f} granted; {:.2f} ms p99 per frame; largest slice {} units, "
         "{:.2f} "
@@ -143,6 +157,32 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                  {"peak_resident_bytes", record.peak_resident_bytes},
                  {"state_hash", fmt::format("{:016x}", record.state_hash)}};
     json["evaluation"] = record.evaluation ? json_of(*record.evaluation) : Json(nullptr);
+    json["final_evaluation"] = record.final_evaluation ? json_of(*record.final_evaluation) : Json(nullptr);
+    const LoopStatistics& l = record.loops;
+    json["loops"] = record.has_vocabulary ? Json{{"queries", l.queries},
+                                                 {"verified", l.candidates},
+                                                 {"closed", l.closed},
+                                                 {"confirmed", l.confirmed},
+                                                 {"refused",
+                                                  {{"matches", l.refused_matches},
+                                                   {"pose", l.refused_pose},
+                                                   {"inliers", l.refused_inliers},
+                                                   {"spread", l.refused_spread},
+                                                   {"far", l.refused_far},
+                                                   {"unlikely", l.refused_unlikely},
+                                                   {"gone", l.refused_gone}}},
+                                                 {"dropped", l.dropped},
+                                                 {"points_fused", l.points_fused},
+                                                 {"observations_found", l.observations_found},
+                                                 {"graph_iterations", l.graph_iterations},
+                                                 {"adjustments", l.adjustments},
+                                                 {"adjustments_dropped", l.adjustments_dropped},
+                                                 {"adjustment_iterations", l.adjustment_iterations},
+                                                 {"largest_correction_m", l.largest_correction_m},
+                                                 {"relocalisations", l.relocalisations},
+                                                 {"relocalisation_queries", l.relocalisation_queries},
+                                                 {"relocalisation_candidates", l.relocalisation_candidates}}
+                                          : Json(nullptr);
     Json stages = Json::object();
     for (const StageRecord& stage : record.stages) {
         stages[stage.name] = {{"ms_median", stage.ms.median()}, {"ms_p99", stage.ms.p99()}, {"ms_max", stage.ms.max()}};

@@ -418,6 +418,15 @@ struct TimeChart {
                                                               run.background_ms.p99(), run.background_ms.max()));
     row("keyframes made, forgotten, refused",
         fmt::format("{}, {}, {}", run.keyframes_made, run.keyframes_forgotten, run.keyframes_refused));
+    if (run.has_vocabulary) {
+        const LoopStatistics& l = run.loops;
+        row("loops closed, confirmed, places verified", fmt::format("{}, {}, {}", l.closed, l.confirmed, l.candidates));
+        row("places refused: matches, pose, inliers, spread, far, beyond drift",
+            fmt::format("{}, {}, {}, {}, {}, {}", l.refused_matches, l.refused_pose, l.refused_inliers,
+                        l.refused_spread, l.refused_far, l.refused_unlikely));
+        row("largest correction", fmt::format("{:.3f} m", l.largest_correction_m));
+        row("relocalisations", fmt::format("{}", l.relocalisations));
+    }
     row("keyframes waiting at most",
         fmt::format("{} of {}", run.keyframe_queue.high_water, run.keyframe_queue.capacity));
     row("points forgotten", fmt::format("{}", run.points_forgotten));

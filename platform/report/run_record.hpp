@@ -114,12 +114,16 @@ struct RunRecord {
     double wall_seconds = 0;
     double cpu_seconds = 0;
     std::uint64_t state_hash = 0;
-    Trajectory estimate;  // poses measured from an image (tracked, unsure)
-    Trajectory truth;     // empty: unknown
+    Trajectory estimate;        // poses measured from an image (tracked, unsure)
+    Trajectory final_estimate;  // the same poses as known at the end; empty: not asked for
+    Trajectory truth;           // empty: unknown
     std::optional<Evaluation> evaluation;
+    std::optional<Evaluation> final_evaluation;  // of final_estimate
     std::vector<MeshSnapshot> snapshots;
     std::uint64_t keyframes_made = 0, keyframes_forgotten = 0, points_forgotten = 0, recoveries = 0;
     std::uint64_t keyframes_refused = 0;
+    bool has_vocabulary = false;
+    LoopStatistics loops;
     PoolStatistics keyframe_queue;
     ScheduleStatistics schedule;
     std::string recording;  // file; empty: none

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/adjust/global_adjustment.hpp"
+#include "tests/adjust/global_window.hpp"
 #include "tests/adjust/window.hpp"
 #include "tests/support/memory.hpp"
 
@@ -144,6 +146,45 @@ TEST(Ceres, SameMinimumOfALargeWindow) {
     options.points = 1500;
     options.observations = 8000;
     expect_same_minimum(options, 1.0);
+}
+
+// Promise: the global adjustment, which never forms a matrix, has the reference solver's minimum too: keyframes, points
+// and cost (its observations are kept in single precision).
+TEST(Ceres, GlobalAdjustmentHasTheSameMinimum) {
+    for (std::uint64_t seed = 11; seed <= 13; ++seed) {
+        WindowOptions window_options;
+        window_options.seed = seed;
+        window_options.free = seed == 13 ? 30 : 10;
+        window_options.fixed = 1;
+        window_options.points = seed == 13 ? 900 : 300;
+        window_options.observations = seed == 13 ? 6000 : 1800;
+        const Window window = make_window(window_options);
+        const AdjustmentOptions thresholds;
+        test::InMemory<GlobalAdjustment> adjustment(test::global_sizes(window));
+        ASSERT_TRUE(test::load(window, *adjustment));
+        adjustment->start(test::exact_global_options());
+        WorkBudget budget(UINT32_MAX);
+        ASSERT_EQ(adjustment->step(budget), Progress::kDone);
+        const Solution reference = solve_by_ceres(window, thresholds, "global" + std::to_string(seed));
+        ASSERT_EQ(reference.poses.size(), window.poses.size());
+        const double cost = adjustment->summary().final_cost;
+        EXPECT_LT(std::abs(cost - reference.cost), 1e-5 * reference.cost);
+        double worst = 0, worst_m = 0;
+        for (std::uint32_t i = 0; i < adjustment->keyframes(); ++i) {
+            worst =
+                std::max(worst, std::sqrt(se3_log(reference.poses[i].inverse() * adjustment->pose(i)).squaredNorm()));
+        }
+        for (std::uint32_t i = 0; i < adjustment->points(); ++i) {
+            if (!adjustment->is_point_used(i)) continue;
+            worst_m = std::max(worst_m, std::sqrt((reference.points[i] - adjustment->point(i)).squaredNorm()));
+        }
+        EXPECT_LT(worst, 1e-5);
+        EXPECT_LT(worst_m, 1e-4);
+        std::printf(
+            "global: cost %.9g from %.4g, Ceres %.9g, poses within %.2g, points %.2g; %u iterations, %u inner\n", cost,
+            adjustment->summary().initial_cost, reference.cost, worst, worst_m, adjustment->summary().iterations,
+            adjustment->summary().inner_iterations);
+    }
 }
 
 }  // namespace

@@ -1,0 +1,170 @@
+// Global bundle adjustment (method.md 9): all keyframes and the static points they see, the same residuals and robust
+// cost as the local one (local_adjustment.hpp), without any matrix: Levenberg-Marquardt, the points eliminated point by
+// point, each step by conjugate gradients on what is left, preconditioned by its diagonal blocks. A product is two
+// passes over the observations, whose derivatives are computed anew each time. Memory is a few MiB where the blocks
+// would take 35.
+//
+// A machine that can stop anywhere: begin(), add_keyframe(), add_point(); reserve() for each observation to come;
+// fill(); add_observation(); start(); step() until kDone; then the results. However it is cut into slices, the results
+// have the same bits. Limits: GlobalSizes; full says kFull. Cost: one unit is one residual evaluated; step() overdraws
+// its budget by less than piece_units_max(): the observations of one point, four times, and a few.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/adjust/linearisation.hpp"
+#include "engine/base/arena.hpp"
+#include "engine/base/status.hpp"
+#include "engine/geometry/se3.hpp"
+#include "engine/schedule/task.hpp"
+
+namespace stillmesh {
+
+struct GlobalSizes {
+    std::uint32_t keyframes_max = 0;  // at most 65535
+    std::uint32_t points_max = 0;
+    std::uint32_t observations_max = 0;
+};
+
+struct GlobalObservation {
+    std::uint32_t keyframe = 0, point = 0;
+    double x = 0, y = 0;   // undistorted, normalised
+    double var_pixel = 0;  // > 0
+    double z_m = 0;
+    double var_z = 0;  // 0: no depth was measured
+};
+
+struct GlobalOptions {
+    std::uint32_t iterations_max = 8;  // refused steps included
+    std::uint32_t inner_iterations_max = 25;
+    double inner_residual_max = 0.01;  // of the right-hand side, in the preconditioner's norm
+    double chi2_max_pixel = 5.991;     // Huber's threshold without depth
+    double chi2_max_depth = 7.815;     // and with
+    double cost_change_min = 1e-3;     // converged when an iteration lowers the cost by less than this share
+    double damping_initial = 1e-4;     // of the diagonal
+};
+
+struct GlobalSummary {
+    std::uint32_t iterations = 0, steps_accepted = 0, inner_iterations = 0;
+    std::uint32_t observations = 0, points_used = 0;
+    double initial_cost = 0, final_cost = 0;
+    bool has_converged = false;
+    std::uint64_t units = 0;
+};
+
+class GlobalAdjustment {
+public:
+    static constexpr void plan(ArenaPlan& arena, const GlobalSizes& sizes) noexcept {
+        arena.array<Keyframe>(sizes.keyframes_max);
+        arena.array<Point>(sizes.points_max);
+        arena.array<Observation>(sizes.observations_max);
+    }
+    void create(Arena& arena, const GlobalSizes& sizes) noexcept;
+
+    // Forgets everything, a running job too.
+    void begin() noexcept;
+    // kFull.
+    [[nodiscard]] Result<std::uint32_t> add_keyframe(const SE3& world_from_camera, bool is_fixed) noexcept;
+    [[nodiscard]] Result<std::uint32_t> add_point(const Vector3& world) noexcept;
+    // One more observation of the point will come. kFull: there is no room for it.
+    [[nodiscard]] Status reserve(std::uint32_t point) noexcept;
+    void fill() noexcept;
+    // kFull: more than were reserved for the point. kInvalid: a number that is not finite, or no variance.
+    [[nodiscard]] Status add_observation(const GlobalObservation& observation) noexcept;
+    // If no keyframe is fixed the first one is.
+    void start(const GlobalOptions& options) noexcept;
+
+    // kDone: this call finished the job. kIdle: no job is running.
+    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
+    [[nodiscard]] bool is_done() const noexcept { return state_ == State::kDone; }
+    [[nodiscard]] bool is_running() const noexcept { return state_ == State::kRunning; }
+    [[nodiscard]] std::uint32_t piece_units_max() const noexcept {
+        return 4 * static_cast<std::uint32_t>(keyframes_.size()) + 32;
+    }
+    [[nodiscard]] std::uint32_t keyframes() const noexcept { return keyframe_count_; }
+    [[nodiscard]] std::uint32_t points() const noexcept { return point_count_; }
+
+    // Only when is_done() (CHECK).
+    [[nodiscard]] const GlobalSummary& summary() const noexcept;
+    [[nodiscard]] const SE3& pose(std::uint32_t keyframe) const noexcept;
+    [[nodiscard]] Vector3 point(std::uint32_t point) const noexcept;
+    [[nodiscard]] bool is_point_used(std::uint32_t point) const noexcept;
+
+private:
+    enum class State : std::uint8_t { kCollecting, kFilling, kRunning, kDone };
+    enum class Phase : std::uint8_t {
+        kClear,      // keyframe by keyframe: zero sums
+        kLinearise,  // point by point: derivatives, elimination, diagonal blocks
+        kPrepare,    // keyframe by keyframe: damping, the preconditioner's factor, the first residual
+        kDirection,  // keyframe by keyframe: the next direction
+        kMultiply,   // point by point: the reduced system times the direction
+        kCurvature,  // keyframe by keyframe
+        kAdvance,    // keyframe by keyframe: step and residual
+        kCandidate,  // keyframe by keyframe: candidate poses
+        kEvaluate,   // point by point: the point's step, cost there
+    };
+    struct Keyframe {
+        SE3 pose[2];
+        CameraRows camera[2];
+        Matrix6 diagonal = Matrix6::Zero();  // of the reduced system; then its Cholesky factor
+        double hessian[6] = {};              // diagonal of the poses' own Hessian: what damping scales with
+        double damping[6] = {};
+        double gradient[6] = {}, reduced[6] = {};  // of the cost; of the reduced system
+        double step[6] = {}, residual[6] = {}, preconditioned[6] = {}, direction[6] = {}, product[6] = {};
+        std::uint32_t used = 0;
+        bool is_fixed = false;
+        bool moves = false;
+    };
+    struct Point {
+        double world[2][3] = {};
+        double factor[6] = {};  // of its damped Hessian by rows, diagonal inverted
+        double gradient[3] = {};
+        double damping[3] = {};
+        std::uint32_t begin = 0, end = 0;
+        std::uint32_t reserved = 0;
+        bool is_used = false, can_move = false;
+    };
+    struct Observation {
+        float x = 0, y = 0, z_m = 0, info = 0, info_z = 0;
+        std::uint16_t keyframe = 0;
+    };
+
+    std::uint32_t advance() noexcept;
+    void enter(Phase phase) noexcept;
+    [[nodiscard]] Sighting sighting_of(const Observation& o) const noexcept {
+        return {static_cast<double>(o.x), static_cast<double>(o.y), static_cast<double>(o.z_m),
+                static_cast<double>(o.info), static_cast<double>(o.info_z)};
+    }
+    [[nodiscard]] double threshold_of(const Observation& o) const noexcept {
+        return o.info_z > 0 ? options_.chi2_max_depth : options_.chi2_max_pixel;
+    }
+    std::uint32_t linearise_point(Point& p) noexcept;
+    std::uint32_t multiply_point(const Point& p) noexcept;
+    std::uint32_t evaluate_point(Point& p) noexcept;
+    [[nodiscard]] bool prepare(Keyframe& keyframe) noexcept;
+    void precondition(Keyframe& keyframe) noexcept;
+    void end_inner() noexcept;
+    void judge() noexcept;
+    void refuse() noexcept;
+    void next_iteration() noexcept;
+    void finish() noexcept;
+
+    std::span<Keyframe> keyframes_;
+    std::span<Point> points_;
+    std::span<Observation> observations_;
+    GlobalOptions options_;
+    GlobalSummary summary_;
+    State state_ = State::kCollecting;
+    Phase phase_ = Phase::kClear;
+    std::uint32_t cursor_ = 0;
+    std::uint32_t keyframe_count_ = 0, point_count_ = 0, observation_count_ = 0, fixed_count_ = 0;
+    std::uint32_t current_ = 0;
+    std::uint32_t inner_ = 0;
+    double damping_ = 0, damping_growth_ = 2;
+    double cost_ = 0, candidate_cost_ = 0, predicted_ = 0;
+    double energy_ = 0, energy_before_ = 0, energy_first_ = 0, curvature_ = 0;
+    bool is_singular_ = false;
+};
+
+}  // namespace stillmesh

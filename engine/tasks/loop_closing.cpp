@@ -1,0 +1,697 @@
+#include "engine/tasks/loop_closing.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace stillmesh {
+namespace {
+
+constexpr std::uint32_t kSharedMin = 15;   // points: neighbours in the covisibility graph
+constexpr std::uint32_t kNeighbours = 10;  // whose scores say what alike means
+constexpr std::uint32_t kStrong = 6;       // covisible keyframes of each that become edges
+constexpr std::uint32_t kFusePiece = 32;
+// What one edge of odometry is worth, with kSharedUsual points shared; a loop has been measured with care.
+constexpr double kEdge_m = 0.01;
+constexpr double kEdge_rad = 0.004;
+constexpr double kSharedUsual = 100;
+constexpr double kLoop_m = 0.005;
+constexpr double kLoop_rad = 0.002;
+
+double length(const Vector3& v) noexcept {
+    return std::sqrt(v.squaredNorm());
+}
+
+}  // namespace
+
+void LoopClosing::create(Arena& arena, const Limits& limits, const Configuration& configuration, Tracking& tracking,
+                         Mapping& mapping, PlaceSearch& places) noexcept {
+    configuration_ = &configuration;
+    limits_ = limits;
+    image_height_ = tracking.camera().height;
+    tracking_ = &tracking;
+    mapping_ = &mapping;
+    map_ = &tracking.map();
+    places_ = &places;
+    global_.create(arena, global_sizes(limits));
+    point_index_ = arena.array<std::uint32_t>(global_sizes(limits).points_max);
+    adjusted_ = arena.array<Handle<MapPoint>>(global_sizes(limits).points_max);
+    graph_.create(arena, {keyframes_max(limits), edges_max(limits)});
+    moved_ = arena.array<Moved>(keyframes_max(limits));
+    node_ = arena.array<std::uint16_t>(keyframes_max(limits));
+    loops_.create(arena, loops_max(limits));
+    matches_.create(arena, PlaceVerifier::pairs_max(limits));
+    const std::uint32_t commit = limits.map_points_max / 16 + 8 * limits.keyframes_max + 1;
+    const std::uint32_t build = 24 * limits.keyframes_max + limits.keyframes_max * limits.keyframes_max / 64 + 1;
+    const std::uint32_t choose = 64 * limits.keyframes_max;
+    const std::uint32_t words = places.is_on() ? places.find_units(limits.features_max) : 1U;
+    const std::uint32_t fuse = kFusePiece * (limits.features_max + 8);
+    piece_units_max_ = std::max({commit, build, choose, words, fuse, places.verifier().piece_units_max(),
+                                 limits.features_max, PoseGraph::kPieceUnitsMax, global_.piece_units_max()});
+    reset();
+}
+
+void LoopClosing::reset() noexcept {
+    graph_.begin();
+    global_.begin();
+    adjusting_ = Adjusting::kNone;
+    adjusting_cursor_ = 0;
+    adjusting_since_ = 0;
+    loops_.clear();
+    history_count_ = 0;
+    candidates_count_ = 0;
+    keyframe_ = found_ = {};
+    matches_.clear();
+    sources_count_ = targets_count_ = 0;
+    stage_ = Stage::kIdle;
+    cursor_ = source_ = target_ = 0;
+    next_frame_ = 0;
+    closed_frame_ = 0;
+    has_closed_ = false;
+    rest_ = 0;
+    statistics_ = LoopStatistics{};
+}
+
+void LoopClosing::enter(Stage stage) noexcept {
+    stage_ = stage;
+    cursor_ = 0;
+    source_ = target_ = 0;
+}
+
+// Overtaken: by a relocalisation that took the searcher, or the keyframe is gone.
+void LoopClosing::drop() noexcept {
+    ++statistics_.dropped;
+    finish();
+}
+
+void LoopClosing::finish() noexcept {
+    keyframe_ = found_ = {};
+    enter(Stage::kIdle);
+}
+
+// The oldest keyframe not looked up yet, but for the newest, whose weights change.
+bool LoopClosing::take() noexcept {
+    const Pool<Keyframe>& keyframes = map_->keyframes();
+    const Handle<Keyframe> newest = map_->recent_keyframe(0);
+    Handle<Keyframe> next;
+    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+        if (!keyframes.is_taken(slot) || slot == newest.slot() || keyframes.at(slot).frame < next_frame_) continue;
+        if (next.is_null() || keyframes.at(slot).frame < keyframes.at(next.slot()).frame) {
+            next = keyframes.handle_of(slot);
+        }
+    }
+    if (next.is_null()) return false;
+    keyframe_ = next;
+    places_->take(PlaceSearch::User::kLoopClosing);
+    enter(Stage::kWords);
+    return true;
+}
+
+Progress LoopClosing::step(WorkBudget& budget) noexcept {
+    if (!places_->is_on()) return Progress::kIdle;
+    while (!budget.is_spent()) {
+        if (stage_ == Stage::kIdle && !take()) {
+            if (adjusting_ == Adjusting::kNone) return budget.units_spent() == 0 ? Progress::kIdle : Progress::kDone;
+            adjust(budget);
+            continue;
+        }
+        if (is_searching()) {
+            const bool is_overtaken = !places_->is_used_by(PlaceSearch::User::kLoopClosing);
+            if (is_overtaken || map_->keyframes().find(keyframe_) == nullptr) {
+                budget.spend(1);
+                drop();
+            }
+        }
+        switch (stage_) {
+            case Stage::kIdle: break;  // dropped: on with the next
+            case Stage::kWords: budget.spend(find_words()); break;
+            case Stage::kQuery:
+                if (places_->query().step(places_->database(), budget) != Progress::kWorking) enter(Stage::kChoose);
+                break;
+            case Stage::kChoose: budget.spend(choose()); break;
+            case Stage::kAsk: budget.spend(ask()); break;
+            case Stage::kVerify:
+                if (!places_->has(places_->verifier().candidate()) ||
+                    places_->verifier().step(*map_, places_->vocabulary(),
+                                             places_->database().direct_index(places_->verifier().candidate().slot()),
+                                             budget) != Progress::kWorking) {
+                    budget.spend(answer());
+                }
+                break;
+            case Stage::kBuild: budget.spend(build()); break;
+            case Stage::kSolve:
+                if (graph_.step(budget) != Progress::kWorking) enter(Stage::kCommit);
+                break;
+            case Stage::kCommit: budget.spend(commit()); break;
+            case Stage::kFuseMatches: budget.spend(fuse_matches()); break;
+            case Stage::kFuseNeighbours: budget.spend(fuse_neighbours()); break;
+        }
+    }
+    return Progress::kWorking;
+}
+
+// --- search ----------------------------------------------------------------------------------------------------------
+
+std::uint32_t LoopClosing::find_words() noexcept {
+    const std::span<const Observation> seen = map_->observations(keyframe_);
+    const std::span<std::uint8_t> eligible = places_->eligible().first(seen.size());
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        eligible[i] = PlaceSearch::is_static(map_->points().find(seen[i].point), *configuration_) ? 1 : 0;
+    }
+    FrameWords& words = places_->words();
+    words.find(places_->vocabulary(), map_->descriptors(keyframe_));
+    words.weigh(places_->vocabulary(), eligible);
+    places_->purge(*map_);
+    places_->query().begin(places_->database(), words.bag());
+    places_->add(keyframe_);
+    next_frame_ = map_->keyframes().find(keyframe_)->frame + 1;
+    const std::uint32_t units = places_->find_units(seen.size());
+    if (tracking_->is_frozen() || moved_.empty()) {  // a map that stays as it is, or is small
+        finish();
+        return units;
+    }
+    ++statistics_.queries;
+    enter(Stage::kQuery);
+    return units;
+}
+
+// Seen together, or the same.
+bool LoopClosing::is_near(Handle<Keyframe> a, Handle<Keyframe> b) const noexcept {
+    return a == b || map_->shared(a.slot(), b.slot()) >= kSharedMin;
+}
+
+bool LoopClosing::agrees(const Places& places, Handle<Keyframe> candidate) const noexcept {
+    for (std::uint32_t i = 0; i < places.count; ++i) {
+        if (map_->keyframes().find(places.keyframes[i]) != nullptr && is_near(places.keyframes[i], candidate)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+std::uint32_t LoopClosing::choose() noexcept {
+    places_->purge(*map_);
+    const KeyframeDatabase& database = places_->database();
+    std::uint32_t neighbours[kNeighbours] = {};
+    const std::uint32_t count = map_->best_covisible(keyframe_.slot(), neighbours, kSharedMin);
+    std::uint32_t score_min = 0;
+    std::uint32_t scored = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        if (!database.has(neighbours[i])) continue;
+        const std::uint32_t score = database.score(keyframe_.slot(), neighbours[i]);
+        if (scored++ == 0 || score < score_min) score_min = score;
+    }
+    Places now;
+    candidates_count_ = 0;
+    const double share = configuration_->loop.score_share;
+    const std::uint64_t frame = map_->keyframes().find(keyframe_)->frame;
+    const bool is_resting = rest_ > 0;
+    if (rest_ > 0) --rest_;
+    std::uint32_t looked_at = 0;
+    for (const PlaceCandidate& place : places_->query().candidates()) {
+        ++looked_at;
+        if (scored == 0 || now.count == kHistoryMax) break;
+        if (static_cast<double>(place.score) < share * static_cast<double>(score_min)) break;  // they descend
+        if (!database.has(place.keyframe_slot) || !map_->keyframes().is_taken(place.keyframe_slot)) continue;
+        const Handle<Keyframe> handle = map_->keyframes().handle_of(place.keyframe_slot);
+        if (!places_->has(handle) || handle == keyframe_) continue;
+        const std::uint64_t then = map_->keyframes().at(place.keyframe_slot).frame;
+        if ((frame > then ? frame - then : then - frame) < configuration_->loop.gap_frames) continue;
+        now.keyframes[now.count++] = handle;
+        if (place.score < score_min || is_resting) continue;
+        if (candidates_count_ == std::min(configuration_->loop.candidates_max, kCandidatesMax)) continue;
+        // The k queries before must agree.
+        if (history_count_ < configuration_->loop.consistency) continue;
+        bool is_consistent = true;
+        for (std::uint32_t k = 0; k < configuration_->loop.consistency && is_consistent; ++k) {
+            is_consistent = agrees(history_[k], handle);
+        }
+        if (!is_consistent) continue;
+        // Of each group the best, which came first.
+        bool is_new = true;
+        for (std::uint32_t i = 0; i < candidates_count_ && is_new; ++i) is_new = !is_near(candidates_[i], handle);
+        if (is_new) candidates_[candidates_count_++] = handle;
+    }
+    for (std::uint32_t k = kConsistencyMax - 1; k > 0; --k) history_[k] = history_[k - 1];
+    history_[0] = now;
+    if (history_count_ < kConsistencyMax) ++history_count_;
+    if (candidates_count_ == 0) {
+        finish();
+    } else {
+        enter(Stage::kAsk);
+    }
+    // Scores are merged lists of words; agreement compares every place with those of the queries before.
+    return 1 + count * limits_.features_max / 32 + looked_at / 4 + now.count * kHistoryMax * kConsistencyMax / 16;
+}
+
+std::uint32_t LoopClosing::ask() noexcept {
+    PlaceVerifier& verifier = places_->verifier();
+    const std::span<const Observation> seen = map_->observations(keyframe_);
+    verifier.begin_query(map_->descriptors(keyframe_));
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        verifier.add_feature(seen[i], PlaceSearch::is_static(map_->points().find(seen[i].point), *configuration_));
+    }
+    verifier.end_query(places_->database().direct_index(keyframe_.slot()));
+    const auto units = static_cast<std::uint32_t>(seen.size() / 4) + 1;
+    const PlaceVerifier::Noise noise{std::max(1.0, tracking_->noise_pixel()), std::max(1.0, tracking_->noise_depth())};
+    verifier.start(*map_, candidates_[cursor_], places_->vocabulary().info().direct_level, noise);
+    ++statistics_.candidates;
+    stage_ = Stage::kVerify;  // the cursor stays
+    return units;
+}
+
+// Geometric consistency, and how far odometry can have led astray.
+Refusal LoopClosing::judge(const SE3& world_from_keyframe) const noexcept {
+    const LoopParameters& p = configuration_->loop;
+    const Keyframe& here = *map_->keyframes().find(keyframe_);
+    const Keyframe* const there = map_->keyframes().find(places_->verifier().candidate());
+    if (there == nullptr) return Refusal::kGone;
+    const SE3 between = there->world_from_camera.inverse() * world_from_keyframe;
+    if (length(between.translation) > p.distance_max_m) return Refusal::kFar;
+    const double gathered = static_cast<double>(here.drift_m) - static_cast<double>(there->drift_m);
+    const double drift_m = p.drift_m + (gathered > 0 ? gathered : -gathered);
+    const SE3 off = here.world_from_camera.inverse() * world_from_keyframe;
+    // A metre of drift comes with some tenths of a radian.
+    if (length(off.translation) > drift_m || rotation_angle(off.rotation) > 0.2 + 0.3 * drift_m) {
+        return Refusal::kUnlikely;
+    }
+    return Refusal::kNone;
+}
+
+void LoopClosing::refused(Refusal refusal) noexcept {
+    switch (refusal) {
+        case Refusal::kNone: break;
+        case Refusal::kFewMatches: ++statistics_.refused_matches; break;
+        case Refusal::kNoPose: ++statistics_.refused_pose; break;
+        case Refusal::kFewInliers: ++statistics_.refused_inliers; break;
+        case Refusal::kNotSpread: ++statistics_.refused_spread; break;
+        case Refusal::kFar: ++statistics_.refused_far; break;
+        case Refusal::kUnlikely: ++statistics_.refused_unlikely; break;
+        case Refusal::kGone: ++statistics_.refused_gone; break;
+    }
+}
+
+std::uint32_t LoopClosing::answer() noexcept {
+    PlaceVerifier& verifier = places_->verifier();
+    Refusal refusal = verifier.is_accepted() ? Refusal::kNone : verifier.refusal();
+    if (verifier.is_running()) refusal = Refusal::kGone;
+    if (refusal == Refusal::kNone) refusal = judge(verifier.world_from_query());
+    if (refusal != Refusal::kNone) {
+        refused(refusal);
+        if (++cursor_ < candidates_count_) {
+            stage_ = Stage::kAsk;
+        } else {
+            finish();
+        }
+        return 1;
+    }
+    // Found. What is needed of the verifier is copied: a lost camera may take it at any time.
+    found_ = verifier.candidate();
+    matches_.clear();
+    for (const PlaceMatch& match : verifier.agreeing()) STILLMESH_CHECK(matches_.push(match));
+    const Keyframe& here = *map_->keyframes().find(keyframe_);
+    const Keyframe& there = *map_->keyframes().find(found_);
+    const SE3 off = here.world_from_camera.inverse() * verifier.world_from_query();
+    loops_.push_over({found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query()});
+    rest_ = configuration_->loop.rest_keyframes;
+    const double metres = length(off.translation);
+    if (metres < configuration_->loop.correction_min_m &&
+        rotation_angle(off.rotation) < configuration_->loop.correction_min_rad) {
+        ++statistics_.confirmed;
+        closed_frame_ = here.frame;
+        has_closed_ = true;
+        enter(Stage::kFuseMatches);
+    } else {
+        enter(Stage::kBuild);
+    }
+    return 1 + static_cast<std::uint32_t>(matches_.size()) / 8;
+}
+
+// --- correction ------------------------------------------------------------------------------------------------------
+
+void LoopClosing::add_edge(std::uint32_t slot_a, std::uint32_t slot_b, double shared) noexcept {
+    const double share = std::clamp(shared / kSharedUsual, 0.2, 3.0);
+    PoseGraphEdge edge;
+    edge.a = node_[slot_a] - 1U;
+    edge.b = node_[slot_b] - 1U;
+    edge.a_from_b = moved_[slot_a].before.inverse() * moved_[slot_b].before;
+    edge.info_translation = share / (kEdge_m * kEdge_m);
+    edge.info_rotation = share / (kEdge_rad * kEdge_rad);
+    static_cast<void>(graph_.add_edge(edge));  // full: those that came first are the most needed
+}
+
+std::uint32_t LoopClosing::build() noexcept {
+    drop_adjustment();  // its keyframes are about to move
+    const Pool<Keyframe>& keyframes = map_->keyframes();
+    const std::uint32_t slots = keyframes.slots_count();
+    graph_.begin();
+    std::fill(moved_.begin(), moved_.end(), Moved{});
+    std::fill(node_.begin(), node_.end(), std::uint16_t{0});
+    // Parents before children.
+    std::uint32_t units = 1;
+    for (bool has_grown = true; has_grown;) {
+        has_grown = false;
+        units += slots / 64;
+        for (std::uint32_t slot = 0; slot < slots; ++slot) {
+            if (!keyframes.is_taken(slot) || node_[slot] != 0) continue;
+            const Keyframe& keyframe = keyframes.at(slot);
+            std::uint32_t parent = PoseGraph::kNoParent;
+            if (!keyframe.parent.is_null()) {
+                if (node_[keyframe.parent.slot()] == 0) continue;
+                parent = node_[keyframe.parent.slot()] - 1U;
+            }
+            const auto added = graph_.add_node(keyframe.world_from_camera, parent);
+            STILLMESH_CHECK(added.is_ok());
+            node_[slot] = static_cast<std::uint16_t>(added.value() + 1);
+            moved_[slot].handle = keyframes.handle_of(slot);
+            moved_[slot].before = keyframe.world_from_camera;
+            has_grown = true;
+        }
+    }
+    // First what must not be missing: the tree and the loops.
+    for (std::uint32_t slot = 0; slot < slots; ++slot) {
+        if (node_[slot] == 0 || keyframes.at(slot).parent.is_null()) continue;
+        const std::uint32_t parent = keyframes.at(slot).parent.slot();
+        add_edge(parent, slot, map_->shared(parent, slot));
+    }
+    for (std::size_t i = 0; i < loops_.size(); ++i) {
+        const Loop& loop = loops_[i];
+        if (keyframes.find(loop.a) == nullptr || keyframes.find(loop.b) == nullptr) continue;
+        PoseGraphEdge edge;
+        edge.a = node_[loop.a.slot()] - 1U;
+        edge.b = node_[loop.b.slot()] - 1U;
+        edge.a_from_b = loop.a_from_b;
+        edge.info_translation = 1.0 / (kLoop_m * kLoop_m);
+        edge.info_rotation = 1.0 / (kLoop_rad * kLoop_rad);
+        static_cast<void>(graph_.add_edge(edge));
+    }
+    const std::uint32_t strong = std::max(limits_.features_max / 10, kSharedMin);
+    for (std::uint32_t slot = 0; slot < slots; ++slot) {
+        if (node_[slot] == 0) continue;
+        std::uint32_t best[kStrong] = {};
+        const std::uint32_t count = map_->best_covisible(slot, best, strong);
+        units += 8 + slots / 16;
+        const Keyframe& keyframe = keyframes.at(slot);
+        for (std::uint32_t i = 0; i < count; ++i) {
+            const Keyframe& other = keyframes.at(best[i]);
+            if (other.frame >= keyframe.frame) continue;
+            if (keyframe.parent.slot_plus_one == best[i] + 1 || other.parent.slot_plus_one == slot + 1) continue;
+            // What tracking matched across the gap before anybody corrected it says nothing about where it lies.
+            const bool is_old = has_closed_ && keyframe.frame <= closed_frame_;
+            if (!is_old && keyframe.frame - other.frame >= configuration_->loop.gap_frames) continue;
+            add_edge(best[i], slot, map_->shared(slot, best[i]));
+        }
+    }
+    graph_.start(PoseGraphOptions{});
+    enter(Stage::kSolve);
+    return units;
+}
+
+std::uint32_t LoopClosing::commit() noexcept {
+    const PoseGraphSummary& summary = graph_.summary();
+    statistics_.graph_iterations += summary.iterations;
+    const Pool<Keyframe>& keyframes = map_->keyframes();
+    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+        if (node_[slot] == 0 || keyframes.find(moved_[slot].handle) == nullptr) continue;
+        moved_[slot].world_from_world = graph_.pose(node_[slot] - 1U) * moved_[slot].before.inverse();
+        moved_[slot].is_any = true;
+    }
+    const SE3 camera_before = tracking_->world_from_camera();
+    move_map(false);
+    statistics_.last_correction_m = length(tracking_->world_from_camera().translation - camera_before.translation);
+    statistics_.largest_correction_m = std::max(statistics_.largest_correction_m, statistics_.last_correction_m);
+    ++statistics_.closed;
+    const Keyframe* const here = keyframes.find(keyframe_);
+    if (here != nullptr) {
+        closed_frame_ = here->frame;
+        has_closed_ = true;
+    }
+    if (configuration_->loop.is_adjusting && !point_index_.empty()) adjusting_ = Adjusting::kWanted;
+    enter(Stage::kFuseMatches);
+    return limits_.map_points_max / 16 + 8 * limits_.keyframes_max;
+}
+
+// The one step in which the map moves: keyframes by moved_, newer ones with their parent, points with their reference
+// keyframe (or to where the adjustment put them), the camera with the newest keyframe.
+void LoopClosing::move_map(bool is_adjusted) noexcept {
+    Pool<Keyframe>& keyframes = map_->keyframes();
+    const std::uint32_t slots = keyframes.slots_count();
+    const auto move = [&](std::uint32_t slot) {
+        renormalise(moved_[slot].world_from_world.rotation);
+        SE3& pose = keyframes.at(slot).world_from_camera;
+        pose = moved_[slot].world_from_world * pose;
+        renormalise(pose.rotation);
+        for (int i = 0; i < 3; ++i) map_->note_change(pose.translation(i));
+    };
+    for (std::uint32_t slot = 0; slot < slots; ++slot) {
+        if (moved_[slot].is_any) move(slot);
+    }
+    // Newer ones follow their parent, the oldest first.
+    for (;;) {
+        std::uint32_t next = slots;
+        for (std::uint32_t slot = 0; slot < slots; ++slot) {
+            if (!keyframes.is_taken(slot) || moved_[slot].is_any || moved_[slot].is_looked_at) continue;
+            if (next == slots || keyframes.at(slot).frame < keyframes.at(next).frame) next = slot;
+        }
+        if (next == slots) break;
+        moved_[next].is_looked_at = true;
+        const Handle<Keyframe> parent = keyframes.at(next).parent;
+        if (parent.is_null() || !moved_[parent.slot()].is_any) continue;
+        moved_[next].world_from_world = moved_[parent.slot()].world_from_world;
+        moved_[next].is_any = true;
+        move(next);
+    }
+    const Handle<Keyframe> last = map_->recent_keyframe(0);
+    const SE3 of_camera = !last.is_null() && moved_[last.slot()].is_any ? moved_[last.slot()].world_from_world : SE3{};
+    Pool<MapPoint>& points = map_->points();
+    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+        if (!points.is_taken(slot)) continue;
+        MapPoint& point = points.at(slot);
+        const bool is_orphan = point.reference.is_null();
+        if (!is_orphan && !moved_[point.reference.slot()].is_any) continue;
+        const SE3& correction = is_orphan ? of_camera : moved_[point.reference.slot()].world_from_world;
+        store(correction * vector_of(point.world), point.world);
+        store(correction * vector_of(point.anchor), point.anchor);
+        store(Vector3(correction.rotation * vector_of(point.world_by_readout)), point.world_by_readout);
+        store(Vector3(correction.rotation * vector_of(point.anchor_by_readout)), point.anchor_by_readout);
+        if (!is_adjusted || point_index_[slot] == 0) continue;
+        const std::uint32_t index = point_index_[slot] - 1;
+        // What tracking has followed since knows better where it is beside its keyframe.
+        if (!(adjusted_[index] == points.handle_of(slot)) || point.is_suspect || !global_.is_point_used(index) ||
+            point.last_seen_frame > adjusting_since_) {
+            continue;
+        }
+        store(global_.point(index), point.world);
+    }
+    tracking_->jump(of_camera);
+    mapping_->note_correction();
+}
+
+// --- global adjustment -----------------------------------------------------------------------------------------------
+
+void LoopClosing::adjust(WorkBudget& budget) noexcept {
+    switch (adjusting_) {
+        case Adjusting::kNone: break;
+        case Adjusting::kWanted: budget.spend(begin_adjustment()); break;
+        case Adjusting::kPoints: budget.spend(collect_points()); break;
+        case Adjusting::kReserve: budget.spend(collect_observations(true)); break;
+        case Adjusting::kObservations: budget.spend(collect_observations(false)); break;
+        case Adjusting::kRun: {
+            // Piece by piece: a keyframe that comes goes first.
+            WorkBudget piece(std::min(budget.units_left(), 256U));
+            if (global_.step(piece) != Progress::kWorking) adjusting_ = Adjusting::kCommit;
+            budget.spend(static_cast<std::uint32_t>(piece.units_spent()));
+            break;
+        }
+        case Adjusting::kCommit: budget.spend(commit_adjustment()); break;
+    }
+}
+
+void LoopClosing::drop_adjustment() noexcept {
+    if (adjusting_ != Adjusting::kNone && adjusting_ != Adjusting::kWanted) ++statistics_.adjustments_dropped;
+    global_.begin();
+    adjusting_ = Adjusting::kNone;
+}
+
+std::uint32_t LoopClosing::begin_adjustment() noexcept {
+    const Pool<Keyframe>& keyframes = map_->keyframes();
+    global_.begin();
+    std::fill(moved_.begin(), moved_.end(), Moved{});
+    std::fill(node_.begin(), node_.end(), std::uint16_t{0});
+    std::fill(point_index_.begin(), point_index_.end(), 0U);
+    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+        if (!keyframes.is_taken(slot)) continue;
+        const Keyframe& keyframe = keyframes.at(slot);
+        const auto added = global_.add_keyframe(keyframe.world_from_camera, keyframe.parent.is_null());
+        STILLMESH_CHECK(added.is_ok());
+        node_[slot] = static_cast<std::uint16_t>(added.value() + 1);
+        moved_[slot].handle = keyframes.handle_of(slot);
+        moved_[slot].before = keyframe.world_from_camera;
+    }
+    adjusting_since_ = tracking_->frame();
+    adjusting_cursor_ = 0;
+    adjusting_ = Adjusting::kPoints;
+    ++statistics_.adjustments;
+    return limits_.keyframes_max + limits_.map_points_max / 64;
+}
+
+std::uint32_t LoopClosing::collect_points() noexcept {
+    const Pool<MapPoint>& points = map_->points();
+    for (std::uint32_t n = 0; n < 512 && adjusting_cursor_ < points.slots_count(); ++n, ++adjusting_cursor_) {
+        const std::uint32_t slot = adjusting_cursor_;
+        if (!points.is_taken(slot) || points.at(slot).observers < 2) continue;
+        if (!PlaceSearch::is_static(&points.at(slot), *configuration_)) continue;
+        const auto added = global_.add_point(vector_of(points.at(slot).world));
+        STILLMESH_CHECK(added.is_ok());
+        point_index_[slot] = added.value() + 1;
+        adjusted_[added.value()] = points.handle_of(slot);
+    }
+    if (adjusting_cursor_ == points.slots_count()) {
+        adjusting_cursor_ = 0;
+        adjusting_ = Adjusting::kReserve;
+    }
+    return 128;
+}
+
+// One keyframe a piece, twice: first how many observations each point has, then the observations.
+std::uint32_t LoopClosing::collect_observations(bool is_reserving) noexcept {
+    const std::uint32_t slots = map_->keyframes().slots_count();
+    while (adjusting_cursor_ < slots &&
+           (node_[adjusting_cursor_] == 0 || map_->keyframes().find(moved_[adjusting_cursor_].handle) == nullptr)) {
+        ++adjusting_cursor_;
+    }
+    if (adjusting_cursor_ == slots) {
+        adjusting_cursor_ = 0;
+        if (is_reserving) {
+            global_.fill();
+            adjusting_ = Adjusting::kObservations;
+        } else {
+            global_.start(GlobalOptions{});
+            adjusting_ = Adjusting::kRun;
+        }
+        return 1 + slots / 32;
+    }
+    const std::uint32_t keyframe_slot = adjusting_cursor_++;
+    const Handle<Keyframe> handle = moved_[keyframe_slot].handle;
+    if (is_reserving) static_cast<void>(map_->carry_observations(handle, image_height_));
+    for (const Observation& o : map_->observations(handle)) {
+        const MapPoint* const point = map_->points().find(o.point);
+        if (point == nullptr || point_index_[o.point.slot()] == 0) continue;
+        const std::uint32_t index = point_index_[o.point.slot()] - 1;
+        if (!(adjusted_[index] == o.point)) continue;
+        if (is_reserving) {
+            static_cast<void>(global_.reserve(index));  // full: the rest has no say
+            continue;
+        }
+        GlobalObservation in;
+        in.keyframe = node_[keyframe_slot] - 1U;
+        in.point = index;
+        in.x = static_cast<double>(o.normalised_x);
+        in.y = static_cast<double>(o.normalised_y);
+        in.var_pixel = mapping_->var_pixel(o.level) * tracking_->noise_pixel();
+        if (o.var_z >= 0) {
+            in.z_m = static_cast<double>(o.z_m);
+            in.var_z = static_cast<double>(o.var_z) * tracking_->noise_depth();
+        }
+        static_cast<void>(global_.add_observation(in));  // more than were reserved: linked meanwhile
+    }
+    return 1 + limits_.features_max / 4;
+}
+
+std::uint32_t LoopClosing::commit_adjustment() noexcept {
+    const GlobalSummary& summary = global_.summary();
+    statistics_.adjustment_iterations += summary.iterations;
+    if (summary.steps_accepted > 0) {
+        const Pool<Keyframe>& keyframes = map_->keyframes();
+        for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+            if (node_[slot] == 0 || keyframes.find(moved_[slot].handle) == nullptr) continue;
+            moved_[slot].world_from_world = global_.pose(node_[slot] - 1U) * moved_[slot].before.inverse();
+            moved_[slot].is_any = true;
+        }
+        move_map(true);
+    }
+    global_.begin();
+    adjusting_ = Adjusting::kNone;
+    return limits_.map_points_max / 16 + 8 * limits_.keyframes_max;
+}
+
+// --- fusion ----------------------------------------------------------------------------------------------------------
+
+// Each feature that verification matched to a point of the place: its own point becomes that one.
+std::uint32_t LoopClosing::fuse_matches() noexcept {
+    constexpr std::uint32_t kObserversMax = 48;
+    if (map_->keyframes().find(keyframe_) == nullptr || map_->keyframes().find(found_) == nullptr) {
+        finish();
+        return 1;
+    }
+    std::uint32_t units = 1;
+    for (std::uint32_t n = 0; n < 8 && cursor_ < matches_.size(); ++n, ++cursor_) {
+        const PlaceMatch& match = matches_[cursor_];
+        const MapPoint* const there = map_->points().find(match.point);
+        if (!PlaceSearch::is_static(there, *configuration_)) continue;
+        const Handle<MapPoint> own = map_->observations(keyframe_)[match.feature].point;
+        const MapPoint* const mine = map_->points().find(own);
+        if (mine == nullptr) {
+            if (map_->link(keyframe_, match.feature, match.point)) ++statistics_.observations_found;
+            continue;
+        }
+        if (own == match.point || mine->is_suspect || mine->observers > kObserversMax) continue;
+        units += 4 + map_->fuse(match.point, own) / 64;
+        ++statistics_.points_fused;
+    }
+    if (cursor_ >= matches_.size()) {
+        find_fuse_sides();
+        enter(Stage::kFuseNeighbours);
+    }
+    return units;
+}
+
+void LoopClosing::find_fuse_sides() noexcept {
+    const std::uint64_t frame = map_->keyframes().find(keyframe_)->frame;
+    const std::uint64_t gap = configuration_->loop.gap_frames;
+    std::uint32_t best[32] = {};
+    sources_count_ = targets_count_ = 0;
+    sources_[sources_count_++] = found_;
+    targets_[targets_count_++] = keyframe_;
+    // After the matches were fused both sides see each other: time tells them apart.
+    std::uint32_t count = map_->best_covisible(found_.slot(), best, kSharedMin);
+    for (std::uint32_t i = 0; i < count && sources_count_ < kFuseSources; ++i) {
+        if (map_->keyframes().at(best[i]).frame + gap > frame) continue;
+        sources_[sources_count_++] = map_->keyframes().handle_of(best[i]);
+    }
+    count = map_->best_covisible(keyframe_.slot(), best, kSharedMin);
+    for (std::uint32_t i = 0; i < count && targets_count_ < kFuseTargets; ++i) {
+        if (map_->keyframes().at(best[i]).frame + gap < frame) continue;
+        targets_[targets_count_++] = map_->keyframes().handle_of(best[i]);
+    }
+}
+
+std::uint32_t LoopClosing::fuse_neighbours() noexcept {
+    std::uint32_t units = 1;
+    for (std::uint32_t n = 0; n < kFusePiece && target_ < targets_count_;) {
+        if (source_ >= sources_count_) {
+            source_ = cursor_ = 0;
+            ++target_;
+            continue;
+        }
+        const std::span<const Observation> seen = map_->observations(sources_[source_]);
+        if (cursor_ >= seen.size()) {
+            cursor_ = 0;
+            ++source_;
+            continue;
+        }
+        ++n;
+        units += mapping_->fuse_into(seen[cursor_++].point, targets_[target_]);
+    }
+    if (target_ >= targets_count_) finish();
+    return units;
+}
+
+void LoopClosing::fill(EngineStatistics& statistics) const noexcept {
+    const LoopStatistics before = statistics.loop;  // relocalisation's part
+    statistics.loop = statistics_;
+    statistics.loop.relocalisations = before.relocalisations;
+    statistics.loop.relocalisation_queries = before.relocalisation_queries;
+    statistics.loop.relocalisation_candidates = before.relocalisation_candidates;
+}
+
+}  // namespace stillmesh

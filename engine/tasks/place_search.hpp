@@ -1,0 +1,68 @@
+// What loop closing and relocalisation search places with: the keyframe database with the handles of those who are in
+// it, and one searcher (words, query, verifier) that both use, one at a time: a lost camera comes first, and whoever
+// else was searching starts over. Limits: those of its rooms.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/place/keyframe_database.hpp"
+#include "engine/tasks/place_verifier.hpp"
+
+namespace stillmesh {
+
+class PlaceSearch {
+public:
+    enum class User : std::uint8_t { kNobody, kLoopClosing, kRelocalisation };
+
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        KeyframeDatabase::plan(arena, limits);
+        arena.array<Handle<Keyframe>>(limits.keyframes_max);
+        FrameWords::plan(arena, limits.features_max);
+        PlaceQuery::plan(arena, limits);
+        PlaceVerifier::plan(arena, limits);
+        arena.array<std::uint8_t>(limits.features_max);
+    }
+    // `vocabulary` may be empty: then nothing is ever recognised.
+    void create(Arena& arena, const Limits& limits, const Configuration& configuration, const CameraModel& camera,
+                const Vocabulary& vocabulary) noexcept;
+    void reset() noexcept;
+
+    [[nodiscard]] bool is_on() const noexcept { return is_on_; }
+    [[nodiscard]] const Vocabulary& vocabulary() const noexcept { return *vocabulary_; }
+    [[nodiscard]] KeyframeDatabase& database() noexcept { return database_; }
+    [[nodiscard]] FrameWords& words() noexcept { return words_; }
+    [[nodiscard]] PlaceQuery& query() noexcept { return query_; }
+    [[nodiscard]] PlaceVerifier& verifier() noexcept { return verifier_; }
+    [[nodiscard]] std::span<std::uint8_t> eligible() noexcept { return eligible_; }
+    [[nodiscard]] std::uint32_t find_units(std::size_t features) const noexcept {
+        return FrameWords::find_units(*vocabulary_, features) + static_cast<std::uint32_t>(features) / 4 + 1;
+    }
+
+    // Takes the searcher over.
+    void take(User user) noexcept;
+    [[nodiscard]] bool is_used_by(User user) const noexcept { return user_ == user; }
+
+    // Forgets keyframes that have left the map. To be called before anything is asked of the database.
+    void purge(const Map& map) noexcept;
+    [[nodiscard]] bool has(Handle<Keyframe> keyframe) const noexcept { return owners_[keyframe.slot()] == keyframe; }
+    // With words() as they are.
+    void add(Handle<Keyframe> keyframe) noexcept;
+    // Where features of a keyframe show points that are known to stand still.
+    [[nodiscard]] static bool is_static(const MapPoint* point, const Configuration& configuration) noexcept {
+        return point != nullptr && !point->is_suspect && point->weight_tenths >= configuration.weights.eligible;
+    }
+
+private:
+    const Vocabulary* vocabulary_ = nullptr;
+    KeyframeDatabase database_;
+    std::span<Handle<Keyframe>> owners_;  // by slot: who is in the database
+    FrameWords words_;
+    PlaceQuery query_;
+    PlaceVerifier verifier_;
+    std::span<std::uint8_t> eligible_;  // by feature of the query
+    User user_ = User::kNobody;
+    bool is_on_ = false;
+};
+
+}  // namespace stillmesh
