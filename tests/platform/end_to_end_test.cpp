@@ -149,7 +149,12 @@ TEST(EndToEnd, TracksTwiceTheSame) {
     ASSERT_EQ(first.code, 0) << first.error;
     const std::string trajectory = test::read_text(recording.output("t.txt"));
     EXPECT_EQ(poses_in(recording.output("t.txt")), 40U);
-    EXPECT_EQ(trajectory, test::read_text(recording.output("f.txt")));
+    // What was learnt later moves poses known at the end, by millimetres here; none is lost.
+    EXPECT_EQ(poses_in(recording.output("f.txt")), 40U);
+    const Answer final = stillmesh_says("eval --json --groundtruth " + recording.path("groundtruth.txt") +
+                                        " --trajectory " + recording.output("f.txt"));
+    ASSERT_EQ(final.code, 0) << final.error;
+    EXPECT_LT(final.json()["ate_rmse_m"].get<double>(), 0.02) << final.out;
     EXPECT_LT(first.json()["evaluation"]["ate_rmse_m"].get<double>(), 0.02) << first.out;
     EXPECT_EQ(first.json()["coverage"].get<double>(), 1.0);
     const Answer eval = stillmesh_says("eval --json --groundtruth " + recording.path("groundtruth.txt") +
