@@ -423,7 +423,7 @@ Status read_vocabulary(const std::string& file, std::vector<std::byte>& bytes, s
     if (size >= 0 && static_cast<std::size_t>(size) <= kBytesMax) {
         bytes.resize(static_cast<std::size_t>(size));
         stream.seekg(0);
-        stream.read(reinterpret_cast<char*>(bytes.data()), size);
+        stream.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
         if (stream.gcount() == size && size > 0) return Status::kOk;
     }
     message = file + ": cannot be read as a vocabulary ('stillmesh vocabulary train' makes one).";
