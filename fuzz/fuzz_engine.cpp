@@ -16,19 +16,16 @@
 #include "fuzz/pictures.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 
+// A failed check says which before it stops.
+void stillmesh_check_failed(const char* expression, const char* file, std::int32_t line) noexcept {
+    std::fprintf(stderr, "check failed: %s (%s:%d)\n", expression, file, line);
+}
+
 namespace {
 
 using namespace stillmesh;
 
 constexpr std::uint32_t kFramesMax = 16;
-
-// A failed check says which before it stops.
-const bool kPrintsChecks = [] {
-    set_check_handler([](const char* expression, const char* file, std::int32_t line) noexcept {
-        std::fprintf(stderr, "check failed: %s (%s:%d)\n", expression, file, line);
-    });
-    return true;
-}();
 
 // A block of exactly the needed size, so that one byte too many is seen, full of `garbage`.
 class Block {

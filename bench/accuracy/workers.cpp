@@ -37,17 +37,10 @@ void tell(int pipe, std::string_view line) {
     }
 }
 
-void tell_failed_check(const char* expression, const char* file, std::int32_t line) noexcept {
-    char text[512];
-    const int size = std::snprintf(text, sizeof text, "e check failed: %s (%s:%d)\n", expression, file, line);
-    if (size > 0) tell(told_to, {text, std::min(static_cast<std::size_t>(size), sizeof text - 1)});
-}
-
 [[noreturn]] void work(int pipe, const Input& input, const std::vector<Variant>& variants, const RunOptions& options) {
     std::signal(SIGINT, SIG_DFL);
     std::signal(SIGTERM, SIG_DFL);
     told_to = pipe;
-    set_check_handler(tell_failed_check);
     std::vector<Result> results;
     std::string message;
     std::uint32_t passed = 0;
@@ -173,3 +166,13 @@ Outcome run_all(const std::vector<Input>& inputs, const std::vector<Variant>& va
 }
 
 }  // namespace stillmesh::accuracy
+
+// Links into whatever runs workers; outside of one, standard error hears it.
+void stillmesh_check_failed(const char* expression, const char* file, std::int32_t line) noexcept {
+    char text[512];
+    const int size = std::snprintf(text, sizeof text, "e check failed: %s (%s:%d)\n", expression, file, line);
+    if (size <= 0) return;
+    const int pipe = stillmesh::accuracy::told_to;
+    stillmesh::accuracy::tell(pipe < 0 ? STDERR_FILENO : pipe,
+                              {text, std::min(static_cast<std::size_t>(size), sizeof text - 1)});
+}

@@ -58,10 +58,6 @@ void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept {
 namespace stillmesh {
 namespace {
 
-void print_failed_check(const char* expression, const char* file, std::int32_t line) noexcept {
-    std::fprintf(stderr, "bench_sequence: check failed: %s (%s:%d)\n", expression, file, line);
-}
-
 int complain(const std::string& sentence) {
     std::fprintf(stderr, "bench_sequence: %s\n", sentence.c_str());
     return 1;
@@ -166,12 +162,15 @@ int measure(const std::string& folder, const SessionOptions& options) {
 }  // namespace
 }  // namespace stillmesh
 
+void stillmesh_check_failed(const char* expression, const char* file, std::int32_t line) noexcept {
+    std::fprintf(stderr, "bench_sequence: check failed: %s (%s:%d)\n", expression, file, line);
+}
+
 int main(int argc, char** argv) {
     if (argc < 2) {
         std::fprintf(stderr, "usage: bench_sequence [--limits room|pocket] [--features native|opencv] DIR...\n");
         return 2;
     }
-    stillmesh::set_check_handler(stillmesh::print_failed_check);
     int code = 0;
     stillmesh::SessionOptions options;
     try {

@@ -1,16 +1,12 @@
 #include "engine/base/check.hpp"
 
-namespace stillmesh {
-namespace {
-CheckHandler installed_handler = nullptr;
-}  // namespace
+// Weak here alone, so that a program's definition is an ordinary one, and two of them are an error.
+extern "C" __attribute__((weak)) void stillmesh_check_failed(const char*, const char*, std::int32_t) noexcept;
 
-void set_check_handler(CheckHandler handler) noexcept {
-    installed_handler = handler;
-}
+namespace stillmesh {
 
 void check_failed(const char* expression, const char* file, std::int32_t line) noexcept {
-    if (installed_handler != nullptr) installed_handler(expression, file, line);
+    if (&stillmesh_check_failed != nullptr) stillmesh_check_failed(expression, file, line);
     __builtin_trap();
 }
 

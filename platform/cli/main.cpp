@@ -324,15 +324,14 @@ int program(int argc, char** argv) {
     return run_command(arguments, begin_ns);
 }
 
-void print_failed_check(const char* expression, const char* file, std::int32_t line) noexcept {
-    std::fprintf(stderr, "stillmesh: a bug of ours: %s (%s:%d). Please report it.\n", expression, file, line);
-}
-
 }  // namespace
 }  // namespace stillmesh
 
+void stillmesh_check_failed(const char* expression, const char* file, std::int32_t line) noexcept {
+    std::fprintf(stderr, "stillmesh: a bug of ours: %s (%s:%d). Please report it.\n", expression, file, line);
+}
+
 int main(int argc, char** argv) {
-    stillmesh::set_check_handler(stillmesh::print_failed_check);
     try {
         return stillmesh::program(argc, argv);
     } catch (const std::exception& error) {

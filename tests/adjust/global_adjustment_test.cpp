@@ -14,7 +14,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
 using Adjustment = test::InMemory<GlobalAdjustment>;
 
 // Promise: without noise everything is where it truly is, from centimetres away; the fixed keyframe stays to the bit.

@@ -21,8 +21,6 @@ using test::Window;
 using test::WindowOptions;
 using Adjustment = test::InMemory<LocalAdjustment>;
 
-const test::PrintChecks print_checks;
-
 constexpr double kNoThreshold = 1e11;
 
 // Iterates until nothing moves any more.

@@ -19,8 +19,6 @@ using test::GraphOptions;
 using test::make_graph;
 using Solver = test::InMemory<PoseGraph>;
 
-const test::PrintChecks print_checks;
-
 double worst_off(const PoseGraph& solver, const std::vector<SE3>& truth) {
     double worst = 0;
     for (std::uint32_t i = 0; i < solver.nodes(); ++i) {

@@ -12,8 +12,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
-
 struct alignas(kArenaAlignment) Block {
     std::byte bytes[1 << 16];
 };

@@ -17,8 +17,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
-
 struct alignas(kArenaAlignment) Block {
     std::byte bytes[1 << 14];
 };

@@ -14,8 +14,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
-
 // The oracle is the C library in extended precision; where long double is no wider than double it is no oracle.
 constexpr bool kHasOracle = std::numeric_limits<long double>::digits >= 64;
 constexpr double kUlpMax = 4.0;

@@ -119,14 +119,14 @@ TEST(Consumer, TracksWithTheLibraryAlone) {
 
 // Promise: a port's function that nobody wrote is a failed CHECK with its name, not a jump into nowhere.
 TEST(ConsumerDeathTest, UnwrittenPortsSayTheirName) {
-    set_check_handler(
-        [](const char* expression, const char*, std::int32_t) noexcept { std::fprintf(stderr, "%s\n", expression); });
     Unfinished unfinished;
     FeatureSet features;
     EXPECT_DEATH(static_cast<void>(unfinished.extract({}, features)), "FeatureExtractor::extract not implemented");
-    set_check_handler(nullptr);
-    EXPECT_DEATH(STILLMESH_CHECK(1 + 1 == 3), "");
 }
 
 }  // namespace
 }  // namespace stillmesh
+
+void stillmesh_check_failed(const char* expression, const char*, std::int32_t) noexcept {
+    std::fprintf(stderr, "%s\n", expression);
+}

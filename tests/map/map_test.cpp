@@ -14,7 +14,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
 using MapInMemory = test::InMemory<Map>;
 
 Limits small(std::uint32_t keyframes, std::uint32_t points, std::uint32_t features) {

@@ -17,10 +17,10 @@
 #include <vector>
 
 #include "engine/mesh/delaunay.hpp"
+#include "tests/mesh/wide.hpp"
 
 namespace stillmesh::mesh_checker {
 
-__extension__ using Wide = __int128;
 using Point = std::pair<std::int64_t, std::int64_t>;  // compares by x, then by y
 
 inline Point point_of(PixelPoint p) {

@@ -11,8 +11,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
-
 // Jobs made of steps that cannot be cut, each with its own cost; the trace is what was done, in order, by all tasks.
 class StepTask final : public Task {
 public:

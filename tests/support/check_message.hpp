@@ -1,4 +1,5 @@
 // Prints the expression of a failed CHECK before the program traps, so that death tests can say which one they expect.
+// Including it in one file is enough; weak, because several files of one program may.
 #pragma once
 
 #include <cstdint>
@@ -6,15 +7,7 @@
 
 #include "engine/base/check.hpp"
 
-namespace stillmesh::test {
-
-inline void print_check(const char* expression, const char* file, std::int32_t line) noexcept {
+extern "C" __attribute__((weak)) void stillmesh_check_failed(const char* expression, const char* file,
+                                                             std::int32_t line) noexcept {
     std::fprintf(stderr, "CHECK failed: %s (%s:%d)\n", expression, file, static_cast<int>(line));
 }
-
-// One static object of this kind in a test file installs the handler for the whole program.
-struct PrintChecks {
-    PrintChecks() noexcept { set_check_handler(&print_check); }
-};
-
-}  // namespace stillmesh::test

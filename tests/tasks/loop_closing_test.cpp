@@ -16,8 +16,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
-
 constexpr std::uint32_t kLap = 40;  // keyframes
 constexpr double kDrift_rad = 0.004, kDrift_m = 0.01;
 

@@ -21,8 +21,6 @@
 namespace stillmesh {
 namespace {
 
-const test::PrintChecks kPrintChecks;
-
 constexpr std::uint32_t kWidth = 320, kHeight = 240;
 
 Limits limits_of_test() {
