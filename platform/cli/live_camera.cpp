@@ -89,13 +89,18 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
 
 Status open_live_camera(DepthCamera& camera, const std::function<std::string()>& camera_message, bool does_wait,
                         std::string& message) {
+    ServiceNotifier service;
     for (bool has_told = false;; has_told = true) {
         const Status status = camera.open();
         if (status == Status::kOk) return status;
         message = camera_message();
         if (message.empty()) message = std::string("the camera is ") + status_name(status) + ".";
         if (status != Status::kUnavailable || !does_wait || stop_signal() != 0) return status;
-        if (!has_told) complain(message + " Waiting for one; Ctrl-C ends it.");
+        if (!has_told) {
+            complain(message + " Waiting for one; Ctrl-C ends it.", LogLevel::kWarning);
+            service.ready();  // a service that waits for its camera has started
+        }
+        service.alive(monotonic_ns());
         const std::int64_t until_ns = monotonic_ns() + 300'000'000;
         sleep_until_ns(until_ns);
         if (stop_signal() != 0) return status;

@@ -328,14 +328,15 @@ int program(int argc, char** argv) {
 }  // namespace stillmesh
 
 void stillmesh_check_failed(const char* expression, const char* file, std::int32_t line) noexcept {
-    std::fprintf(stderr, "stillmesh: a bug of ours: %s (%s:%d). Please report it.\n", expression, file, line);
+    std::fprintf(stderr, "%sstillmesh: a bug of ours: %s (%s:%d). Please report it.\n",
+                 stillmesh::log_prefix(stillmesh::LogLevel::kCritical), expression, file, line);
 }
 
 int main(int argc, char** argv) {
     try {
         return stillmesh::program(argc, argv);
     } catch (const std::exception& error) {
-        std::fprintf(stderr, "stillmesh: %s.\n", error.what());
+        stillmesh::complain(std::string(error.what()) + ".");
         return stillmesh::kExitFailed;
     }
 }

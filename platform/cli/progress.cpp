@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <string>
 
+#include "platform/linux/service.hpp"
+
 namespace stillmesh {
 
 ProgressLine::ProgressLine(bool is_shown, std::uint64_t frames_expected)
@@ -25,7 +27,7 @@ void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_
         std::fprintf(stderr, "\r%-60s", line.c_str());
         is_line_open_ = true;
     } else {
-        std::fprintf(stderr, "%s\n", line.c_str());
+        std::fprintf(stderr, "%s%s\n", log_prefix(LogLevel::kInfo), line.c_str());
     }
     static_cast<void>(std::fflush(stderr));
 }
@@ -33,7 +35,7 @@ void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_
 void ProgressLine::say(const std::string& sentence) {
     if (!is_shown_) return;
     finish();
-    std::fprintf(stderr, "%s\n", sentence.c_str());
+    std::fprintf(stderr, "%s%s\n", log_prefix(LogLevel::kNotice), sentence.c_str());
     static_cast<void>(std::fflush(stderr));
 }
 

@@ -105,7 +105,10 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         loop.times = &realtime;
     }
     if (arguments.is_realtime) {
-        if (const std::string refused = become_realtime(); !refused.empty()) record.notes.push_back(refused);
+        if (const std::string refused = become_realtime(); !refused.empty()) {
+            complain(refused, LogLevel::kWarning);  // now, not in the summary alone: a service may run for weeks
+            record.notes.push_back(refused);
+        }
     }
     DepthCamera& served = is_realtime ? static_cast<DepthCamera&>(realtime) : camera;
     int code = run_loop(served, source.message, *session, loop, record);

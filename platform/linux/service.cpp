@@ -3,12 +3,14 @@
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
 #include <cstddef>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 
@@ -57,6 +59,21 @@ void ServiceNotifier::alive(std::int64_t now_ns) {
 void ServiceNotifier::say(const char* state) {
     // Never waits: a service manager that does not listen is not worth a frame.
     if (socket_ >= 0) static_cast<void>(::send(socket_, state, std::strlen(state), MSG_NOSIGNAL));
+}
+
+const char* log_prefix(LogLevel level) noexcept {
+    const char* const stream = std::getenv("JOURNAL_STREAM");
+    if (stream == nullptr) return "";
+    // Device and inode of what systemd connected; inherited by whoever we start, whose standard error may be another.
+    unsigned long long device = 0;
+    unsigned long long inode = 0;
+    struct stat here {};
+    if (std::sscanf(stream, "%llu:%llu", &device, &inode) != 2 || ::fstat(STDERR_FILENO, &here) != 0 ||
+        here.st_dev != device || here.st_ino != inode) {
+        return "";
+    }
+    constexpr const char* kPrefixes[] = {"<0>", "<1>", "<2>", "<3>", "<4>", "<5>", "<6>"};
+    return kPrefixes[static_cast<std::size_t>(level)];
 }
 
 std::string become_realtime() {

@@ -1,5 +1,5 @@
-// The program as a service: what systemd is told (ready, alive, stopping; a datagram each, nothing when nobody asked)
-// and what the kernel is asked for in real time.
+// The program as a service: what systemd is told (ready, alive, stopping; a datagram each, nothing when nobody asked),
+// how grave a line of its journal is, and what the kernel is asked for in real time.
 #pragma once
 
 #include <cstdint>
@@ -27,6 +27,13 @@ private:
     std::int64_t period_ns_ = 0;  // 0: no watchdog
     std::int64_t last_ns_ = 0;
 };
+
+// syslog's numbers, those in use.
+enum class LogLevel : std::uint8_t { kCritical = 2, kError = 3, kWarning = 4, kNotice = 5, kInfo = 6 };
+
+// What a line on standard error begins with: "<4>" where it goes into systemd's journal (JOURNAL_STREAM says so), so
+// that `journalctl -p warning` finds it; nothing anywhere else.
+[[nodiscard]] const char* log_prefix(LogLevel level) noexcept;
 
 // Memory stays in memory, and this thread goes before ordinary ones (SCHED_FIFO). Empty when both were granted, else a
 // sentence about what was not and what would help; the program then runs on as an ordinary one.

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -156,6 +157,25 @@ TEST(Kernels, hamming) {
             }
         }
     }
+}
+
+// Promise: the environment can name any kernels that this processor can run; plain is what anything else means.
+TEST(Kernels, NamedByTheEnvironment) {
+    const char* const before = std::getenv("STILLMESH_KERNELS");
+    const std::string kept = before == nullptr ? "" : before;
+    ::unsetenv("STILLMESH_KERNELS");
+    std::vector<const Kernels*> all = fast_kernels();
+    all.push_back(&cpu_kernels());
+    all.push_back(&plain_kernels());
+    for (const Kernels* kernels : all) {
+        ::setenv("STILLMESH_KERNELS", kernels->name, 1);
+        EXPECT_EQ(&cpu_kernels(), kernels) << kernels->name;
+    }
+    ::setenv("STILLMESH_KERNELS", "mmx", 1);
+    EXPECT_EQ(&cpu_kernels(), &plain_kernels());
+    ::setenv("STILLMESH_KERNELS", "", 1);
+    EXPECT_EQ(&cpu_kernels(), all[all.size() - 2]);
+    kept.empty() ? ::unsetenv("STILLMESH_KERNELS") : ::setenv("STILLMESH_KERNELS", kept.c_str(), 1);
 }
 
 }  // namespace
