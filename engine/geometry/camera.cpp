@@ -1,5 +1,8 @@
 #include "engine/geometry/camera.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace stillmesh {
 namespace {
 
@@ -120,6 +123,17 @@ Vector2 distort_to_pixel(const CameraModel& model, const Vector2& normalised) no
 Vector2 undistort_to_normalised(const CameraModel& model, const Vector2& pixel) noexcept {
     const Vector2 distorted = pixel_to_distorted(model, pixel);
     return has_distortion(model) ? undistort_from(model, distorted, distorted) : distorted;
+}
+
+double view_cosine(const CameraModel& model) noexcept {
+    double cosine = 1.0;
+    for (const double x : {0.0, static_cast<double>(model.width)}) {
+        for (const double y : {0.0, static_cast<double>(model.height)}) {
+            const Vector2 n = undistort_to_normalised(model, {x, y});
+            cosine = std::min(cosine, 1.0 / std::sqrt(1.0 + n.squaredNorm()));
+        }
+    }
+    return cosine;
 }
 
 }  // namespace stillmesh

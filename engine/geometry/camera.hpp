@@ -17,5 +17,7 @@ namespace stillmesh {
 // Raw pixel to normalised, undistorted coordinates: a handful of Newton steps; residual below 0.01 px inside
 // the image of any model that validate() accepts.
 [[nodiscard]] Vector2 undistort_to_normalised(const CameraModel& model, const Vector2& pixel) noexcept;
+// Cosine of the angle between the axis and the farthest corner of the picture.
+[[nodiscard]] double view_cosine(const CameraModel& model) noexcept;
 
 }  // namespace stillmesh

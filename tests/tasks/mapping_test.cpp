@@ -225,8 +225,8 @@ TEST(Mapping, WithoutUnitsTrackingGoesOn) {
     }
     EngineStatistics statistics;
     rig.tracking().fill(statistics);
-    EXPECT_EQ(statistics.keyframe_queue.size, Tracking::kQueueMax);
-    EXPECT_EQ(statistics.keyframes_refused, keyframes - Tracking::kQueueMax);
+    EXPECT_EQ(statistics.keyframe_queue.size, KeyframeInserter::kQueueMax);
+    EXPECT_EQ(statistics.keyframes_refused, keyframes - KeyframeInserter::kQueueMax);
     // Those that waited may be gone by now: they are passed over.
     rig.work(50);
     EXPECT_EQ(rig.tracking().map().find_fault(), nullptr);

@@ -1,0 +1,60 @@
+// How far real noise leaves the model's: rooms, lenses and hands differ from any noise model by factors. The measured
+// variance of the pixel residuals and of the depth residuals over the modelled ones, followed by their medians from
+// frame to frame; raised at once when no motion explains the frame. Limit: features_max residuals. Cost: two passes
+// over the matches looked at, and two selections of a median.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/fixed_vector.hpp"
+#include "engine/configuration.hpp"
+#include "engine/limits.hpp"
+#include "engine/matching/correspondence.hpp"
+#include "engine/static_region/static_region.hpp"
+
+namespace stillmesh {
+
+class NoiseScale {
+public:
+    // Of the variances.
+    struct Factors {
+        double pixel = 1.0;
+        double depth = 1.0;
+    };
+
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        FixedVector<float>::plan(arena, limits.features_max);
+    }
+    void create(Arena& arena, const Limits& limits, const NoiseParameters& parameters) noexcept;
+    void reset() noexcept;
+
+    [[nodiscard]] const Factors& factors() const noexcept { return factors_; }
+    void restore(const Factors& factors) noexcept { factors_ = factors; }
+    // In the first frames little is known, and more is tried and believed.
+    [[nodiscard]] bool is_young() const noexcept { return frames_ < parameters_.young_frames; }
+    [[nodiscard]] std::uint32_t tries_max() const noexcept {
+        return frames_ == 0 ? parameters_.first_tries : parameters_.tries;
+    }
+    void raise() noexcept;
+
+    // From the residuals of the `chosen` under one motion...
+    void adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+               const SE3& world_from_camera) noexcept;
+    // ... or of each body under its own motion (`world_from_camera` where it has none), which does not depend on what
+    // was chosen.
+    void adapt_by_group(std::span<const Correspondence> correspondences, const StaticRegion& region,
+                        const SE3& world_from_camera) noexcept;
+    void count_frame() noexcept { ++frames_; }
+
+private:
+    void adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+               const SE3& world_from_camera, const StaticRegion* groups) noexcept;
+
+    NoiseParameters parameters_;
+    Factors factors_;
+    std::uint32_t frames_ = 0;  // that they were measured in
+    FixedVector<float> residuals_;
+};
+
+}  // namespace stillmesh
