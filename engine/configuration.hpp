@@ -250,6 +250,8 @@ struct MapParameters {
     std::uint32_t redundant_observers = 3;
     std::uint32_t redundant_permille = 900;
     double redundant_scale_factor = 1.1;
+    std::uint32_t looks_max = 10;
+    double looks_reach = 0.05;
 };
 
 // The part of the map that a frame is matched against (engine/map/local_map.hpp).
@@ -559,6 +561,9 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("map.redundant_observers", c.map.redundant_observers, 1.0, 1000.0, "", "others that see a point well enough");
     v("map.redundant_permille", c.map.redundant_permille, 1.0, 1000.0, "1/1000",
       "such points make a keyframe redundant");
+    v("map.looks_max", c.map.looks_max, 1.0, 255.0, "frames",
+      "a keyframe's measurement is the mean of at most so many");
+    v("map.looks_reach", c.map.looks_reach, 0.0, 1.0, "", "looked from so near, over the depth, for that mean");
     v("map.redundant_scale_factor", c.map.redundant_scale_factor, 1.0, 10.0, "", "farther than this is not well");
     v("local_map.moved_m", c.local_map.moved_m, 0.0, 100.0, "m", "farther, and other points come into view");
     v("local_map.moved_cosine_min", c.local_map.moved_cosine_min, -1.0, 1.0, "", "turned further, likewise");

@@ -433,6 +433,20 @@ void Map::express_with_readout(double readout_s) noexcept {
     changes_.add(readout_s);
 }
 
+void Map::average(Handle<Keyframe> handle, std::uint32_t index, Handle<MapPoint> point, const Vector3& look) noexcept {
+    Keyframe* const keyframe = keyframes_.find(handle);
+    if (keyframe == nullptr || !(look.z() > 0.0)) return;
+    STILLMESH_CHECK(index < keyframe->observations);
+    Observation& o = observations_of(handle.slot())[index];
+    if (!(o.point == point) || o.var_z < 0) return;
+    const double share = 1.0 / (1.0 + o.looks);
+    o.normalised_x += static_cast<float>(share * (look.x() / look.z() - static_cast<double>(o.normalised_x)));
+    o.normalised_y += static_cast<float>(share * (look.y() / look.z() - static_cast<double>(o.normalised_y)));
+    o.z_m += static_cast<float>(share * (look.z() - static_cast<double>(o.z_m)));
+    if (o.looks < parameters_.looks_max) ++o.looks;
+    ++keyframe->observations_changed;
+}
+
 bool Map::carry_observations(Handle<Keyframe> handle, std::uint32_t image_height) noexcept {
     Keyframe& keyframe = *keyframes_.find(handle);
     const double change_s = readout_s_ - keyframe.readout_s;

@@ -70,7 +70,7 @@ struct Keyframe {
     std::uint64_t last_useful_frame = 0;  // tracking saw points of it
     std::uint32_t observations = 0;
     std::uint32_t observations_changed = 0;  // times that one came, was moved, or showed another point from then on
-    float drift_m = 0;  // that odometry can have gathered until here, since the map began
+    float drift_m = 0;                       // that odometry can have gathered until here, since the map began
 };
 
 // A feature of a keyframe.
@@ -82,6 +82,7 @@ struct Observation {
     float var_z = -1;                          // m^2; < 0: no depth
     float angle_rad = 0;                       // (-pi, pi]
     std::uint8_t level = 0;
+    std::uint8_t looks = 1;  // frames that the undistorted place and the depth are the mean of, at most map.looks_max
 };
 
 // Points that must not go: those whose mark (by slot) is this one; no marks spare none.
@@ -165,6 +166,10 @@ public:
     // Lets feature `index` of a live keyframe show a live point. False: another feature of it does, or it shows a live
     // point already; nothing changed.
     bool link(Handle<Keyframe> keyframe, std::uint32_t index, Handle<MapPoint> point) noexcept;
+    // One more look, from near by, at what a feature with depth shows: where it lies in the keyframe's camera, m. The
+    // keyframe's measurement is the mean of the looks, a sliding one beyond map.looks_max of them. Nothing happens
+    // when the feature does not show `point` any more, or the keyframe is gone.
+    void average(Handle<Keyframe> keyframe, std::uint32_t index, Handle<MapPoint> point, const Vector3& look) noexcept;
     // The feature shows nothing any more; a point without observers stays until somebody releases it.
     void unlink(Handle<Keyframe> keyframe, std::uint32_t index) noexcept;
     [[nodiscard]] bool is_observed_by(std::uint32_t point_slot, std::uint32_t keyframe_slot) const noexcept {

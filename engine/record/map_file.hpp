@@ -21,7 +21,7 @@
 namespace stillmesh {
 
 inline constexpr std::array<char, 8> kMapMagic = {'S', 'T', 'I', 'L', 'L', 'M', 'A', 'P'};
-inline constexpr std::uint32_t kMapVersion = 1;
+inline constexpr std::uint32_t kMapVersion = 2;
 inline constexpr std::size_t kMapHeaderBytes = 96;
 // MapFileWriter::next wants at least this much room.
 inline constexpr std::size_t kMapPieceBytesMin = 512;

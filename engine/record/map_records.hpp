@@ -165,20 +165,20 @@ inline void write_point(ByteWriter& out, const MapPoint& p, std::uint32_t refere
 inline void write_feature(ByteWriter& out, const Observation& o, const Descriptor& d) noexcept {
     for (const float number : {o.x, o.y, o.normalised_x, o.normalised_y, o.z_m, o.var_z, o.angle_rad}) out.f32(number);
     out.u8(o.level);
-    out.u8(0);
+    out.u8(o.looks);
     out.u16(0);
     for (const std::uint64_t word : d.words) out.u64(word);
 }
-// False: a byte that must be 0 is not. `o.point` is not touched.
+// False: a byte that must be 0 is not, or one that must not be. `o.point` is not touched.
 [[nodiscard]] inline bool read_feature(ByteReader& in, Observation& o, Descriptor& d) noexcept {
     for (float* number : {&o.x, &o.y, &o.normalised_x, &o.normalised_y, &o.z_m, &o.var_z, &o.angle_rad}) {
         *number = in.f32();
     }
     o.level = in.u8();
-    const std::uint8_t zero = in.u8();
+    o.looks = in.u8();
     const std::uint16_t zeros = in.u16();
     for (std::uint64_t& word : d.words) word = in.u64();
-    return zero == 0 && zeros == 0;
+    return o.looks != 0 && zeros == 0;
 }
 
 // The hash of the content, record by record: its 64-bit words without the mark of use, or its one 32-bit word.

@@ -587,10 +587,10 @@ std::uint32_t LoopClosing::collect_observations(bool is_reserving) noexcept {
         in.point = index;
         in.x = static_cast<double>(o.normalised_x);
         in.y = static_cast<double>(o.normalised_y);
-        in.var_pixel = mapping_->var_pixel(o.level) * tracking_->noise_pixel();
+        in.var_pixel = mapping_->var_pixel(o.level) * tracking_->noise_pixel() / o.looks;
         if (o.var_z >= 0) {
             in.z_m = static_cast<double>(o.z_m);
-            in.var_z = static_cast<double>(o.var_z) * tracking_->noise_depth();
+            in.var_z = static_cast<double>(o.var_z) * tracking_->noise_depth() / o.looks;
         }
         static_cast<void>(global_.add_observation(in));  // more than were reserved: linked meanwhile
     }

@@ -477,10 +477,10 @@ std::uint32_t Mapping::collect() noexcept {
             in.point = index;
             in.x = static_cast<double>(o.normalised_x);
             in.y = static_cast<double>(o.normalised_y);
-            in.var_pixel = var_pixel(o.level) * noise_pixel;
+            in.var_pixel = var_pixel(o.level) * noise_pixel / o.looks;
             if (o.var_z >= 0) {
                 in.z_m = static_cast<double>(o.z_m);
-                in.var_z = static_cast<double>(o.var_z) * noise_depth;
+                in.var_z = static_cast<double>(o.var_z) * noise_depth / o.looks;
             }
             if (adjustment_.add_observation(in) != Status::kOk) continue;
             problem_observations_[problem_observation_count_++] = {static_cast<std::uint16_t>(k),

@@ -33,6 +33,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
     map_.create(arena, limits, configuration.map);
     local_map_.create(arena, limits, configuration.local_map, view_cosine(camera));
     keyframe_inserter_.create(arena, configuration);
+    keyframe_looks_.create(arena, limits, configuration);
     correspondences_.create(arena, limits.features_max);
     chosen_.create(arena, limits.features_max);
     noise_.create(arena, limits, configuration.noise);
@@ -50,6 +51,7 @@ void Tracking::reset() noexcept {
     map_.reset();
     local_map_.reset();
     keyframe_inserter_.reset();
+    keyframe_looks_.reset();
     noise_.reset();
     motion_.reset();
     shutter_.reset();
@@ -327,6 +329,9 @@ void Tracking::accept(const PoseFit& fit, bool is_sure) noexcept {
         local_map_.begin_counting();
         for (const std::uint16_t i : chosen_) local_map_.count(map_, correspondences_[i].point_slot);
         local_map_.note_useful(map_, frame_);
+        if (is_sure && !is_frozen_) {
+            keyframe_looks_.look(correspondences_.span(), chosen_.span(), fit.world_from_camera, map_);
+        }
     }
     if (!is_frozen_ &&
         keyframe_inserter_.wants(frame_, still, KeyframeInserter::new_points_possible(measured_, matcher_))) {
@@ -341,6 +346,7 @@ void Tracking::make_keyframe() noexcept {
         keyframe_inserter_.insert({measured_, matcher_, judge_, shutter_, world_from_camera(), frame_, time_ns_,
                                    static_cast<std::uint32_t>(chosen_.size()), odometry_.drift_m()},
                                   map_, local_map_);
+    keyframe_looks_.begin(map_, map_.recent_keyframe(0));
     confidence_.set_renewed_share(renewed_share);
     frame_statistics_.is_keyframe = true;
 }

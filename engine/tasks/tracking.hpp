@@ -21,6 +21,7 @@
 #include "engine/tasks/empty_places.hpp"
 #include "engine/tasks/frame_view.hpp"
 #include "engine/tasks/keyframe_inserter.hpp"
+#include "engine/tasks/keyframe_looks.hpp"
 #include "engine/tasks/measured_frame.hpp"
 #include "engine/tasks/motion_model.hpp"
 #include "engine/tasks/noise_scale.hpp"
@@ -42,6 +43,7 @@ public:
         Map::plan(arena, limits);
         LocalMap::plan(arena, limits);
         KeyframeInserter::plan(arena);
+        KeyframeLooks::plan(arena, limits);
         FixedVector<Correspondence>::plan(arena, limits.features_max);
         FixedVector<std::uint16_t>::plan(arena, limits.features_max);
         NoiseScale::plan(arena, limits);
@@ -144,6 +146,7 @@ private:
     Map map_;
     LocalMap local_map_;
     KeyframeInserter keyframe_inserter_;
+    KeyframeLooks keyframe_looks_;
     FixedVector<Correspondence> correspondences_;
     FixedVector<std::uint16_t> chosen_;  // correspondences that vote for the pose
     NoiseScale noise_;

@@ -334,6 +334,63 @@ TEST(Map, TheCheckerCanFail) {
     EXPECT_NE(map->find_fault(), nullptr);
 }
 
+// Promise: a keyframe's measurement is the mean of the looks at it, a sliding one beyond the most that count; a look at
+// what a feature does not show (any more), at one without depth, or from behind changes nothing, nor does one in a
+// keyframe that is gone.
+TEST(Map, AKeyframesMeasurementIsTheMeanOfItsLooks) {
+    MapInMemory map(small(4, 10, 8));
+    const Handle<Keyframe> handle = add_keyframe(*map, 1);
+    const Handle<MapPoint> point = add_point(*map);
+    const Handle<MapPoint> other = add_point(*map);
+    Observation seen = observation_of(point);
+    seen.normalised_x = 0.125F;
+    seen.normalised_y = -0.25F;
+    seen.z_m = 2.0F;
+    seen.var_z = 1e-4F;
+    map->add_observation(handle, seen);
+    Observation flat = observation_of(other);
+    flat.normalised_x = 0.5F;
+    map->add_observation(handle, flat);
+
+    map->average(handle, 0, other, {1, 1, 1});
+    map->average(handle, 1, other, {1, 1, 1});
+    map->average(handle, 0, point, {1, 1, 0});
+    EXPECT_EQ(map->observations(handle)[0].normalised_x, 0.125F);
+    EXPECT_EQ(map->observations(handle)[0].looks, 1);
+    EXPECT_EQ(map->observations(handle)[1].normalised_x, 0.5F);
+
+    const std::uint32_t before = map->keyframes().find(handle)->observations_changed;
+    const Vector3 looks[] = {{0.3, -0.3, 2.4}, {0.2, -0.9, 1.8}, {0.4, -0.4, 2.2}};
+    double x = 0.125, y = -0.25, z = 2.0;
+    for (const Vector3& look : looks) {
+        map->average(handle, 0, point, look);
+        x += look.x() / look.z();
+        y += look.y() / look.z();
+        z += look.z();
+    }
+    const Observation four = map->observations(handle)[0];
+    EXPECT_NEAR(four.normalised_x, x / 4, 1e-6);
+    EXPECT_NEAR(four.normalised_y, y / 4, 1e-6);
+    EXPECT_NEAR(four.z_m, z / 4, 1e-6);
+    EXPECT_EQ(four.looks, 4);
+    EXPECT_EQ(map->keyframes().find(handle)->observations_changed, before + 3);
+
+    const std::uint32_t most = map->parameters().looks_max;
+    for (std::uint32_t i = 4; i < most; ++i) map->average(handle, 0, point, {0.3, -0.3, 2.4});
+    EXPECT_EQ(map->observations(handle)[0].looks, most);
+    const double mean_z = static_cast<double>(map->observations(handle)[0].z_m);
+    map->average(handle, 0, point, {0, 0, 3});
+    EXPECT_EQ(map->observations(handle)[0].looks, most);
+    const float sliding_z = map->observations(handle)[0].z_m;
+    EXPECT_NEAR(sliding_z, mean_z + (3 - mean_z) / (most + 1), 1e-6);
+
+    map->unlink(handle, 0);
+    map->average(handle, 0, point, {9, 9, 9});
+    EXPECT_EQ(map->observations(handle)[0].z_m, sliding_z);
+    map->release_keyframe(handle);
+    map->average(handle, 0, point, {9, 9, 9});
+}
+
 // Promise: a map expressed with another readout is the map that would have been made with it: observations carried,
 // points and poses moved by what they said they would, and back again.
 TEST(Map, IsExpressedWithAnotherReadout) {

@@ -215,7 +215,8 @@ TEST_F(Damage, ImpossibleContents) {
         {"NaN depth", feature + 16, nan_float, 4},
         {"NaN variance", feature + 20, nan_float, 4},
         {"level of a feature", feature + 28, info.pyramid_levels, 1},
-        {"padding of a feature", feature + 29, 1, 1},
+        {"looks of a feature", feature + 29, 0, 1},
+        {"padding of a feature", feature + 30, 1, 2},
         {"link to nowhere", at(Section::kLinks, linked[0]), info.points + 1, 4},
         {"one point twice in a keyframe", at(Section::kLinks, linked[1]), first_link, 4},
     };

@@ -127,7 +127,7 @@ TEST_F(ProgramMaps, BadMaps) {
         {in + variant("short.map", good.substr(0, 50)), "short.map: is cut off: 50 bytes of 96"},
         {in + variant("cut.map", good.substr(0, good.size() - 1)), "cut.map: is cut off: "},
         {in + variant("long.map", good + "x"), "long.map: is damaged: "},
-        {in + variant("version.map", flipped(8)), "version.map: is a map of version 5; this program reads version 1"},
+        {in + variant("version.map", flipped(8)), "version.map: is a map of version 6; this program reads version 2"},
         {in + variant("header.map", flipped(24)), "header.map: is damaged: the checksum of its header"},
         {in + variant("points.map", flipped(good.size() / 20)), "points.map: is damaged: the checksum of its "},
         {in + at("room.map") + " --limits pocket", "room.map: is larger than the limits: it needs limits.features_max"},
