@@ -282,6 +282,7 @@ struct LoopParameters {
     std::uint32_t rest_keyframes = 10;
     std::uint32_t candidates_max = 3;
     // Verification.
+    std::uint32_t nodes_level = 1;  // of the vocabulary's tree; at most its levels
     std::uint32_t hamming_max = 64;
     std::uint32_t hamming_guided_max = 64;
     double ratio_max = 0.85;
@@ -588,6 +589,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("loop.gap_frames", c.loop.gap_frames, 1.0, 1e6, "frames", "nearer in time two views are no loop");
     v("loop.rest_keyframes", c.loop.rest_keyframes, 0.0, 1000.0, "", "after a loop none is sought for so many");
     v("loop.candidates_max", c.loop.candidates_max, 1.0, 8.0, "", "places verified for one keyframe");
+    v("loop.nodes_level", c.loop.nodes_level, 1.0, 8.0, "",
+      "features under one node of this level of the vocabulary are compared");
     v("loop.hamming_max", c.loop.hamming_max, 1.0, 256.0, "bits", "largest descriptor distance of a match");
     v("loop.hamming_guided_max", c.loop.hamming_guided_max, 1.0, 256.0, "bits", "the same around a projection");
     v("loop.ratio_max", c.loop.ratio_max, 0.1, 1.0, "", "best to second best descriptor distance");

@@ -33,29 +33,6 @@ int refuse(const std::string& sentence) {
     return kBadUsage;
 }
 
-std::vector<std::string> split(const std::string& text) {
-    std::vector<std::string> out;
-    std::size_t begin = 0;
-    while (begin <= text.size()) {
-        const std::size_t end = std::min(text.find(',', begin), text.size());
-        if (end > begin) out.push_back(text.substr(begin, end - begin));
-        begin = end + 1;
-    }
-    return out;
-}
-
-// "1-3,7": 1 2 3 7.
-bool parse_seeds(const std::string& text, std::vector<std::uint64_t>& seeds) {
-    for (const std::string& part : split(text)) {
-        char* end = nullptr;
-        const std::uint64_t first = std::strtoull(part.c_str(), &end, 10);
-        const std::uint64_t last = *end == '-' ? std::strtoull(end + 1, &end, 10) : first;
-        if (*end != '\0' || last < first || last - first > 10'000) return false;
-        for (std::uint64_t seed = first; seed <= last; ++seed) seeds.push_back(seed);
-    }
-    return !seeds.empty();
-}
-
 struct Arguments {
     std::string scenes = "all", seeds = "1-10", region = "both", json, gate;
     std::vector<std::string> recordings, settings, variants, results;

@@ -120,6 +120,28 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
     return true;
 }
 
+std::vector<std::string> split(const std::string& text) {
+    std::vector<std::string> out;
+    std::size_t begin = 0;
+    while (begin <= text.size()) {
+        const std::size_t end = std::min(text.find(',', begin), text.size());
+        if (end > begin) out.push_back(text.substr(begin, end - begin));
+        begin = end + 1;
+    }
+    return out;
+}
+
+bool parse_seeds(const std::string& text, std::vector<std::uint64_t>& seeds) {
+    for (const std::string& part : split(text)) {
+        char* end = nullptr;
+        const std::uint64_t first = std::strtoull(part.c_str(), &end, 10);
+        const std::uint64_t last = *end == '-' ? std::strtoull(end + 1, &end, 10) : first;
+        if (*end != '\0' || last < first || last - first > 10'000) return false;
+        for (std::uint64_t seed = first; seed <= last; ++seed) seeds.push_back(seed);
+    }
+    return !seeds.empty();
+}
+
 bool set_parameter(Configuration& configuration, const std::string& assignment, std::string& message) {
     const std::size_t equals = assignment.find('=');
     const std::string key = assignment.substr(0, equals);

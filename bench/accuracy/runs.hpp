@@ -43,6 +43,11 @@ struct RunOptions {
                        const std::function<void(std::uint32_t)>& on_frames, std::vector<Result>& results,
                        std::string& message);
 
+// What stands between commas, without what is empty.
+[[nodiscard]] std::vector<std::string> split(const std::string& text);
+// "1-3,7": 1 2 3 7. False: not such a list, or an empty one.
+[[nodiscard]] bool parse_seeds(const std::string& text, std::vector<std::uint64_t>& seeds);
+
 // "key=value" into the configuration. False: `message` names key and range.
 [[nodiscard]] bool set_parameter(Configuration& configuration, const std::string& assignment, std::string& message);
 

@@ -1,8 +1,9 @@
 // Does coming home work? Scenes through two engines side by side, one with a vocabulary and one without:
 //   bench_loops --vocabulary FILE --scenes static_loop,walking_loop --seeds 1-10 [--cache DIR] [--set key=value]
 // A line per run: ATE of the poses as given out and as known at the end, loops closed and confirmed, candidates refused
-// and why, the largest correction, latency and the longest slice. A loop is false when the pose jumps away from the
-// truth: the error of the motion over the jump exceeds 0.1 m.
+// and why, the largest correction, latency and the longest slice. `home`: frames whose reference keyframe is at least
+// loop.gap_frames older, so that tracking is on the old part of the map, whoever brought it there. A loop is false when
+// the pose jumps away from the truth: the error of the motion over the jump exceeds 0.1 m (`worse`).
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -52,6 +53,8 @@ struct Seat {
     Percentiles latency_ms, slice_ms, all_ms;
     std::uint64_t closed = 0;
     std::uint32_t lost = 0;
+    std::uint32_t home = 0;
+    std::uint64_t frames = 0;
     TrajectoryPose map_from_odom;  // of the last frame
     double worse_m = 0;            // a jump of map_from_odom took the camera so much farther from the truth, at most
     std::uint32_t jumps = 0;
@@ -80,12 +83,14 @@ struct Seat {
             ++jumps;
         }
         map_from_odom = jumped;
+        ++frames;
         if (pose.state >= PoseState::kUnsure) {
             update();
             const TrajectoryPose map_from_camera =
                 compose(pose_of(pose.map_from_odom, frame.time_ns), pose_of(pose.odom_from_camera, frame.time_ns));
             given.push_back(map_from_camera);
             last.add(map_from_camera, engine->reference_keyframe());
+            home += engine->reference_keyframe() + configuration.loop.gap_frames <= frames ? 1U : 0U;
         } else {
             ++lost;
         }
@@ -178,18 +183,20 @@ bool run(const Arguments& arguments, const std::string& scene, std::uint64_t see
         double drift_end = 0;
         if (given && !given->pairs.empty()) drift_end = given->pairs.back().error_m;
         fmt::print(
-            "{:<14} {:>2} {:<5} ATE {:.4f} final {:.4f} end {:.3f} lost {} | kf {} queries {} verified {} closed {} "
+            "{:<14} {:>2} {:<5} ATE {:.4f} final {:.4f} end {:.3f} lost {} home {} | kf {} queries {} verified {} "
+            "closed {} "
             "confirmed {} jumps {} worse {:.3f} largest {:.3f} m | refused: matches {} pose {} inliers {} spread {} "
             "far {} unlikely {} gone "
             "{}; "
             "dropped {} | fused {} found {} graph it {} gba {}/{} reloc {}/{} | latency p99.9 {:.1f} slice max {:.2f} "
             "p99 {:.2f} all {:.2f} ms | units/frame {:.0f}\n",
             scene, seed, seat->name, given ? given->ate_rmse_m : -1.0, last ? last->ate_rmse_m : -1.0, drift_end,
-            seat->lost, s.keyframes_made, l.queries, l.candidates, l.closed, l.confirmed, seat->jumps, seat->worse_m,
-            l.largest_correction_m, l.refused_matches, l.refused_pose, l.refused_inliers, l.refused_spread,
-            l.refused_far, l.refused_unlikely, l.refused_gone, l.dropped, l.points_fused, l.observations_found,
-            l.graph_iterations, l.adjustments, l.adjustments_dropped, l.relocalisations, l.relocalisation_queries,
-            seat->latency_ms.at(0.999), seat->slice_ms.max(), seat->slice_ms.p99(), seat->all_ms.mean(),
+            seat->lost, seat->home, s.keyframes_made, l.queries, l.candidates, l.closed, l.confirmed, seat->jumps,
+            seat->worse_m, l.largest_correction_m, l.refused_matches, l.refused_pose, l.refused_inliers,
+            l.refused_spread, l.refused_far, l.refused_unlikely, l.refused_gone, l.dropped, l.points_fused,
+            l.observations_found, l.graph_iterations, l.adjustments, l.adjustments_dropped, l.relocalisations,
+            l.relocalisation_queries, seat->latency_ms.at(0.999), seat->slice_ms.max(), seat->slice_ms.p99(),
+            seat->all_ms.mean(),
             static_cast<double>(s.schedule.units_spent) / static_cast<double>(std::max<std::uint64_t>(s.frames, 1)));
         std::fflush(stdout);
     }
@@ -218,13 +225,9 @@ int program(int argc, char** argv) {
         return 2;
     }
     std::vector<std::uint64_t> seeds;
-    std::size_t at = 0;
-    while (at < arguments.seeds.size()) {
-        char* end = nullptr;
-        const std::uint64_t first = std::strtoull(arguments.seeds.c_str() + at, &end, 10);
-        const std::uint64_t last = *end == '-' ? std::strtoull(end + 1, &end, 10) : first;
-        for (std::uint64_t seed = first; seed <= last; ++seed) seeds.push_back(seed);
-        at = static_cast<std::size_t>(end - arguments.seeds.c_str()) + 1;
+    if (!accuracy::parse_seeds(arguments.seeds, seeds)) {
+        fmt::print(stderr, "bench_loops: --seeds: give numbers or ranges, as 1-10 or 1,3.\n");
+        return 2;
     }
     for (const std::string& scene : arguments.scenes) {
         for (const std::uint64_t seed : seeds) {

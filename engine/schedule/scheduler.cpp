@@ -22,7 +22,9 @@ void Scheduler::reset() noexcept {
 }
 
 std::uint32_t Scheduler::slice(std::uint32_t units) noexcept {
-    for (std::uint32_t i = 0; i < tasks_count_; ++i) {
+    const bool is_turn_of_last = statistics_.units_spent / slice_units_ % kTurns == kTurns - 1;
+    for (std::uint32_t n = 0; n < tasks_count_; ++n) {
+        const std::uint32_t i = is_turn_of_last ? (n + tasks_count_ - 1) % tasks_count_ : n;
         WorkBudget budget(units);
         const Progress progress = tasks_[i].task->step(budget);
         if (progress == Progress::kIdle) {
@@ -55,7 +57,8 @@ Progress Scheduler::step(std::uint32_t units) noexcept {
     debt_units_ = 0;
     bool has_worked = false;
     while (left > 0) {
-        const std::uint32_t spent = slice(left < slice_units_ ? left : slice_units_);
+        const auto of_turn = static_cast<std::uint32_t>(slice_units_ - statistics_.units_spent % slice_units_);
+        const std::uint32_t spent = slice(left < of_turn ? left : of_turn);
         if (spent == 0) {
             statistics_.units_lost += left;
             if (!has_worked) ++statistics_.steps_idle;

@@ -253,7 +253,7 @@ std::uint32_t LoopClosing::ask() noexcept {
     verifier.end_query(places_->database().direct_index(keyframe_.slot()));
     const auto units = static_cast<std::uint32_t>(seen.size() / 4) + 1;
     const PlaceVerifier::Noise noise{std::max(1.0, tracking_->noise_pixel()), std::max(1.0, tracking_->noise_depth())};
-    verifier.start(*map_, candidates_[cursor_], places_->vocabulary().info().direct_level, noise);
+    verifier.start(*map_, candidates_[cursor_], noise);
     ++statistics_.candidates;
     stage_ = Stage::kVerify;  // the cursor stays
     return units;

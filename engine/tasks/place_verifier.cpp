@@ -80,12 +80,10 @@ void PlaceVerifier::end_query(std::span<const WordOfFeature> by_word) noexcept {
     }
 }
 
-void PlaceVerifier::start(const Map& map, Handle<Keyframe> candidate, std::uint32_t level,
-                          const Noise& noise) noexcept {
+void PlaceVerifier::start(const Map& map, Handle<Keyframe> candidate, const Noise& noise) noexcept {
     stage_ = Stage::kMatch;
     refusal_ = Refusal::kNone;
     candidate_ = candidate;
-    level_ = level;
     noise_ = noise;
     a_ = b_ = b_end_ = 0;
     node_end_ = 0;
@@ -146,12 +144,13 @@ std::uint32_t PlaceVerifier::match(const Map& map, const Vocabulary& vocabulary,
                                    std::span<const WordOfFeature> there) noexcept {
     const std::span<const Observation> observations = map.observations(candidate_);
     const std::span<const Descriptor> descriptors = map.descriptors(candidate_);
+    const std::uint32_t level = std::min(configuration_->loop.nodes_level, vocabulary.info().levels);
     std::uint32_t compared = 0;
     while (a_ < by_word_.size() && compared < kMatchPiece) {
         const WordOfFeature mine = by_word_[a_++];
         ++compared;
         if (mine.word >= node_end_) {
-            const WordRange node = vocabulary.node_of(mine.word, level_);
+            const WordRange node = vocabulary.node_of(mine.word, level);
             node_end_ = node.end;
             b_ = b_end_;
             while (b_ < there.size() && there[b_].word < node.begin) ++b_;

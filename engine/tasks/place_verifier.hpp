@@ -80,8 +80,9 @@ public:
     struct Noise {
         double pixel = 1, depth = 1;  // factors of the variances
     };
-    // One candidate for the query at hand, with its direct index. `level`: of the nodes that are compared.
-    void start(const Map& map, Handle<Keyframe> candidate, std::uint32_t level, const Noise& noise) noexcept;
+    // One candidate for the query at hand.
+    void start(const Map& map, Handle<Keyframe> candidate, const Noise& noise) noexcept;
+    // `candidate_words`: its direct index.
     [[nodiscard]] Progress step(const Map& map, const Vocabulary& vocabulary,
                                 std::span<const WordOfFeature> candidate_words, WorkBudget& budget) noexcept;
     void cancel() noexcept { stage_ = Stage::kIdle; }
@@ -140,7 +141,6 @@ private:
     Handle<Keyframe> sources_[kNeighboursMax + 1];  // the candidate and its neighbours
     std::uint32_t source_count_ = 0;
     std::uint32_t source_ = 0;
-    std::uint32_t level_ = 1;
     Noise noise_;
     std::size_t a_ = 0, b_ = 0, b_end_ = 0;  // in the direct indices
     std::uint32_t node_end_ = 0;

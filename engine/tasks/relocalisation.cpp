@@ -61,7 +61,7 @@ bool Relocalisation::find(const Map& map, std::span<const Descriptor> descriptor
         tried[groups++] = handle;
         if (groups <= first) continue;
         ++candidates_;
-        verifier.start(map, handle, places_->vocabulary().info().direct_level, noise);
+        verifier.start(map, handle, noise);
         WorkBudget budget(UINT32_MAX);
         static_cast<void>(
             verifier.step(map, places_->vocabulary(), places_->database().direct_index(place.keyframe_slot), budget));
