@@ -2,53 +2,19 @@
 
 #include <cmath>
 
+#include "engine/adjust/point_factor.hpp"
 #include "engine/base/check.hpp"
+#include "engine/base/numbers.hpp"
+#include "engine/geometry/cholesky.hpp"
 
 namespace stillmesh {
 namespace {
 
 constexpr std::uint32_t kKeyframesOfPiece = 8;
-constexpr double kDampingMin = 1e-12;
-constexpr double kDampingMax = 1e10;
+// The least of the diagonal that damping scales.
 constexpr double kDiagonalMin = 1e-6;
-constexpr double kRounding = 1e-14;
-constexpr double kHuge = 1e150;
-constexpr double kStepMax_m = 1e6;
-constexpr double kStepMax_rad = 1.0;
 // Fewer, and a keyframe holds still: six unknowns, two residuals each.
 constexpr std::uint32_t kObservationsMin = 3;
-
-[[nodiscard]] bool is_finite(double x) noexcept {
-    return x - x == 0.0;
-}
-
-[[nodiscard]] bool factor_point(const double v[6], double l[6]) noexcept {
-    const double p0 = v[0];
-    if (!(p0 > 0.0 && p0 < kHuge)) return false;
-    l[0] = 1.0 / std::sqrt(p0);
-    l[1] = v[1] * l[0];
-    const double p1 = v[2] - l[1] * l[1];
-    if (!(p1 > kRounding * v[2] && p1 < kHuge)) return false;
-    l[2] = 1.0 / std::sqrt(p1);
-    l[3] = v[3] * l[0];
-    l[4] = (v[4] - l[3] * l[1]) * l[2];
-    const double p2 = v[5] - l[3] * l[3] - l[4] * l[4];
-    if (!(p2 > kRounding * v[5] && p2 < kHuge)) return false;
-    l[5] = 1.0 / std::sqrt(p2);
-    return true;
-}
-
-// L^-1 x and L^-T x, in place.
-void forward(const double l[6], double x[3]) noexcept {
-    x[0] = x[0] * l[0];
-    x[1] = (x[1] - l[1] * x[0]) * l[2];
-    x[2] = (x[2] - l[3] * x[0] - l[4] * x[1]) * l[5];
-}
-void backward(const double l[6], double x[3]) noexcept {
-    x[2] = x[2] * l[5];
-    x[1] = (x[1] - l[4] * x[2]) * l[2];
-    x[0] = (x[0] - l[1] * x[1] - l[3] * x[2]) * l[0];
-}
 
 // Derivatives of one observation's residuals, and what weighs them.
 struct Derivatives {
@@ -85,10 +51,7 @@ Result<std::uint32_t> GlobalAdjustment::add_keyframe(const SE3& world_from_camer
     Keyframe& keyframe = keyframes_[keyframe_count_];
     keyframe = Keyframe{};
     keyframe.is_fixed = is_fixed;
-    for (std::uint32_t i = 0; i < 2; ++i) {
-        keyframe.pose[i] = world_from_camera;
-        keyframe.camera[i] = camera_rows(world_from_camera);
-    }
+    keyframe.begin(world_from_camera);
     if (is_fixed) ++fixed_count_;
     return keyframe_count_++;
 }
@@ -150,9 +113,8 @@ void GlobalAdjustment::start(const GlobalOptions& options) noexcept {
     summary_.observations = observations;
     state_ = State::kRunning;
     current_ = 0;
-    damping_ = options.damping_initial;
-    damping_growth_ = 2.0;
-    cost_ = 0.0;
+    descent_.begin(options.damping_initial);
+    descent_.cost = 0.0;
     if (fixed_count_ == 0 && keyframe_count_ > 0) keyframes_[0].is_fixed = true;
     for (std::uint32_t i = 0; i < keyframe_count_; ++i) {
         keyframes_[i].moves = !keyframes_[i].is_fixed && keyframes_[i].used >= kObservationsMin;
@@ -180,13 +142,8 @@ bool GlobalAdjustment::is_point_used(std::uint32_t point) const noexcept {
 
 Progress GlobalAdjustment::step(WorkBudget& budget) noexcept {
     if (state_ != State::kRunning) return Progress::kIdle;
-    while (!budget.is_spent()) {
-        const std::uint32_t units = advance();
-        budget.spend(units);
-        summary_.units += units;
-        if (state_ == State::kDone) return Progress::kDone;
-    }
-    return Progress::kWorking;
+    return work_in_pieces(
+        budget, summary_.units, [this] { return advance(); }, [this] { return is_done(); });
 }
 
 void GlobalAdjustment::enter(Phase phase) noexcept {
@@ -211,14 +168,14 @@ std::uint32_t GlobalAdjustment::advance() noexcept {
                 })) {
                 return units;
             }
-            cost_ = 0.0;
+            descent_.cost = 0.0;
             summary_.points_used = 0;
             enter(Phase::kLinearise);
             return units;
         case Phase::kLinearise:
             if (cursor_ < point_count_) units = linearise_point(points_[cursor_++]);
             if (cursor_ < point_count_) return units;
-            if (summary_.iterations == 1) summary_.initial_cost = cost_;
+            if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
             is_singular_ = false;
             energy_ = 0.0;
             inner_ = 0;
@@ -299,8 +256,7 @@ std::uint32_t GlobalAdjustment::advance() noexcept {
         case Phase::kCandidate:
             if (each_keyframe([this](Keyframe& keyframe) {
                     if (!keyframe.moves) {
-                        keyframe.pose[1 - current_] = keyframe.pose[current_];
-                        keyframe.camera[1 - current_] = keyframe.camera[current_];
+                        keyframe.stay(current_);
                         return;
                     }
                     Vector6 xi;
@@ -308,22 +264,18 @@ std::uint32_t GlobalAdjustment::advance() noexcept {
                         const double x = keyframe.step[i];
                         xi(i) = x;
                         // Of the reduced model: -2 r x - x S x with S x = r - residual, damping included.
-                        predicted_ += x * (keyframe.reduced[i] + keyframe.residual[i] + keyframe.damping[i] * x);
+                        descent_.predicted +=
+                            x * (keyframe.reduced[i] + keyframe.residual[i] + keyframe.damping[i] * x);
                     }
-                    const double metres2 = xi.head<3>().squaredNorm();
-                    const double radians2 = xi.tail<3>().squaredNorm();
-                    if (!(metres2 <= kStepMax_m * kStepMax_m && radians2 <= kStepMax_rad * kStepMax_rad)) {
-                        is_singular_ = true;  // NaN too
+                    if (!is_sane_step(xi)) {
+                        is_singular_ = true;
                         return;
                     }
-                    SE3 candidate = keyframe.pose[current_] * se3_exp(xi);
-                    renormalise(candidate.rotation);
-                    keyframe.pose[1 - current_] = candidate;
-                    keyframe.camera[1 - current_] = camera_rows(candidate);
+                    keyframe.move(current_, xi);
                 })) {
                 return units;
             }
-            candidate_cost_ = 0.0;
+            descent_.candidate_cost = 0.0;
             if (is_singular_) {
                 refuse();
             } else {
@@ -346,7 +298,7 @@ void GlobalAdjustment::next_iteration() noexcept {
 }
 
 void GlobalAdjustment::finish() noexcept {
-    summary_.final_cost = cost_;
+    summary_.final_cost = descent_.cost;
     state_ = State::kDone;
 }
 
@@ -368,7 +320,7 @@ std::uint32_t GlobalAdjustment::linearise_point(Point& p) noexcept {
         Keyframe& keyframe = keyframes_[o.keyframe];
         const Sighting s = sighting_of(o);
         const SightingResidual r = sighting_residual(keyframe.camera[current_], world, s);
-        cost_ += huber_cost(r.chi2, threshold_of(o));
+        descent_.cost += huber_cost(r.chi2, threshold_of(o));
         if (r.is_far()) continue;
         const Derivatives d = derivatives_of(keyframe.camera[current_], r, s, threshold_of(o));
         int at = 0;
@@ -390,11 +342,10 @@ std::uint32_t GlobalAdjustment::linearise_point(Point& p) noexcept {
                                      d.b * d.pose.z[row] * d.pose.z[row];
         }
     }
-    constexpr int kDiagonal[3] = {0, 2, 5};
     for (int k = 0; k < 3; ++k) {
-        const double diagonal = v[kDiagonal[k]];
-        p.damping[k] = damping_ * (diagonal > kDiagonalMin ? diagonal : kDiagonalMin);
-        v[kDiagonal[k]] += p.damping[k];
+        double& diagonal = v[kPointDiagonal[k]];
+        p.damping[k] = descent_.damping_of(diagonal, kDiagonalMin);
+        diagonal += p.damping[k];
         p.gradient[k] = g[k];
     }
     p.can_move = factor_point(v, p.factor);
@@ -432,41 +383,21 @@ std::uint32_t GlobalAdjustment::linearise_point(Point& p) noexcept {
 // Damping, the block's factor, the right-hand side: -(gradient - what the points explain of it).
 bool GlobalAdjustment::prepare(Keyframe& keyframe) noexcept {
     for (int i = 0; i < 6; ++i) {
-        keyframe.damping[i] = damping_ * (keyframe.hessian[i] > kDiagonalMin ? keyframe.hessian[i] : kDiagonalMin);
+        keyframe.damping[i] = descent_.damping_of(keyframe.hessian[i], kDiagonalMin);
         keyframe.diagonal(i, i) += keyframe.damping[i];
         keyframe.reduced[i] -= keyframe.gradient[i];
         keyframe.residual[i] = keyframe.reduced[i];
     }
-    Matrix6& l = keyframe.diagonal;
-    for (int i = 0; i < 6; ++i) {
-        const double diagonal = l(i, i);
-        for (int j = 0; j <= i; ++j) {
-            double sum = l(i, j);
-            for (int k = 0; k < j; ++k) sum -= l(i, k) * l(j, k);
-            if (i == j) {
-                if (!(sum > kRounding * diagonal && sum > 0.0 && sum < kHuge)) return false;
-                l(i, i) = std::sqrt(sum);
-            } else {
-                l(i, j) = sum / l(j, j);
-            }
-        }
-    }
+    if (!cholesky(keyframe.diagonal, is_good_pivot)) return false;
     precondition(keyframe);
     return true;
 }
 
 void GlobalAdjustment::precondition(Keyframe& keyframe) noexcept {
-    const Matrix6& l = keyframe.diagonal;
     double* const x = keyframe.preconditioned;
-    for (int i = 0; i < 6; ++i) {
-        x[i] = keyframe.residual[i];
-        for (int k = 0; k < i; ++k) x[i] -= l(i, k) * x[k];
-        x[i] /= l(i, i);
-    }
-    for (int i = 5; i >= 0; --i) {
-        for (int k = i + 1; k < 6; ++k) x[i] -= l(k, i) * x[k];
-        x[i] /= l(i, i);
-    }
+    for (int i = 0; i < 6; ++i) x[i] = keyframe.residual[i];
+    solve_lower(keyframe.diagonal, x);
+    solve_lower_transposed(keyframe.diagonal, x);
     for (int i = 0; i < 6; ++i) energy_ += keyframe.residual[i] * x[i];
 }
 
@@ -518,7 +449,7 @@ std::uint32_t GlobalAdjustment::multiply_point(const Point& p) noexcept {
 }
 
 void GlobalAdjustment::end_inner() noexcept {
-    predicted_ = 0.0;
+    descent_.predicted = 0.0;
     is_singular_ = false;
     enter(Phase::kCandidate);
 }
@@ -533,7 +464,7 @@ std::uint32_t GlobalAdjustment::evaluate_point(Point& p) noexcept {
         // What the point would gain alone, -g V^-1 g, is in the reduced model's constant.
         double alone[3] = {g[0], g[1], g[2]};
         forward(p.factor, alone);
-        predicted_ += alone[0] * alone[0] + alone[1] * alone[1] + alone[2] * alone[2];
+        descent_.predicted += alone[0] * alone[0] + alone[1] * alone[1] + alone[2] * alone[2];
         for (std::uint32_t i = p.begin; i < p.end; ++i) {
             const Observation& o = observations_[i];
             const Keyframe& keyframe = keyframes_[o.keyframe];
@@ -554,11 +485,10 @@ std::uint32_t GlobalAdjustment::evaluate_point(Point& p) noexcept {
         }
         forward(p.factor, g);
         backward(p.factor, g);
-        const double metres2 = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
-        if (metres2 <= kStepMax_m * kStepMax_m) {  // not NaN either
+        if (is_sane_step(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])) {
             for (int k = 0; k < 3; ++k) {
                 candidate[k] = world[k] - g[k];
-                predicted_ += p.damping[k] * g[k] * g[k];
+                descent_.predicted += p.damping[k] * g[k] * g[k];
             }
         }
     }
@@ -566,27 +496,21 @@ std::uint32_t GlobalAdjustment::evaluate_point(Point& p) noexcept {
         const Observation& o = observations_[i];
         const SightingResidual r =
             sighting_residual(keyframes_[o.keyframe].camera[1 - current_], candidate, sighting_of(o));
-        candidate_cost_ += huber_cost(r.chi2, threshold_of(o));
+        descent_.candidate_cost += huber_cost(r.chi2, threshold_of(o));
     }
     return 1 + 2 * (p.end - p.begin);
 }
 
 void GlobalAdjustment::judge() noexcept {
-    const double gain = cost_ - candidate_cost_;
-    const double negligible = options_.cost_change_min * cost_;
-    if (!(gain > 0.0) || !(predicted_ > 0.0)) {
-        if (predicted_ <= negligible) summary_.has_converged = true;
+    const double negligible = options_.cost_change_min * descent_.cost;
+    if (!descent_.is_better()) {
+        if (descent_.predicted <= negligible) summary_.has_converged = true;
         refuse();
         return;
     }
+    const double gain = descent_.accept();
     current_ = 1 - current_;
     ++summary_.steps_accepted;
-    cost_ = candidate_cost_;
-    const double surprise = 2.0 * (gain / predicted_) - 1.0;
-    const double factor = 1.0 - surprise * surprise * surprise;
-    damping_ *= factor > 0.1 ? (factor < 2.0 ? factor : 2.0) : 0.1;
-    if (damping_ < kDampingMin) damping_ = kDampingMin;
-    damping_growth_ = 2.0;
     summary_.has_converged = gain <= negligible;
     if (summary_.has_converged) {
         finish();
@@ -596,12 +520,10 @@ void GlobalAdjustment::judge() noexcept {
 }
 
 void GlobalAdjustment::refuse() noexcept {
-    damping_ *= damping_growth_;
-    damping_growth_ *= 2.0;
-    if (summary_.has_converged || damping_ > kDampingMax) {
-        finish();
-    } else {
+    if (descent_.refuse() && !summary_.has_converged) {
         next_iteration();
+    } else {
+        finish();
     }
 }
 

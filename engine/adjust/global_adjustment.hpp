@@ -13,7 +13,9 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/adjust/descent.hpp"
 #include "engine/adjust/linearisation.hpp"
+#include "engine/adjust/twin_pose.hpp"
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
 #include "engine/geometry/se3.hpp"
@@ -104,9 +106,7 @@ private:
         kCandidate,  // keyframe by keyframe: candidate poses
         kEvaluate,   // point by point: the point's step, cost there
     };
-    struct Keyframe {
-        SE3 pose[2];
-        CameraRows camera[2];
+    struct Keyframe : TwinPose {
         Matrix6 diagonal = Matrix6::Zero();  // of the reduced system; then its Cholesky factor
         double hessian[6] = {};              // diagonal of the poses' own Hessian: what damping scales with
         double damping[6] = {};
@@ -161,8 +161,7 @@ private:
     std::uint32_t keyframe_count_ = 0, point_count_ = 0, observation_count_ = 0, fixed_count_ = 0;
     std::uint32_t current_ = 0;
     std::uint32_t inner_ = 0;
-    double damping_ = 0, damping_growth_ = 2;
-    double cost_ = 0, candidate_cost_ = 0, predicted_ = 0;
+    Descent descent_;
     double energy_ = 0, energy_before_ = 0, energy_first_ = 0, curvature_ = 0;
     bool is_singular_ = false;
 };

@@ -2,7 +2,9 @@
 
 #include <utility>
 
+#include "engine/adjust/point_factor.hpp"
 #include "engine/base/check.hpp"
+#include "engine/base/numbers.hpp"
 
 namespace stillmesh {
 namespace {
@@ -10,22 +12,10 @@ namespace {
 constexpr std::uint32_t kChunk = 64;        // elements sorted in one piece
 constexpr std::uint32_t kUnitsOfChunk = 8;  // moving an element costs about an eighth of a residual
 
-constexpr double kDampingMin = 1e-12;
-constexpr double kDampingMax = 1e10;
 // The diagonal that damping scales is at least this: an unknown nobody constrains stays where it is.
 constexpr double kDiagonalMin = 1e-6;
-constexpr double kRounding = 1e-14;  // a smaller share of the diagonal in a pivot is rounding
-constexpr double kHuge = 1e150;
 // Per observation, in squared sigmas: a problem fitted this well is solved exactly.
 constexpr double kCostExact = 1e-20;
-// No step is larger: beyond, the model has nothing to do with the problem.
-constexpr double kStepMax_m = 1e6;
-constexpr double kStepMax_rad = 1.0;
-
-[[nodiscard]] bool is_finite(double x) noexcept {
-    return x - x == 0.0;
-}
-
 // Within 1e-6 of a rotation: what is stored in single precision passes, a reflection does not.
 [[nodiscard]] bool is_rotation(const Matrix3& r) noexcept {
     constexpr double kTolerance = 1e-6;
@@ -39,24 +29,6 @@ constexpr double kStepMax_rad = 1.0;
     const Vector3 r0 = r.row(0);
     const Vector3 r1 = r.row(1);
     return r0.cross(r1).dot(Vector3(r.row(2))) > 0.0;
-}
-
-// Of a point's Hessian (lower triangle by rows) with damping: its Cholesky factor, diagonal inverted. False: the point
-// cannot be placed.
-[[nodiscard]] bool factor_point(const double v[6], double l[6]) noexcept {
-    const double p0 = v[0];
-    if (!(p0 > 0.0 && p0 < kHuge)) return false;
-    l[0] = 1.0 / std::sqrt(p0);
-    l[1] = v[1] * l[0];
-    const double p1 = v[2] - l[1] * l[1];
-    if (!(p1 > kRounding * v[2] && p1 < kHuge)) return false;
-    l[2] = 1.0 / std::sqrt(p1);
-    l[3] = v[3] * l[0];
-    l[4] = (v[4] - l[3] * l[1]) * l[2];
-    const double p2 = v[5] - l[3] * l[3] - l[4] * l[4];
-    if (!(p2 > kRounding * v[5] && p2 < kHuge)) return false;
-    l[5] = 1.0 / std::sqrt(p2);
-    return true;
 }
 
 // Adds J^T W J of one observation to the lower triangle; the rows' zeros are known (linearisation.hpp).
@@ -133,10 +105,7 @@ Result<std::uint32_t> LocalAdjustment::add_keyframe(const SE3& world_from_camera
     Keyframe& keyframe = keyframes_[keyframe_count_];
     keyframe = Keyframe{};
     keyframe.is_fixed = is_fixed;
-    for (std::uint32_t i = 0; i < 2; ++i) {
-        keyframe.pose[i] = world_from_camera;
-        keyframe.camera[i] = camera_rows(world_from_camera);
-    }
+    keyframe.begin(world_from_camera);
     if (is_fixed) ++fixed_count_;
     return keyframe_count_++;
 }
@@ -194,19 +163,14 @@ void LocalAdjustment::start(const AdjustmentOptions& options) noexcept {
     }
     current_ = 0;
     round_ = 0;
-    cost_ = 0.0;
+    descent_.cost = 0.0;
     enter(Phase::kSortByKeyframe);
 }
 
 Progress LocalAdjustment::step(WorkBudget& budget) noexcept {
     if (state_ != State::kRunning) return Progress::kIdle;
-    while (!budget.is_spent()) {
-        const std::uint32_t units = advance();
-        budget.spend(units);
-        summary_.units += units;
-        if (state_ == State::kDone) return Progress::kDone;
-    }
-    return Progress::kWorking;
+    return work_in_pieces(
+        budget, summary_.units, [this] { return advance(); }, [this] { return is_done(); });
 }
 
 std::uint32_t LocalAdjustment::advance() noexcept {
@@ -287,14 +251,12 @@ void LocalAdjustment::begin_round() noexcept {
     for (std::uint32_t i = 0; i < keyframe_count_; ++i) {
         Keyframe& keyframe = keyframes_[i];
         keyframe.used = 0;
-        keyframe.pose[1 - current_] = keyframe.pose[current_];
-        keyframe.camera[1 - current_] = keyframe.camera[current_];
+        keyframe.stay(current_);
     }
     summary_.observations_used = summary_.residuals_used = summary_.points_used = summary_.keyframes_used = 0;
     iteration_ = 0;
     has_converged_ = false;
-    damping_ = options_.damping_initial;
-    damping_growth_ = 2.0;
+    descent_.begin(options_.damping_initial);
     enter(Phase::kSelect);
 }
 
@@ -354,7 +316,7 @@ std::uint32_t LocalAdjustment::clear_sums() noexcept {
         for (double& h : columns_[i].hessian) h = 0.0;
         for (double& g : columns_[i].gradient) g = 0.0;
     }
-    cost_ = 0.0;
+    descent_.cost = 0.0;
     enter(Phase::kLinearise);
     return 1 + column_count_ * (column_count_ + 1) / 8;
 }
@@ -362,7 +324,7 @@ std::uint32_t LocalAdjustment::clear_sums() noexcept {
 std::uint32_t LocalAdjustment::linearise() noexcept {
     const std::uint32_t units = linearise_point(points_[cursor_]);
     if (++cursor_ == point_count_) {
-        if (summary_.iterations == 1) summary_.initial_cost = cost_;
+        if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
         assemble();
         enter(column_count_ > 0 ? Phase::kFactorise : Phase::kSolve);
     }
@@ -383,7 +345,7 @@ std::uint32_t LocalAdjustment::linearise_point(Point& p) noexcept {
         const CameraRows& camera = keyframe.camera[current_];
         const SightingResidual r = sighting_residual(camera, world, o.seen);
         const double threshold = threshold_of(o);
-        cost_ += huber_cost(r.chi2, threshold);
+        descent_.cost += huber_cost(r.chi2, threshold);
         if (r.is_far()) continue;
         const double weight = huber_weight(r.chi2, threshold);
         const double a = weight * o.seen.info;
@@ -416,22 +378,18 @@ std::uint32_t LocalAdjustment::linearise_point(Point& p) noexcept {
     }
     double damped[6];
     for (int k = 0; k < 6; ++k) damped[k] = v[k];
-    constexpr int kDiagonal[3] = {0, 2, 5};
     for (int k = 0; k < 3; ++k) {
-        const double diagonal = v[kDiagonal[k]];
         p.gradient[k] = g[k];
-        p.damping[k] = damping_ * (diagonal > kDiagonalMin ? diagonal : kDiagonalMin);
-        damped[kDiagonal[k]] += p.damping[k];
+        p.damping[k] = descent_.damping_of(v[kPointDiagonal[k]], kDiagonalMin);
+        damped[kPointDiagonal[k]] += p.damping[k];
     }
     p.can_move = factor_point(damped, p.factor);
     const std::uint32_t units = 1 + (p.end - p.begin) + coupled * (coupled + 1) / 4;
     if (!p.can_move) return units;  // it counts as known in this iteration
     // Schur complement: S -= Z^T Z, right side += Z^T L^-1 g, with Z = L^-1 W.
     const double* const l = p.factor;
-    double lg[3];
-    lg[0] = g[0] * l[0];
-    lg[1] = (g[1] - l[1] * lg[0]) * l[2];
-    lg[2] = (g[2] - l[3] * lg[0] - l[4] * lg[1]) * l[5];
+    double lg[3] = {g[0], g[1], g[2]};
+    forward(l, lg);
     for (std::uint32_t i = 0; i < coupled; ++i) {
         Coupling& z = couplings[i];
         double* const right = system_.vector(z.column);
@@ -456,8 +414,7 @@ void LocalAdjustment::assemble() noexcept {
         double* const right = system_.vector(i);
         for (std::uint32_t r = 0; r < 6; ++r) {
             for (std::uint32_t c = 0; c <= r; ++c) block[6 * r + c] += column.hessian[6 * r + c];
-            const double diagonal = column.hessian[7 * r];
-            block[7 * r] += damping_ * (diagonal > kDiagonalMin ? diagonal : kDiagonalMin);
+            block[7 * r] += descent_.damping_of(column.hessian[7 * r], kDiagonalMin);
             right[r] -= column.gradient[r];
         }
     }
@@ -476,27 +433,22 @@ std::uint32_t LocalAdjustment::factorise() noexcept {
 std::uint32_t LocalAdjustment::solve() noexcept {
     const std::uint32_t units = 1 + column_count_ * (column_count_ + 1) / 4 + 3 * column_count_;
     system_.solve();
-    predicted_ = candidate_cost_ = 0.0;
+    descent_.predicted = descent_.candidate_cost = 0.0;
     for (std::uint32_t i = 0; i < column_count_; ++i) {
         const Column& column = columns_[i];
         Vector6 xi;
         for (int k = 0; k < 6; ++k) xi(k) = system_.vector(i)[k];
-        const double metres2 = xi.head<3>().squaredNorm();
-        const double radians2 = xi.tail<3>().squaredNorm();
-        if (!(metres2 <= kStepMax_m * kStepMax_m && radians2 <= kStepMax_rad * kStepMax_rad)) {  // NaN too
+        if (!is_sane_step(xi)) {
             refuse_step();
             return units;
         }
         for (std::uint32_t k = 0; k < 6; ++k) {
             const double x = system_.vector(i)[k];
-            const double diagonal = column.hessian[7 * k];
-            predicted_ += x * (damping_ * (diagonal > kDiagonalMin ? diagonal : kDiagonalMin) * x - column.gradient[k]);
+            descent_.predicted +=
+                x * (descent_.damping_of(column.hessian[7 * k], kDiagonalMin) * x - column.gradient[k]);
         }
         Keyframe& keyframe = keyframes_[column.keyframe];
-        SE3 candidate = keyframe.pose[current_] * se3_exp(xi);
-        renormalise(candidate.rotation);
-        keyframe.pose[1 - current_] = candidate;
-        keyframe.camera[1 - current_] = camera_rows(candidate);
+        keyframe.move(current_, xi);
     }
     enter(Phase::kEvaluate);
     return units;
@@ -535,20 +487,13 @@ std::uint32_t LocalAdjustment::evaluate_point(Point& p) noexcept {
             const double hz = b * dq2 - r.u * hx - r.v * hy;
             for (int k = 0; k < 3; ++k) g[k] += camera.r[k] * hx + camera.r[3 + k] * hy + camera.r[6 + k] * hz;
         }
-        const double* const l = p.factor;
-        double d[3];
-        d[0] = g[0] * l[0];
-        d[1] = (g[1] - l[1] * d[0]) * l[2];
-        d[2] = (g[2] - l[3] * d[0] - l[4] * d[1]) * l[5];
-        d[2] = -d[2] * l[5];
-        d[1] = (-d[1] - l[4] * d[2]) * l[2];
-        d[0] = (-d[0] - l[1] * d[1] - l[3] * d[2]) * l[0];
-        const double metres2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        const bool is_sane = metres2 <= kStepMax_m * kStepMax_m;  // not NaN either
+        forward(p.factor, g);
+        backward(p.factor, g);
+        const bool is_sane = is_sane_step(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
         for (int k = 0; k < 3; ++k) {
-            const double step = is_sane ? d[k] : 0.0;
+            const double step = is_sane ? -g[k] : 0.0;
             candidate[k] = world[k] + step;
-            predicted_ += step * (p.damping[k] * step - p.gradient[k]);
+            descent_.predicted += step * (p.damping[k] * step - p.gradient[k]);
         }
     } else {
         for (int k = 0; k < 3; ++k) candidate[k] = world[k];
@@ -557,30 +502,23 @@ std::uint32_t LocalAdjustment::evaluate_point(Point& p) noexcept {
         const Observation& o = observations_[i];
         if (o.is_dropped) continue;
         const SightingResidual r = sighting_residual(keyframes_[o.keyframe].camera[1 - current_], candidate, o.seen);
-        candidate_cost_ += huber_cost(r.chi2, threshold_of(o));
+        descent_.candidate_cost += huber_cost(r.chi2, threshold_of(o));
     }
     return 1 + (p.end - p.begin);
 }
 
 void LocalAdjustment::judge_step() noexcept {
-    const double gain = cost_ - candidate_cost_;
-    const double negligible = options_.cost_change_min * cost_;
-    if (!(gain > 0.0) || !(predicted_ > 0.0)) {
+    const double negligible = options_.cost_change_min * descent_.cost;
+    if (!descent_.is_better()) {
         // At the minimum the model promises nothing either.
-        if (predicted_ <= negligible && predicted_ >= -negligible) has_converged_ = true;
+        if (descent_.predicted <= negligible && descent_.predicted >= -negligible) has_converged_ = true;
         refuse_step();
         return;
     }
+    const double gain = descent_.accept();
     current_ = 1 - current_;
     ++summary_.steps_accepted;
-    cost_ = candidate_cost_;
-    // Nielsen 1999: damping follows how well the model predicted.
-    const double surprise = 2.0 * (gain / predicted_) - 1.0;
-    const double factor = 1.0 - surprise * surprise * surprise;
-    damping_ *= factor > 0.1 ? (factor < 2.0 ? factor : 2.0) : 0.1;
-    if (damping_ < kDampingMin) damping_ = kDampingMin;
-    damping_growth_ = 2.0;
-    if (gain <= negligible || cost_ <= kCostExact * summary_.observations_used) has_converged_ = true;
+    if (gain <= negligible || descent_.cost <= kCostExact * summary_.observations_used) has_converged_ = true;
     if (has_converged_) {
         end_round();
     } else {
@@ -589,18 +527,16 @@ void LocalAdjustment::judge_step() noexcept {
 }
 
 void LocalAdjustment::refuse_step() noexcept {
-    damping_ *= damping_growth_;
-    damping_growth_ *= 2.0;
-    if (has_converged_ || damping_ > kDampingMax) {
-        end_round();
-    } else {
+    if (descent_.refuse() && !has_converged_) {
         next_iteration();
+    } else {
+        end_round();
     }
 }
 
 void LocalAdjustment::end_round() noexcept {
-    if (round_ == 0) summary_.first_round_cost = cost_;
-    summary_.final_cost = cost_;
+    if (round_ == 0) summary_.first_round_cost = descent_.cost;
+    summary_.final_cost = descent_.cost;
     enter(Phase::kClassify);
 }
 

@@ -15,8 +15,10 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/adjust/descent.hpp"
 #include "engine/adjust/linearisation.hpp"
 #include "engine/adjust/reduced_system.hpp"
+#include "engine/adjust/twin_pose.hpp"
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
 #include "engine/geometry/se3.hpp"
@@ -141,9 +143,7 @@ private:
         kEvaluate,        // point by point: the point's step, cost at the candidate
         kClassify,        // chi2 of every observation at the result of the round
     };
-    struct Keyframe {
-        SE3 pose[2];  // current and candidate, by current_
-        CameraRows camera[2];
+    struct Keyframe : TwinPose {
         std::uint32_t observations = 0;  // given; later where they go in order_
         std::uint32_t used = 0;          // in this round
         std::int32_t column = -1;        // in the reduced system; -1: holds still
@@ -228,10 +228,7 @@ private:
     std::uint32_t round_ = 0;
     std::uint32_t iteration_ = 0;  // in the round
     bool has_converged_ = false;   // this round
-    double damping_ = 0, damping_growth_ = 2;
-    double cost_ = 0;  // at the current state
-    double candidate_cost_ = 0;
-    double predicted_ = 0;  // decrease of the cost, were the model exact
+    Descent descent_;
 };
 
 }  // namespace stillmesh

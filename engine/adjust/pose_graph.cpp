@@ -3,6 +3,8 @@
 #include <cmath>
 
 #include "engine/base/check.hpp"
+#include "engine/base/numbers.hpp"
+#include "engine/geometry/cholesky.hpp"
 
 namespace stillmesh {
 namespace {
@@ -10,56 +12,16 @@ namespace {
 constexpr std::uint32_t kEdgesOfPiece = 32;
 constexpr std::uint32_t kNodesOfPiece = 16;
 
-constexpr double kDampingMin = 1e-12;
-constexpr double kDampingMax = 1e10;
+// The least of the diagonal that damping scales.
 constexpr double kDiagonalMin = 1e-9;
-constexpr double kRounding = 1e-14;
-constexpr double kHuge = 1e150;
-constexpr double kStepMax_m = 1e6;
-constexpr double kStepMax_rad = 1.0;
 // A graph whose edges agree this well is solved.
 constexpr double kCostExact = 1e-18;
 
-[[nodiscard]] bool is_finite(double x) noexcept {
-    return x - x == 0.0;
-}
 [[nodiscard]] bool is_finite(const SE3& pose) noexcept {
     double sum = 0;
     for (int i = 0; i < 3; ++i) sum += pose.translation(i) - pose.translation(i);
     for (int i = 0; i < 9; ++i) sum += pose.rotation(i / 3, i % 3) - pose.rotation(i / 3, i % 3);
     return sum == 0.0;
-}
-
-// In place: the lower triangle becomes the Cholesky factor. False: not positive definite.
-[[nodiscard]] bool factorise(Matrix6& a) noexcept {
-    for (int i = 0; i < 6; ++i) {
-        const double diagonal = a(i, i);
-        for (int j = 0; j <= i; ++j) {
-            double sum = a(i, j);
-            for (int k = 0; k < j; ++k) sum -= a(i, k) * a(j, k);
-            if (i == j) {
-                if (!(sum > kRounding * diagonal && sum > 0.0 && sum < kHuge)) return false;
-                a(i, i) = std::sqrt(sum);
-            } else {
-                a(i, j) = sum / a(j, j);
-            }
-        }
-    }
-    return true;
-}
-
-void solve_lower(const Matrix6& l, Vector6& x) noexcept {
-    for (int i = 0; i < 6; ++i) {
-        for (int k = 0; k < i; ++k) x(i) -= l(i, k) * x(k);
-        x(i) /= l(i, i);
-    }
-}
-
-void solve_lower_transposed(const Matrix6& l, Vector6& x) noexcept {
-    for (int i = 5; i >= 0; --i) {
-        for (int k = i + 1; k < 6; ++k) x(i) -= l(k, i) * x(k);
-        x(i) /= l(i, i);
-    }
 }
 
 }  // namespace
@@ -104,8 +66,7 @@ void PoseGraph::start(const PoseGraphOptions& options) noexcept {
     summary_ = PoseGraphSummary{};
     state_ = State::kRunning;
     current_ = 0;
-    damping_ = options.damping_initial;
-    damping_growth_ = 2.0;
+    descent_.begin(options.damping_initial);
     next_iteration();
 }
 
@@ -121,13 +82,8 @@ const SE3& PoseGraph::pose(std::uint32_t node) const noexcept {
 
 Progress PoseGraph::step(WorkBudget& budget) noexcept {
     if (state_ != State::kRunning) return Progress::kIdle;
-    while (!budget.is_spent()) {
-        const std::uint32_t units = advance();
-        budget.spend(units);
-        summary_.units += units;
-        if (state_ == State::kDone) return Progress::kDone;
-    }
-    return Progress::kWorking;
+    return work_in_pieces(
+        budget, summary_.units, [this] { return advance(); }, [this] { return is_done(); });
 }
 
 void PoseGraph::enter(Phase phase) noexcept {
@@ -165,12 +121,12 @@ std::uint32_t PoseGraph::advance() noexcept {
                 })) {
                 return kNodeUnits;
             }
-            cost_ = 0.0;
+            descent_.cost = 0.0;
             enter(Phase::kLinearise);
             return kNodeUnits;
         case Phase::kLinearise:
             if (each_edge([this](Edge& edge) { linearise_edge(edge); })) return 2 * kEdgesOfPiece;
-            if (summary_.iterations == 1) summary_.initial_cost = cost_;
+            if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
             is_singular_ = false;
             enter(Phase::kFactorise);
             return 2 * kEdgesOfPiece;
@@ -286,10 +242,8 @@ std::uint32_t PoseGraph::advance() noexcept {
         case Phase::kCandidate:
             if (each_node([this](Node& node) {
                     if (node.parent == kNoParent) return;
-                    const double metres2 = node.step.head<3>().squaredNorm();
-                    const double radians2 = node.step.tail<3>().squaredNorm();
-                    if (!(metres2 <= kStepMax_m * kStepMax_m && radians2 <= kStepMax_rad * kStepMax_rad)) {
-                        is_singular_ = true;  // NaN too
+                    if (!is_sane_step(node.step)) {
+                        is_singular_ = true;
                         return;
                     }
                     SE3 candidate = node.pose[current_];
@@ -300,12 +254,12 @@ std::uint32_t PoseGraph::advance() noexcept {
                     // The cost is not halved: the model's decrease is -2 g x - x H x, and H x = -g - damping x - r.
                     for (int i = 0; i < 6; ++i) {
                         const double x = node.step(i);
-                        predicted_ += x * (node.damping(i) * x - node.gradient(i) + node.residual(i));
+                        descent_.predicted += x * (node.damping(i) * x - node.gradient(i) + node.residual(i));
                     }
                 })) {
                 return kNodeUnits;
             }
-            candidate_cost_ = 0.0;
+            descent_.candidate_cost = 0.0;
             if (is_singular_) {
                 refuse();
             } else {
@@ -313,7 +267,7 @@ std::uint32_t PoseGraph::advance() noexcept {
             }
             return kNodeUnits;
         case Phase::kEvaluate:
-            if (each_edge([this](const Edge& edge) { candidate_cost_ += cost_of(edge, 1 - current_); })) {
+            if (each_edge([this](const Edge& edge) { descent_.candidate_cost += cost_of(edge, 1 - current_); })) {
                 return kEdgesOfPiece;
             }
             judge();
@@ -324,11 +278,7 @@ std::uint32_t PoseGraph::advance() noexcept {
 }
 
 void PoseGraph::next_iteration() noexcept {
-    if (summary_.iterations >= options_.iterations_max || node_count_ == 0 || edge_count_ == 0) {
-        summary_.final_cost = cost_;
-        state_ = State::kDone;
-        return;
-    }
+    if (summary_.iterations >= options_.iterations_max || node_count_ == 0 || edge_count_ == 0) return finish();
     ++summary_.iterations;
     enter(Phase::kClear);
 }
@@ -349,7 +299,7 @@ void PoseGraph::linearise_edge(Edge& edge) noexcept {
     const Vector3 off = relative.translation - edge.given.a_from_b.translation;
     const Vector3 turn = so3_log(edge.given.a_from_b.rotation.transpose() * relative.rotation);
     edge.log_change = so3_log_derivative(turn);
-    cost_ += edge.given.info_translation * off.squaredNorm() + edge.given.info_rotation * turn.squaredNorm();
+    descent_.cost += edge.given.info_translation * off.squaredNorm() + edge.given.info_rotation * turn.squaredNorm();
     Matrix6 by_a = Matrix6::Zero();
     Matrix6 by_b = Matrix6::Zero();
     by_a.topLeftCorner<3, 3>() = -Matrix3::Identity();
@@ -421,10 +371,10 @@ bool PoseGraph::factorise_node(Node& node) noexcept {
     for (int i = 0; i < 6; ++i) {
         // The diagonal has lost what the children explain; damping scales with what it was at least.
         const double diagonal = node.diagonal(i, i);
-        node.damping(i) = damping_ * (diagonal > kDiagonalMin ? diagonal : kDiagonalMin);
+        node.damping(i) = descent_.damping_of(diagonal, kDiagonalMin);
         node.diagonal(i, i) += node.damping(i);
     }
-    if (!factorise(node.diagonal)) return false;
+    if (!cholesky(node.diagonal, is_good_pivot)) return false;
     for (int c = 0; c < 6; ++c) {
         Vector6 column = node.to_parent.col(c);
         solve_lower(node.diagonal, column);
@@ -436,45 +386,40 @@ bool PoseGraph::factorise_node(Node& node) noexcept {
 }
 
 void PoseGraph::end_inner() noexcept {
-    predicted_ = 0.0;
+    descent_.predicted = 0.0;
     is_singular_ = false;
     enter(Phase::kCandidate);
 }
 
 void PoseGraph::judge() noexcept {
-    const double gain = cost_ - candidate_cost_;
-    const double negligible = options_.cost_change_min * cost_;
-    if (!(gain > 0.0) || !(predicted_ > 0.0)) {
-        if (predicted_ <= negligible) summary_.has_converged = true;
+    const double negligible = options_.cost_change_min * descent_.cost;
+    if (!descent_.is_better()) {
+        if (descent_.predicted <= negligible) summary_.has_converged = true;
         refuse();
         return;
     }
+    const double gain = descent_.accept();
     current_ = 1 - current_;
     ++summary_.steps_accepted;
-    cost_ = candidate_cost_;
-    const double surprise = 2.0 * (gain / predicted_) - 1.0;
-    const double factor = 1.0 - surprise * surprise * surprise;
-    damping_ *= factor > 0.1 ? (factor < 2.0 ? factor : 2.0) : 0.1;
-    if (damping_ < kDampingMin) damping_ = kDampingMin;
-    damping_growth_ = 2.0;
-    summary_.has_converged = gain <= negligible || cost_ <= kCostExact * edge_count_;
+    summary_.has_converged = gain <= negligible || descent_.cost <= kCostExact * edge_count_;
     if (summary_.has_converged) {
-        summary_.final_cost = cost_;
-        state_ = State::kDone;
+        finish();
     } else {
         next_iteration();
     }
 }
 
 void PoseGraph::refuse() noexcept {
-    damping_ *= damping_growth_;
-    damping_growth_ *= 2.0;
-    if (summary_.has_converged || damping_ > kDampingMax) {
-        summary_.final_cost = cost_;
-        state_ = State::kDone;
-    } else {
+    if (descent_.refuse() && !summary_.has_converged) {
         next_iteration();
+    } else {
+        finish();
     }
+}
+
+void PoseGraph::finish() noexcept {
+    summary_.final_cost = descent_.cost;
+    state_ = State::kDone;
 }
 
 }  // namespace stillmesh

@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/adjust/descent.hpp"
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
 #include "engine/geometry/se3.hpp"
@@ -132,6 +133,7 @@ private:
     void judge() noexcept;
     void refuse() noexcept;
     void next_iteration() noexcept;
+    void finish() noexcept;
 
     std::span<Node> nodes_;
     std::span<Edge> edges_;
@@ -143,8 +145,7 @@ private:
     std::uint32_t node_count_ = 0, edge_count_ = 0;
     std::uint32_t current_ = 0;
     std::uint32_t inner_ = 0;
-    double damping_ = 0, damping_growth_ = 2;
-    double cost_ = 0, candidate_cost_ = 0, predicted_ = 0;
+    Descent descent_;
     double energy_ = 0, energy_before_ = 0, energy_first_ = 0;  // residual times preconditioned residual
     double curvature_ = 0;
     bool is_singular_ = false;

@@ -6,6 +6,10 @@
 
 namespace stillmesh {
 
+[[nodiscard]] constexpr bool is_finite(double x) noexcept {
+    return x - x == 0.0;
+}
+
 namespace numbers_detail {
 
 // Largest whole number not above `value`, which must be inside int64 (the callers clamp first).

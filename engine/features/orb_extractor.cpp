@@ -131,15 +131,7 @@ void OrbExtractor::create(Arena& arena, const Limits& limits, const OrbOptions& 
     pyramid_.create(arena, limits, options.levels, permille, kernels);
     const std::uint32_t width = limits.image_width_max;
     const std::uint32_t height = limits.image_height_max;
-    std::size_t corners = 0;
-    std::uint32_t level_width = width;
-    std::uint32_t level_height = height;
-    for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
-        corners += corners_max(level_width, level_height);
-        level_width = next_level_side(level_width, kScalePermilleMin);
-        level_height = next_level_side(level_height, kScalePermilleMin);
-    }
-    corners_ = arena.array<std::uint32_t>(corners);
+    corners_ = arena.array<std::uint32_t>(corners_of_all_levels(limits));
     sorted_ = arena.array<std::uint32_t>(corners_max(width, height));
     strengths_stride_ = level_stride(width) + kKernelSlackBytes;
     strengths_ = arena.array<std::uint8_t>(3 * strengths_stride_);

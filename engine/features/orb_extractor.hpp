@@ -57,6 +57,17 @@ private:
     static constexpr std::size_t corners_max(std::uint32_t width, std::uint32_t height) noexcept {
         return static_cast<std::size_t>(width) * height / kPixelsPerCorner;
     }
+    static constexpr std::size_t corners_of_all_levels(const Limits& limits) noexcept {
+        std::size_t corners = 0;
+        std::uint32_t width = limits.image_width_max;
+        std::uint32_t height = limits.image_height_max;
+        for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
+            corners += corners_max(width, height);
+            width = next_level_side(width, kScalePermilleMin);
+            height = next_level_side(height, kScalePermilleMin);
+        }
+        return corners;
+    }
     static constexpr std::size_t cells_max(std::uint32_t width, std::uint32_t height) noexcept {
         return static_cast<std::size_t>((width + kCellSide - 1) / kCellSide) * ((height + kCellSide - 1) / kCellSide);
     }
@@ -96,15 +107,7 @@ constexpr void OrbExtractor::plan(ArenaPlan& arena, const Limits& limits) noexce
     Pyramid::plan(arena, limits);
     const std::uint32_t width = limits.image_width_max;
     const std::uint32_t height = limits.image_height_max;
-    std::size_t corners = 0;
-    std::uint32_t level_width = width;
-    std::uint32_t level_height = height;
-    for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
-        corners += corners_max(level_width, level_height);
-        level_width = next_level_side(level_width, kScalePermilleMin);
-        level_height = next_level_side(level_height, kScalePermilleMin);
-    }
-    arena.array<std::uint32_t>(corners);
+    arena.array<std::uint32_t>(corners_of_all_levels(limits));
     arena.array<std::uint32_t>(corners_max(width, height));
     arena.array<std::uint8_t>(3 * (level_stride(width) + kKernelSlackBytes));
     arena.array<std::uint16_t>(width + kKernelSlackBytes);

@@ -36,20 +36,9 @@ void Pyramid::create(Arena& arena, const Limits& limits, std::uint32_t levels, s
     height_max_ = limits.image_height_max;
     levels_wanted_ = levels;
     scale_permille_ = scale_permille;
-    std::size_t pixels = 0;
-    std::size_t blocks = 0;
-    std::uint32_t width = width_max_;
-    std::uint32_t height = height_max_;
-    for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
-        if (i > 0) {
-            width = next_level_side(width, kScalePermilleMin);
-            height = next_level_side(height, kScalePermilleMin);
-            blocks += scale_blocks(width);
-        }
-        pixels += level_stride(width) * height;
-    }
-    pixels_ = arena.array<std::uint8_t>(pixels + kKernelSlackBytes);
-    blocks_ = arena.array<ScaleBlock>(blocks);
+    const Sizes sizes = sizes_max(limits);
+    pixels_ = arena.array<std::uint8_t>(sizes.pixels + kKernelSlackBytes);
+    blocks_ = arena.array<ScaleBlock>(sizes.blocks);
     scratch_ = arena.array<std::uint8_t>(level_stride(width_max_) + kKernelSlackBytes);
 }
 

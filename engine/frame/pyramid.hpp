@@ -36,20 +36,9 @@ inline constexpr std::uint32_t kLevelSideMin = 2 * (static_cast<std::uint32_t>(k
 class Pyramid {
 public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
-        std::size_t pixels = 0;
-        std::size_t blocks = 0;
-        std::uint32_t width = limits.image_width_max;
-        std::uint32_t height = limits.image_height_max;
-        for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
-            if (i > 0) {
-                width = next_level_side(width, kScalePermilleMin);
-                height = next_level_side(height, kScalePermilleMin);
-                blocks += scale_blocks(width);
-            }
-            pixels += level_stride(width) * height;
-        }
-        arena.array<std::uint8_t>(pixels + kKernelSlackBytes);
-        arena.array<ScaleBlock>(blocks);
+        const Sizes sizes = sizes_max(limits);
+        arena.array<std::uint8_t>(sizes.pixels + kKernelSlackBytes);
+        arena.array<ScaleBlock>(sizes.blocks);
         arena.array<std::uint8_t>(level_stride(limits.image_width_max) + kKernelSlackBytes);
     }
 
@@ -74,6 +63,25 @@ public:
     [[nodiscard]] double level_y(std::uint32_t i, double y) const noexcept { return (y + 0.5) / ratio_y(i) - 0.5; }
 
 private:
+    // Of all levels, when they shrink the least.
+    struct Sizes {
+        std::size_t pixels = 0;
+        std::size_t blocks = 0;
+    };
+    [[nodiscard]] static constexpr Sizes sizes_max(const Limits& limits) noexcept {
+        Sizes sizes;
+        std::uint32_t width = limits.image_width_max;
+        std::uint32_t height = limits.image_height_max;
+        for (std::uint32_t i = 0; i < limits.pyramid_levels_max; ++i) {
+            if (i > 0) {
+                width = next_level_side(width, kScalePermilleMin);
+                height = next_level_side(height, kScalePermilleMin);
+                sizes.blocks += scale_blocks(width);
+            }
+            sizes.pixels += level_stride(width) * height;
+        }
+        return sizes;
+    }
     [[nodiscard]] double ratio_x(std::uint32_t i) const noexcept {
         return static_cast<double>(views_[0].width) / level(i).width;
     }

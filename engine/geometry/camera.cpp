@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/base/numbers.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -58,10 +60,6 @@ Vector2 undistort_from(const CameraModel& m, const Vector2& target, const Vector
         if (sx * sx + sy * sy < kStep2Enough) break;
     }
     return n;
-}
-
-bool is_finite(double value) noexcept {
-    return value - value == 0.0;
 }
 
 double distance2(const Vector2& a, const Vector2& b) noexcept {

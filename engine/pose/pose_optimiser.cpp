@@ -2,41 +2,16 @@
 
 #include <cmath>
 
+#include "engine/geometry/cholesky.hpp"
 #include "engine/pose/residual.hpp"
 
 namespace stillmesh {
 namespace {
 
-// Lower triangle L with L L^T = a; false when a pivot is not positive, or nothing but what rounding left of it.
-bool cholesky(const Matrix6& a, Matrix6& l) noexcept {
+// Not good: not positive, or nothing but what rounding left of it.
+bool is_pivot_good(double pivot, double diagonal) noexcept {
     constexpr double kRounding = 1e-11;
-    l.setZero();
-    for (int i = 0; i < 6; ++i) {
-        for (int j = 0; j <= i; ++j) {
-            double sum = a(i, j);
-            for (int k = 0; k < j; ++k) sum -= l(i, k) * l(j, k);
-            if (i == j) {
-                if (!(sum > 1e-12 && sum > kRounding * a(i, i))) return false;
-                l(i, i) = std::sqrt(sum);
-            } else {
-                l(i, j) = sum / l(j, j);
-            }
-        }
-    }
-    return true;
-}
-
-Vector6 solve(const Matrix6& l, const Vector6& b) noexcept {
-    Vector6 y = b;
-    for (int i = 0; i < 6; ++i) {
-        for (int k = 0; k < i; ++k) y(i) -= l(i, k) * y(k);
-        y(i) /= l(i, i);
-    }
-    for (int i = 5; i >= 0; --i) {
-        for (int k = i + 1; k < 6; ++k) y(i) -= l(k, i) * y(k);
-        y(i) /= l(i, i);
-    }
-    return y;
+    return pivot > 1e-12 && pivot > kRounding * diagonal;
 }
 
 // One scalar residual r with its row of the Jacobian and weight.
@@ -127,12 +102,14 @@ System linearise(std::span<const Correspondence> correspondences, std::span<cons
 }  // namespace
 
 bool invert_spd(const Matrix6& matrix, Matrix6& inverse) noexcept {
-    Matrix6 l;
-    if (!cholesky(matrix, l)) return false;
+    Matrix6 l = matrix;
+    if (!cholesky(l, is_pivot_good)) return false;
     for (int i = 0; i < 6; ++i) {
-        Vector6 unit = Vector6::Zero();
-        unit(i) = 1.0;
-        inverse.col(i) = solve(l, unit);
+        Vector6 column = Vector6::Zero();
+        column(i) = 1.0;
+        solve_lower(l, column);
+        solve_lower_transposed(l, column);
+        inverse.col(i) = column;
     }
     return true;
 }
@@ -155,9 +132,10 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
     for (std::uint32_t i = 0; i < iterations_max; ++i) {
         Matrix6 damped = system.h;
         for (int k = 0; k < 6; ++k) damped(k, k) += lambda * system.h(k, k) + 1e-9;
-        Matrix6 l;
-        if (!cholesky(damped, l)) return fit;
-        const Vector6 step = solve(l, Vector6(-system.g));
+        if (!cholesky(damped, is_pivot_good)) return fit;
+        Vector6 step = -system.g;
+        solve_lower(damped, step);
+        solve_lower_transposed(damped, step);
         SE3 candidate = fit.world_from_camera * se3_exp(step);
         renormalise(candidate.rotation);
         const System next = linearise(correspondences, chosen, candidate, chi2_max, vote_scale, prior);
@@ -176,8 +154,8 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
     fit.information = system.h;
     fit.inliers = system.inliers;
     fit.mean_chi2 = system.inliers > 0 ? system.inlier_chi2 / system.inliers : 0.0;
-    Matrix6 l;
-    fit.is_valid = system.inliers >= 3 && cholesky(fit.information, l);
+    Matrix6 l = fit.information;
+    fit.is_valid = system.inliers >= 3 && cholesky(l, is_pivot_good);
     return fit;
 }
 

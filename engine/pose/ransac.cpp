@@ -14,6 +14,16 @@ constexpr double kMiddleMin = 1e-3;
 
 }  // namespace
 
+RansacOptions ransac_options(const Configuration& configuration, std::uint32_t factor) noexcept {
+    RansacOptions options;
+    options.confidence = configuration.pose.confidence;
+    options.factor = factor;
+    options.inlier_ratio_min = configuration.pose.inlier_ratio_min;
+    options.sample_chi2_max = configuration.pose.sample_chi2_max;
+    options.chi2_max = configuration.region.point_chi2_max;
+    return options;
+}
+
 std::uint32_t ransac_iterations(double confidence, double inlier_ratio, std::uint32_t cap) noexcept {
     const double miss = 1.0 - inlier_ratio * inlier_ratio * inlier_ratio;  // a sample with an outlier in it
     if (!(miss > 0.0)) return 1;

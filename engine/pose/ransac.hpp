@@ -6,6 +6,7 @@
 #include <span>
 
 #include "engine/base/random.hpp"
+#include "engine/configuration.hpp"
 #include "engine/matching/correspondence.hpp"
 
 namespace stillmesh {
@@ -19,6 +20,9 @@ struct RansacOptions {
     double chi2_max = 11.34;
     double sample_chi2_max = 16.0;
 };
+
+// As configured; iterations_max and inlier_ratio_start are the caller's.
+[[nodiscard]] RansacOptions ransac_options(const Configuration& configuration, std::uint32_t factor) noexcept;
 
 struct RansacResult {
     SE3 world_from_camera;

@@ -33,6 +33,20 @@ enum class Progress : std::uint8_t {
     kDone = 2,     // finished what it had taken up; more may be waiting
 };
 
+// The loop of a job that is done piece by piece: `piece` does the next one and returns its units, until it says that
+// the job is_done() or the budget is spent.
+template <typename Piece, typename IsDone>
+[[nodiscard]] Progress work_in_pieces(WorkBudget& budget, std::uint64_t& units_of_job, Piece&& piece,
+                                      IsDone&& is_done) noexcept {
+    while (!budget.is_spent()) {
+        const std::uint32_t units = piece();
+        budget.spend(units);
+        units_of_job += units;
+        if (is_done()) return Progress::kDone;
+    }
+    return Progress::kWorking;
+}
+
 // A port (its body fails a CHECK: a pure virtual would pull the C++ runtime into the engine).
 class Task {
 public:

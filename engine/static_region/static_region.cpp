@@ -260,13 +260,8 @@ double StaticRegion::agreement_of(const Group& group, double floor) noexcept {
 // Every group's own best motion, by descending size, as far as the iterations go.
 void StaticRegion::fit_groups(std::span<const Correspondence> correspondences, const Configuration& parameters,
                               RegionChoice& choice, Random& random) noexcept {
-    RansacOptions options;
-    options.confidence = parameters.pose.confidence;
-    options.factor = parameters.pose.coarse_factor;
-    options.inlier_ratio_min = parameters.pose.inlier_ratio_min;
-    options.sample_chi2_max = parameters.pose.sample_chi2_max;
+    RansacOptions options = ransac_options(parameters, parameters.pose.coarse_factor);
     options.inlier_ratio_start = parameters.region.group_inliers_start;
-    options.chi2_max = parameters.region.point_chi2_max;
     fitted_groups_ = 0;
     for (std::uint32_t g = 0; g < groups_count_ && g < kFittedGroupsMax; ++g) {
         Group& group = groups_[g];
@@ -350,14 +345,9 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
         h.inliers = support.inliers;
         static_cast<void>(hypotheses.push(h));
     };
-    RansacOptions options;
-    options.confidence = parameters.pose.confidence;
-    options.factor = parameters.pose.coarse_factor;
-    options.inlier_ratio_min = parameters.pose.inlier_ratio_min;
-    options.sample_chi2_max = parameters.pose.sample_chi2_max;
+    RansacOptions options = ransac_options(parameters, parameters.pose.coarse_factor);
     options.iterations_max = parameters.pose.coarse_iterations_max;
     options.inlier_ratio_start = context.inlier_ratio;
-    options.chi2_max = chi2_max;
 
     fitted_groups_ = 0;
     if (parameters.region.is_enabled) fit_groups(correspondences, parameters, choice, random);

@@ -43,13 +43,7 @@ void Mapping::create(Arena& arena, const Limits& limits, const Configuration& co
     problem_index_ = arena.array<std::uint32_t>(limits.map_points_max);
     counts_ = arena.array<std::uint16_t>(limits.keyframes_max);
     corrections_ = arena.array<Correction>(limits.keyframes_max);
-    double scale = 1.0;
-    for (double& s : scale_) {
-        s = scale;
-        scale *= configuration.features.scale_factor;
-    }
-    const double sigma = configuration.depth.sigma_pixel;
-    var_base_ = sigma * sigma / (camera.fx * camera.fy);
+    pixel_noise_.create(configuration, camera);
     // The longest pieces: the commit, which looks at every point; a feature against all of another keyframe; a chunk of
     // points of which each is fused.
     const std::uint32_t commit = limits.map_points_max / 16 + limits.features_max + 4 * limits.keyframes_max;
@@ -328,10 +322,10 @@ std::uint32_t Mapping::fuse_point(Handle<MapPoint> handle, Handle<Keyframe> targ
     const MappingParameters& p = configuration_.mapping;
     std::uint32_t best = p.fusion_hamming_max + 1;
     std::uint32_t best_feature = kNone;
-    const double ratio = static_cast<double>(point->distance_m) / q.z() * scale_[point->level];
+    const double ratio = static_cast<double>(point->distance_m) / q.z() * pixel_noise_.scale(point->level);
     grid_.visit_near(pixel.x(), pixel.y(), p.fusion_radius_px * ratio, [&](std::uint32_t i) {
         const Observation& o = there[i];
-        const double scale = scale_[o.level];
+        const double scale = pixel_noise_.scale(o.level);
         if (scale > p.fusion_scale_factor * ratio || ratio > p.fusion_scale_factor * scale) return;
         const double dx = static_cast<double>(o.x) - pixel.x();
         const double dy = static_cast<double>(o.y) - pixel.y();

@@ -22,6 +22,7 @@
 #include "engine/engine.hpp"
 #include "engine/matching/feature_grid.hpp"
 #include "engine/schedule/task.hpp"
+#include "engine/tasks/pixel_noise.hpp"
 #include "engine/tasks/tracking.hpp"
 
 namespace stillmesh {
@@ -73,9 +74,7 @@ public:
     [[nodiscard]] std::uint32_t fuse_into(Handle<MapPoint> point, Handle<Keyframe> target) noexcept;
 
     // Of a feature's normalised coordinates.
-    [[nodiscard]] double var_pixel(std::uint8_t level) const noexcept {
-        return var_base_ * scale_[level] * scale_[level];
-    }
+    [[nodiscard]] double var_pixel(std::uint8_t level) const noexcept { return pixel_noise_.var(level); }
 
     void fill(EngineStatistics& statistics) const noexcept;
     // Of the next piece: who measures what a piece takes wants to know.
@@ -151,8 +150,7 @@ private:
     std::uint32_t cursor_ = 0;  // in the stage
     std::uint32_t other_ = 0;   // neighbour, or pair of keyframes
     std::uint32_t free_count_ = 0;
-    double scale_[kPyramidLevelsMax] = {};
-    double var_base_ = 0;
+    PixelNoise pixel_noise_;
     std::uint32_t piece_units_max_ = 0;
     MappingStatistics statistics_;
 };

@@ -35,12 +35,7 @@ void MeasuredFrame::create(Arena& arena, const Limits& limits, const Configurati
     noise_.z_min_m = configuration.depth.z_min_m;
     noise_.z_max_m = configuration.depth.z_max_m;
     noise_.sigma_max_m = configuration.depth.sigma_max_m;
-    levels_ = configuration.features.levels;
-    double scale = 1.0;
-    for (double& s : scale_) {
-        s = scale;
-        scale *= configuration.features.scale_factor;
-    }
+    pixel_noise_.create(configuration, camera);
 }
 
 GreyView MeasuredFrame::grey_of(const Frame& frame) noexcept {
@@ -60,7 +55,6 @@ void MeasuredFrame::extract(const GreyView& grey) noexcept {
 void MeasuredFrame::measure(const Frame& frame) noexcept {
     measured_.set_size(features_.size());
     const double metres_per_unit = 1.0 / frame.depth_units_per_m;
-    const double var_base = noise_.sigma_pixel * noise_.sigma_pixel / (camera_.fx * camera_.fy);
     for (std::size_t i = 0; i < features_.size(); ++i) {
         const Keypoint& keypoint = features_.keypoints[i];
         MeasuredFeature& m = measured_[i];
@@ -73,8 +67,7 @@ void MeasuredFrame::measure(const Frame& frame) noexcept {
         m.seen = m.normalised;
         m.seen_z_m = m.z_m;
         m.var_z = sample.variance_m2;
-        const double scale = scale_[keypoint.level];
-        m.var_pixel = var_base * scale * scale;
+        m.var_pixel = pixel_noise_.var(keypoint.level);
     }
 }
 

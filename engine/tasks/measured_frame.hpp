@@ -15,6 +15,7 @@
 #include "engine/geometry/depth_noise.hpp"
 #include "engine/map/map.hpp"
 #include "engine/pose/rolling_shutter.hpp"
+#include "engine/tasks/pixel_noise.hpp"
 
 namespace stillmesh {
 
@@ -65,10 +66,7 @@ public:
 
     [[nodiscard]] const CameraModel& camera() const noexcept { return camera_; }
     [[nodiscard]] const DepthNoise& depth_noise() const noexcept { return noise_; }
-    // Of the pyramid, as many as it has levels.
-    [[nodiscard]] std::span<const double> scale_of_level() const noexcept {
-        return std::span<const double>(scale_).first(levels_);
-    }
+    [[nodiscard]] const PixelNoise& pixel_noise() const noexcept { return pixel_noise_; }
 
 private:
     CameraModel camera_;
@@ -79,8 +77,7 @@ private:
     DepthNoise noise_;
     std::span<std::uint8_t> grey_;
     FixedVector<MeasuredFeature> measured_;
-    double scale_[kPyramidLevelsMax] = {};
-    std::uint32_t levels_ = 0;
+    PixelNoise pixel_noise_;
 };
 
 }  // namespace stillmesh

@@ -37,13 +37,7 @@ void PlaceVerifier::create(Arena& arena, const Limits& limits, const Configurati
     pairs_.create(arena, pairs_max(limits));
     matches_.create(arena, pairs_max(limits));
     chosen_.create(arena, pairs_max(limits));
-    double scale = 1.0;
-    for (double& s : scale_) {
-        s = scale;
-        scale *= configuration.features.scale_factor;
-    }
-    const double sigma = configuration.depth.sigma_pixel;
-    var_base_ = sigma * sigma / (camera.fx * camera.fy);
+    pixel_noise_.create(configuration, camera);
     const std::uint32_t pairs = pairs_max(limits);
     piece_units_max_ = std::max({(kMatchPiece + limits.features_max) / 32 + 1, kSamplePiece * (pairs + 1),
                                  11 * pairs + pairs * pairs / 64 + limits.features_max / 4 + 1, 8 * kGuidePiece});
@@ -238,7 +232,7 @@ void PlaceVerifier::collect(const Map& map) noexcept {
             c.p_camera = Vector3(c.normalised.x() * z, c.normalised.y() * z, z);
             c.var_z = static_cast<double>(o.var_z) * noise_.depth;
         }
-        c.var_pixel = var_base_ * scale_[o.level] * scale_[o.level] * noise_.pixel;
+        c.var_pixel = pixel_noise_.var(o.level) * noise_.pixel;
         c.p_world = c.p_anchor = vector_of(point->world);
         c.map_var_z = point->var_z * noise_.depth;
         c.map_var_lateral = point->var_lateral * noise_.pixel;
@@ -358,14 +352,14 @@ std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
         if (n.squaredNorm() > 4.0) continue;
         const Vector2 pixel = distort_to_pixel(camera_, n);
         if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera_.width && pixel.y() < camera_.height)) continue;
-        const double ratio = static_cast<double>(point->distance_m) / q.z() * scale_[point->level];
+        const double ratio = static_cast<double>(point->distance_m) / q.z() * pixel_noise_.scale(point->level);
         std::uint32_t best = configuration_->loop.hamming_guided_max + 1;
         std::uint32_t best_feature = 0;
         grid_.visit_near(pixel.x(), pixel.y(), configuration_->loop.radius_px * std::max(ratio, 1.0),
                          [&](std::uint32_t i) {
                              const Observation& o = query_[i];
                              if (o.level == 0xff) return;
-                             const double scale = scale_[o.level];
+                             const double scale = pixel_noise_.scale(o.level);
                              if (scale > 1.6 * ratio || ratio > 1.6 * scale) return;
                              const double dx = static_cast<double>(o.x) - pixel.x();
                              const double dy = static_cast<double>(o.y) - pixel.y();

@@ -15,7 +15,6 @@
 #include "engine/base/fixed_vector.hpp"
 #include "engine/base/random.hpp"
 #include "engine/configuration.hpp"
-#include "engine/frame/pyramid.hpp"
 #include "engine/geometry/camera.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
@@ -23,6 +22,7 @@
 #include "engine/place/bag_of_words.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/schedule/task.hpp"
+#include "engine/tasks/pixel_noise.hpp"
 
 namespace stillmesh {
 
@@ -131,8 +131,7 @@ private:
     FixedVector<Correspondence> pairs_;
     FixedVector<PlaceMatch> matches_;    // of pairs_, index by index; at the end those that agree
     FixedVector<std::uint16_t> chosen_;  // in pairs_
-    double scale_[kPyramidLevelsMax] = {};
-    double var_base_ = 0;
+    PixelNoise pixel_noise_;
     std::uint32_t piece_units_max_ = 0;
 
     Stage stage_ = Stage::kIdle;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "engine/pose/ransac.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -17,16 +19,6 @@ bool is_within_reach(const LastSeen& last_seen, const SE3& world_from_camera, co
 }
 
 }  // namespace
-
-RansacOptions ransac_options(const Configuration& configuration) noexcept {
-    RansacOptions options;
-    options.confidence = configuration.pose.confidence;
-    options.factor = configuration.pose.final_factor;
-    options.inlier_ratio_min = configuration.pose.inlier_ratio_min;
-    options.sample_chi2_max = configuration.pose.sample_chi2_max;
-    options.chi2_max = configuration.region.point_chi2_max;
-    return options;
-}
 
 Handle<Keyframe> recovery_candidate(const Map& map, bool is_placed, std::uint64_t turn,
                                     std::uint32_t keyframes_max) noexcept {
@@ -46,7 +38,7 @@ bool propose_recovery(std::span<const Correspondence> correspondences, std::span
                       SE3& world_from_camera) noexcept {
     const RecoveryParameters& r = configuration.recovery;
     if (chosen.size() < r.matches_min) return false;
-    RansacOptions options = ransac_options(configuration);
+    RansacOptions options = ransac_options(configuration, configuration.pose.final_factor);
     options.iterations_max = configuration.pose.coarse_iterations_max;
     options.inlier_ratio_start = r.inliers_start;
     const RansacResult result = ransac_pose(correspondences, chosen, nullptr, options, random);

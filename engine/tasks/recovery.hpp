@@ -12,12 +12,8 @@
 #include "engine/configuration.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
-#include "engine/pose/ransac.hpp"
 
 namespace stillmesh {
-
-// What tracking's RANSAC has in common wherever it is used: iterations and where they start are the caller's.
-[[nodiscard]] RansacOptions ransac_options(const Configuration& configuration) noexcept;
 
 // Which of the map's keyframes to compare the next frame with, of a map that has some. The `turn`-th frame since the
 // camera was lost, near the newest ones; in a map from before (`is_placed` false) all of them in turn.

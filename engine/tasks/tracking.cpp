@@ -28,7 +28,7 @@ void Tracking::create(Arena& arena, const Limits& limits, const Configuration& c
                       const Kernels& kernels, FeatureExtractor* extractor) noexcept {
     configuration_ = configuration;
     measured_.create(arena, limits, configuration, camera, kernels, extractor);
-    matcher_.create(arena, limits, configuration.matching, camera, measured_.scale_of_level());
+    matcher_.create(arena, limits, configuration.matching, camera, measured_.pixel_noise().scales());
     region_.create(arena, limits);
     map_.create(arena, limits, configuration.map);
     local_map_.create(arena, limits, configuration.local_map, view_cosine(camera));
@@ -263,7 +263,7 @@ void Tracking::choose_again(RegionChoice& choice) noexcept {
 
 PoseFit Tracking::fit_pose(const RegionChoice& choice) noexcept {
     observe(Stage::kPose, true);
-    RansacOptions options = ransac_options(configuration_);
+    RansacOptions options = ransac_options(configuration_, configuration_.pose.final_factor);
     options.iterations_max = configuration_.pose.final_iterations_max;
     options.inlier_ratio_start = inlier_ratio_;
     const RansacResult final =

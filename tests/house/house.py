@@ -2,7 +2,8 @@
 """Checks of the house: python3 house.py CHECK --source DIR --build DIR --compiler CXX ... Exit 0 when it holds.
 
   symbols   the engine library needs nothing but a short list of symbols, and exports no Eigen and nothing weak
-  rooms     a room of engine/ includes only rooms before it; hal/ and platform/ see what they may; no heap headers
+  rooms     a room of engine/ includes only rooms before it, and no file comes back to itself through what it includes;
+            hal/ and platform/ see what they may; no heap headers
   headers   public headers compile alone, and no Eigen comes in with them
   text      no open ends and no absolute paths in what is committed
   flags     every file is compiled with the contract's flags
@@ -150,6 +151,29 @@ def room_complaints(files, rooms, public_headers):
     return complaints
 
 
+def circle_complaints(files):
+    """Each circle of includes once, as the path around it: the order of rooms says nothing of the files in one room."""
+    graph = {path: [name for kind, name in includes_of(text) if kind == '"' and name in files] for path, text in files.items()}
+    complaints, done = [], set()
+    for start in sorted(graph):
+        if start in done:
+            continue
+        done.add(start)
+        way, left = [start], [iter(graph[start])]
+        while way:
+            name = next(left[-1], None)
+            if name is None:
+                way.pop()
+                left.pop()
+            elif name in way:
+                complaints.append("a circle of includes: " + " > ".join(way[way.index(name):] + [name]))
+            elif name not in done:
+                done.add(name)
+                way.append(name)
+                left.append(iter(graph[name]))
+    return complaints
+
+
 def public_headers_of(arguments):
     names = cmake_list(read(f"{arguments.source}/engine/CMakeLists.txt"), "STILLMESH_PUBLIC_HEADERS")
     front = [name for name in ("engine.hpp", "configuration.hpp") if pathlib.Path(arguments.source, "engine", name).is_file()]
@@ -161,7 +185,7 @@ def check_rooms(arguments):
     files = {name: read(f"{arguments.source}/{name}") for name in tracked_files(arguments.source)
              if name.split("/")[0] in ("engine", "hal", "platform") and name.endswith((".hpp", ".cpp", ".inc", ".h"))}
     print(f"{len(files)} files; rooms: {' < '.join(rooms)}")
-    return room_complaints(files, rooms, public_headers_of(arguments))
+    return room_complaints(files, rooms, public_headers_of(arguments)) + circle_complaints(files)
 
 
 # --- headers ---------------------------------------------------------------------------------------------------------
@@ -441,6 +465,11 @@ def check_selftest(arguments):
     expect("rooms", room("engine/base/status.hpp", '#include "engine/base/pool.hpp"\n#include <Eigen/Core>\n'), 2)
     expect("rooms", room("hal/x/a.cpp", '#include "engine/engine.hpp"\n#include "platform/x.hpp"\n'), 2)
     expect("rooms", room("platform/x/a.cpp", '#include "engine/mesh/inner.hpp"\n#include "engine/engine.hpp"\n'), 1)
+    expect("circles", circle_complaints({"engine/a/x.hpp": '#include "engine/a/y.hpp"\n', "engine/a/y.hpp": "",
+                                         "engine/a/z.cpp": '#include "engine/a/x.hpp"\n#include "engine/a/y.hpp"\n'}), 0)
+    expect("circles", circle_complaints({"engine/a/x.hpp": '#include "engine/a/y.hpp"\n',
+                                         "engine/a/y.hpp": '#include "engine/a/z.hpp"\n',
+                                         "engine/a/z.hpp": '#include "engine/a/x.hpp"\n'}), 1)
     expect("text", text_complaints({"a.cpp": "// TO" "DO later\n", "b.md": "see /ho" "me/me/x\nhttps://x.org/home/y\n"}), 2)
     good = "c++ -std=c++20 -Wall -Wextra -Werror -fno-fast-math -fno-math-errno -ffp-contract=off"
     engine = " -fno-exceptions -fno-rtti -fno-threadsafe-statics -fvisibility=hidden -DEIGEN_DONT_VECTORIZE -DEIGEN_NO_MALLOC"
