@@ -8,7 +8,7 @@
 #include <string>
 
 #include "platform/evaluation/evaluation.hpp"
-#include "tests/openni2/program.hpp"
+#include "tests/openni2/rig.hpp"
 
 namespace stillmesh {
 namespace {
@@ -20,7 +20,7 @@ int bench(int seconds) {
     if (std::system(render.c_str()) != 0) return 1;
     test::CameraRig rig(frames_file);
     rig.camera().is_plugged = 1;
-    const test::Scratch scratch;
+    const test::TemporaryFolder scratch;
     const int frames = 30 * seconds;
     test::Program run(
         STILLMESH_PROGRAM, STILLMESH_PRIVATE_OPENNI2,

@@ -27,19 +27,18 @@ constexpr std::uint32_t kRawValues = 2048;
 // One image being written by libfreenect, one waiting for its partner, one in the slot, one given out.
 constexpr std::uint32_t kBuffers = 4;
 
-[[nodiscard]] std::int64_t monotonic_ns() noexcept {
+[[nodiscard]] std::int64_t clock_ns(clockid_t clock) noexcept {
     timespec now{};
-    static_cast<void>(::clock_gettime(CLOCK_MONOTONIC, &now));
+    static_cast<void>(::clock_gettime(clock, &now));
     return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+[[nodiscard]] std::int64_t monotonic_ns() noexcept {
+    return clock_ns(CLOCK_MONOTONIC);
 }
 
 // Asked once: a camera that is opened again goes on in the same time, whatever happens to the time of day.
 [[nodiscard]] std::int64_t unix_minus_monotonic_ns() noexcept {
-    static const std::int64_t offset_ns = [] {
-        timespec now{};
-        static_cast<void>(::clock_gettime(CLOCK_REALTIME, &now));
-        return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec - monotonic_ns();
-    }();
+    static const std::int64_t offset_ns = clock_ns(CLOCK_REALTIME) - monotonic_ns();
     return offset_ns;
 }
 
@@ -122,6 +121,7 @@ struct FreenectCamera::Session {
         Image colour, depth;
         std::int64_t colour_us = 0, depth_us = 0;  // on the Kinect's clock
         std::int64_t taken_ns = 0;                 // the colour image, on the host's
+        std::int64_t complete_ns = 0;              // the pair was there
         [[nodiscard]] bool is_full() const noexcept { return colour.colour.is_held(); }
     };
 
@@ -135,6 +135,7 @@ struct FreenectCamera::Session {
     std::condition_variable changed;
     bool is_opened = false, is_closing = false, is_closed = false;
     bool is_gone = false;
+    const char* gone_why = "";
     Buffers<std::uint8_t> colour_buffers;  // before whoever takes from them
     Buffers<std::uint16_t> depth_buffers;
     Taken<std::uint8_t> colour_writing;  // by libfreenect
@@ -192,6 +193,7 @@ void FreenectCamera::Session::give(std::optional<Pairer::Pair> pair, std::int64_
     slot.colour_us = pair->colour_us;
     slot.depth_us = pair->depth_us;
     slot.taken_ns = clock.host_ns(pair->colour_us, arrival_ns);
+    slot.complete_ns = arrival_ns;
     changed.notify_all();
 }
 
@@ -273,15 +275,21 @@ void FreenectCamera::Session::read(freenect_context* context) {
         bool is_silent = false;
         {
             const std::lock_guard lock(mutex);
+            counts.reader_cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
             if (is_closing) return;
             is_silent = monotonic_ns() - last_image_ns > std::int64_t{options.gone_ms} * 1'000'000;
         }
         // After it was unplugged, libfreenect only falls silent.
-        if (code < 0 || (is_silent && freenect_num_devices(context) <= static_cast<int>(options.device))) return;
+        const bool is_unplugged = is_silent && freenect_num_devices(context) <= static_cast<int>(options.device);
+        if (code >= 0 && !is_unplugged) continue;
+        const std::lock_guard lock(mutex);
+        gone_why = is_unplugged ? "unplugged" : "libfreenect has given it up";
+        return;
     }
 }
 
 void FreenectCamera::Session::serve() noexcept {
+    if (options.thread_begins) options.thread_begins();
     freenect_context* context = nullptr;
     freenect_device* device = nullptr;
     const bool is_begun = freenect_init(&context, nullptr) >= 0;
@@ -349,6 +357,9 @@ Status FreenectCamera::open() noexcept {
                 depth.cy = (kHeight - 1) / 2.0;
                 registration_ =
                     std::make_unique<DepthRegistration>(depth, model, options_.baseline_m, info_.depth_units_per_m);
+                for (std::uint32_t raw = 0; raw < kRawValues; ++raw) {
+                    millimetres_of_raw_.push_back(kinect_millimetres(static_cast<std::uint16_t>(raw)));
+                }
                 millimetres_.resize(kPixels);
                 registered_.resize(kPixels);
             }
@@ -369,17 +380,20 @@ Status FreenectCamera::open() noexcept {
 
 Status FreenectCamera::poll(Frame& frame) noexcept {
     if (session_ == nullptr) return Status::kUnavailable;
+    const std::int64_t cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
     Session& session = *session_;
     {
         const std::lock_guard lock(session.mutex);
-        if (!session.slot.is_full()) return session.is_gone ? Status::kUnavailable : Status::kTimedOut;
+        if (!session.slot.is_full()) {
+            return session.is_gone ? refuse(Status::kUnavailable, session.gone_why) : Status::kTimedOut;
+        }
         session.given = std::move(session.slot);
         session.slot = {};
     }
     // What is given is nobody else's until the next poll.
     const std::uint16_t* depth = session.given.depth.depth.pixels();
     if (!session.is_registered) {
-        for (std::size_t i = 0; i < kPixels; ++i) millimetres_[i] = kinect_millimetres(depth[i]);
+        for (std::size_t i = 0; i < kPixels; ++i) millimetres_[i] = millimetres_of_raw_[depth[i] % kRawValues];
         registration_->reproject({millimetres_.data(), kWidth, kHeight, kWidth}, registered_.data());
         depth = registered_.data();
     }
@@ -395,6 +409,7 @@ Status FreenectCamera::poll(Frame& frame) noexcept {
     frame.colour = {session.given.colour.colour.pixels(), kWidth, kHeight, std::size_t{3} * kWidth};
     frame.depth = {depth, kWidth, kHeight, kWidth};
     frame.depth_units_per_m = info_.depth_units_per_m;
+    poll_cpu_ns_ += clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_ns;
     return Status::kOk;
 }
 
@@ -409,6 +424,7 @@ Status FreenectCamera::wait(std::uint32_t timeout_ms) noexcept {
 
 void FreenectCamera::close() noexcept {
     if (session_ == nullptr) return;
+    before_ = counts();
     {
         std::unique_lock lock(session_->mutex);
         session_->is_closing = true;
@@ -420,15 +436,24 @@ void FreenectCamera::close() noexcept {
 }
 
 std::int64_t FreenectCamera::next_due_ns() noexcept {
-    return (due_ns_ == 0 ? monotonic_ns() : due_ns_) + kPeriod_us * 1000;
+    if (session_ == nullptr) return monotonic_ns() + kPeriod_us * 1000;
+    const std::lock_guard lock(session_->mutex);
+    if (session_->slot.is_full()) return session_->slot.complete_ns;  // it waits already
+    return (session_->given.is_full() ? session_->given.complete_ns : monotonic_ns()) + kPeriod_us * 1000;
 }
 
 FreenectCounts FreenectCamera::counts() const noexcept {
-    if (session_ == nullptr) return {};
+    FreenectCounts sum = before_;
+    sum.poll_cpu_ns = poll_cpu_ns_;
+    if (session_ == nullptr) return sum;
     const std::lock_guard lock(session_->mutex);
-    FreenectCounts counts = session_->counts;
-    counts.pairing = session_->pairer.counts();
-    return counts;
+    const FreenectCounts& now = session_->counts;
+    sum.pairing.add(session_->pairer.counts());
+    sum.images_colour += now.images_colour;
+    sum.images_depth += now.images_depth;
+    sum.dropped += now.dropped;
+    sum.reader_cpu_ns += now.reader_cpu_ns;
+    return sum;
 }
 
 bool FreenectCamera::is_registered_by_driver() const noexcept {

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -26,12 +27,16 @@ struct FreenectOptions {
     double depth_fx = 585.6;           // px, of the depth camera (Burrus' calibration, nicolas.burrus.name)
     std::uint32_t open_max_ms = 6000;  // opening or closing longer than this has failed
     std::uint32_t gone_ms = 500;       // silence after which we look whether it is still plugged in
+    // Called first of all on the thread that reads: for its priority.
+    std::function<void()> thread_begins{};
 };
 
 struct FreenectCounts {
     PairingCounts pairing;
     std::uint64_t images_colour = 0, images_depth = 0;
-    std::uint64_t dropped = 0;  // pairs overtaken in the slot
+    std::uint64_t dropped = 0;       // pairs overtaken in the slot
+    std::int64_t reader_cpu_ns = 0;  // of the thread that reads, with what libfreenect does on it
+    std::int64_t poll_cpu_ns = 0;    // of poll(), on the caller's thread
 };
 
 class FreenectCamera final : public DepthCamera, public FrameTimes {
@@ -57,7 +62,7 @@ public:
     [[nodiscard]] std::uint64_t dropped() noexcept override { return counts().dropped; }
 
     [[nodiscard]] const std::string& message() const noexcept { return message_; }
-    // Of this opening.
+    // Over all openings.
     [[nodiscard]] FreenectCounts counts() const noexcept;
     // Whether libfreenect gives registered millimetres; else they are computed here.
     [[nodiscard]] bool is_registered_by_driver() const noexcept;
@@ -71,8 +76,10 @@ private:
     CameraInfo info_;
     std::string message_;
     std::int64_t due_ns_ = 0;
+    std::int64_t poll_cpu_ns_ = 0;
+    FreenectCounts before_;  // of the openings before this one
     std::shared_ptr<Session> session_;
-    std::vector<std::uint16_t> millimetres_, registered_;  // where depth is computed here
+    std::vector<std::uint16_t> millimetres_of_raw_, millimetres_, registered_;  // where depth is computed here
     std::unique_ptr<DepthRegistration> registration_;
 };
 

@@ -5,6 +5,7 @@
 // Memory: one waiting image. `Image` is whatever holds the pixels; it is moved, never copied.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <utility>
@@ -20,6 +21,17 @@ struct PairingCounts {
     std::int64_t lag_min_us = 0;
     std::int64_t lag_max_us = 0;
 
+    // What another pairer has counted.
+    void add(const PairingCounts& other) noexcept {
+        if (other.pairs > 0) {
+            lag_min_us = pairs == 0 ? other.lag_min_us : std::min(lag_min_us, other.lag_min_us);
+            lag_max_us = pairs == 0 ? other.lag_max_us : std::max(lag_max_us, other.lag_max_us);
+        }
+        pairs += other.pairs;
+        colour_alone += other.colour_alone;
+        depth_alone += other.depth_alone;
+        lag_sum_us += other.lag_sum_us;
+    }
     [[nodiscard]] double lag_mean_ms() const noexcept {
         return pairs == 0 ? 0.0 : static_cast<double>(lag_sum_us) * 1e-3 / static_cast<double>(pairs);
     }

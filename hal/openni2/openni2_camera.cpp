@@ -241,7 +241,9 @@ bool OpenNi2Camera::Session::open_device(const OpenNi2Options& options) {
     if (!failure.empty()) {
         return refuse(Status::kUnavailable, failure + "; 'stillmesh cameras' says what keeps it from working.");
     }
-    if (devices.empty()) return refuse(Status::kUnavailable, "no camera is plugged in that OpenNI2 knows.");
+    if (devices.empty())
+        return refuse(Status::kUnavailable,
+                      "no camera is plugged in that OpenNI2 knows; 'stillmesh cameras' says what is, and what to do.");
     return refuse(Status::kUnavailable,
                   "no camera has the URI or serial number '" + options.device + "'; there are:" + seen + ".");
 }
@@ -483,6 +485,7 @@ void OpenNi2Camera::Session::read_file() {
 }
 
 void OpenNi2Camera::Session::serve(const OpenNi2Options& options) {
+    if (options.thread_begins) options.thread_begins();
     open(options);
     {
         const std::lock_guard lock(mutex);
@@ -799,16 +802,7 @@ OpenNi2Counts OpenNi2Camera::counts() const noexcept {
     if (session_ == nullptr) return sum;
     const std::lock_guard lock(session_->mutex);
     const OpenNi2Counts& now = session_->counts;
-    const PairingCounts& pairing = session_->pairer.counts();
-    if (pairing.pairs > 0) {
-        const bool is_first = sum.pairing.pairs == 0;
-        sum.pairing.lag_min_us = is_first ? pairing.lag_min_us : std::min(sum.pairing.lag_min_us, pairing.lag_min_us);
-        sum.pairing.lag_max_us = is_first ? pairing.lag_max_us : std::max(sum.pairing.lag_max_us, pairing.lag_max_us);
-    }
-    sum.pairing.pairs += pairing.pairs;
-    sum.pairing.colour_alone += pairing.colour_alone;
-    sum.pairing.depth_alone += pairing.depth_alone;
-    sum.pairing.lag_sum_us += pairing.lag_sum_us;
+    sum.pairing.add(session_->pairer.counts());
     sum.images_colour += now.images_colour;
     sum.images_depth += now.images_depth;
     sum.images_missing += now.images_missing;

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -39,6 +40,8 @@ struct OpenNi2Options {
     double baseline_m = 0.025;         // for kHere: colour camera to the right of the depth camera
     std::string record{};              // .oni file that everything goes into; empty: none
     std::uint32_t open_max_ms = 6000;  // opening or closing longer than this has failed
+    // Called first of all on the thread that opens and reads: for its priority, which the driver's threads inherit.
+    std::function<void()> thread_begins{};
 };
 
 struct OpenNi2Counts {

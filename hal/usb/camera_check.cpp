@@ -92,7 +92,8 @@ void find(CameraReport& report, CameraVerdict verdict, std::string problem, std:
     if (!surroundings.has_openni2) {
         find(report, CameraVerdict::kDriverMissing, "this program was built without OpenNI2",
              "install the library and build again",
-             {"sudo apt-get install libopenni2-dev", "cmake --preset release", "cmake --build build/release"});
+             {"sudo apt-get install libopenni2-dev", "cmake --preset release -DSTILLMESH_WITH_OPENNI2=ON",
+              "cmake --build build/release"});
         return true;
     }
     // OpenNI2 as Debian builds it loads lib*.so.0 only.

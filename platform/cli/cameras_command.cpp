@@ -156,7 +156,7 @@ int cameras_command(const CamerasOptions& options) {
     return refuse(
         "this build cannot see USB: libusb was missing when it was made. Install it and build again: sudo apt-get "
         "install "
-        "libusb-1.0-0-dev && cmake --preset release && cmake --build build/release");
+        "libusb-1.0-0-dev && cmake --preset release -DSTILLMESH_WITH_USB=ON && cmake --build build/release");
 #endif
 }
 

@@ -1,7 +1,13 @@
 #include "platform/cli/live_camera.hpp"
 
+#include <charconv>
+
 #include "platform/cli/complaint.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/linux/service.hpp"
+#ifdef STILLMESH_HAS_FREENECT
+#include "hal/freenect/freenect_camera.hpp"
+#endif
 #ifdef STILLMESH_HAS_OPENNI2
 #include "hal/openni2/openni2_camera.hpp"
 #endif
@@ -12,6 +18,24 @@
 
 namespace stillmesh {
 namespace {
+
+#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT)
+// What both drivers count.
+template <typename Counts>
+void account_pairs(const Counts& counts, CameraRecord& record) {
+    const PairingCounts& pairing = counts.pairing;
+    record.pairs = pairing.pairs;
+    record.colour_alone = pairing.colour_alone;
+    record.depth_alone = pairing.depth_alone;
+    record.lag_mean_ms = pairing.lag_mean_ms();
+    record.lag_min_ms = static_cast<double>(pairing.lag_min_us) * 1e-3;
+    record.lag_max_ms = static_cast<double>(pairing.lag_max_us) * 1e-3;
+    if (pairing.pairs > 0) {
+        record.layer_cpu_ms =
+            static_cast<double>(counts.reader_cpu_ns + counts.poll_cpu_ns) * 1e-6 / static_cast<double>(pairing.pairs);
+    }
+}
+#endif
 
 #ifdef STILLMESH_HAS_OPENNI2
 class OpenNi2LiveCamera final : public LiveCamera {
@@ -28,17 +52,8 @@ public:
     std::uint64_t frames_expected() const override { return camera_.frames_expected(); }
     void account(CameraRecord& record) const override {
         const OpenNi2Counts counts = camera_.counts();
-        record.pairs = counts.pairing.pairs;
-        record.colour_alone = counts.pairing.colour_alone;
-        record.depth_alone = counts.pairing.depth_alone;
+        account_pairs(counts, record);
         record.images_missing = counts.images_missing;
-        record.lag_mean_ms = counts.pairing.lag_mean_ms();
-        record.lag_min_ms = static_cast<double>(counts.pairing.lag_min_us) * 1e-3;
-        record.lag_max_ms = static_cast<double>(counts.pairing.lag_max_us) * 1e-3;
-        if (counts.pairing.pairs > 0) {
-            record.layer_cpu_ms = static_cast<double>(counts.reader_cpu_ns + counts.poll_cpu_ns) * 1e-6 /
-                                  static_cast<double>(counts.pairing.pairs);
-        }
     }
 
 #ifdef STILLMESH_HAS_USB
@@ -55,19 +70,66 @@ private:
 };
 #endif
 
-}  // namespace
+#ifdef STILLMESH_HAS_FREENECT
+class FreenectLiveCamera final : public LiveCamera {
+public:
+    explicit FreenectLiveCamera(FreenectOptions options)
+        : calibration_(options.calibration), camera_(std::move(options)) {}
 
-std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, std::string& message) {
-    constexpr const char* kOpenNi2 = "openni2";
-    const std::size_t colon = options.camera.find(':');
-    const std::string driver = options.camera.substr(0, colon);
-    const std::string device = colon == std::string::npos ? std::string() : options.camera.substr(colon + 1);
-    if ((driver != kOpenNi2 && options.camera != "auto") || (colon != std::string::npos && device.empty())) {
-        message =
-            "--camera " + options.camera + ": give auto, openni2, openni2:URI, openni2:SERIAL or openni2:FILE.oni.";
+    DepthCamera& camera() override { return camera_; }
+    FrameTimes& times() override { return camera_; }
+    std::string message() const override { return camera_.message(); }
+    bool is_file() const override { return false; }
+    std::string device() const override {
+        return std::string("Kinect, 640x480@30, depth registered ") +
+               (camera_.is_registered_by_driver() ? "by libfreenect" : "here");
+    }
+    std::string calibration_source() const override { return calibration_; }
+    std::vector<std::string> notes() const override { return {}; }
+    std::uint64_t frames_expected() const override { return 0; }
+    void account(CameraRecord& record) const override { account_pairs(camera_.counts(), record); }
+
+#ifdef STILLMESH_HAS_USB
+    bool reset() override {
+        LibusbLink link;
+        std::string message;
+        return reset_camera(link, "", message) == UsbStatus::kOk;  // the only camera there is
+    }
+#endif
+
+private:
+    std::string calibration_;
+    FreenectCamera camera_;
+};
+
+[[nodiscard]] std::unique_ptr<LiveCamera> make_freenect(const LiveCameraOptions& options, const std::string& device,
+                                                        std::string& message) {
+    FreenectOptions freenect;
+    const char* const end = device.data() + device.size();
+    if (!device.empty()) {
+        const auto [stop, error] = std::from_chars(device.data(), end, freenect.device);
+        if (error != std::errc() || stop != end) {
+            message = "--camera " + options.camera + ": Kinects are counted, from freenect:0 on.";
+            return nullptr;
+        }
+    }
+    if (!options.record.empty()) {
+        message = "--out " + options.record + ": only OpenNI2 writes .oni files; give a folder for a Kinect.";
         return nullptr;
     }
+    if (options.exposure != "auto" || options.registration != "auto") {
+        message = std::string(options.exposure != "auto" ? "--exposure" : "--registration") +
+                  ": cannot be chosen for a Kinect; leave it out.";
+        return nullptr;
+    }
+    if (!options.calibration.empty()) freenect.calibration = options.calibration;
+    if (options.is_realtime) freenect.thread_begins = become_realtime_reader;
+    return std::make_unique<FreenectLiveCamera>(std::move(freenect));
+}
+#endif
+
 #ifdef STILLMESH_HAS_OPENNI2
+[[nodiscard]] std::unique_ptr<LiveCamera> make_openni2(const LiveCameraOptions& options, const std::string& device) {
     OpenNi2Options openni2;
     openni2.device = device;
     openni2.calibration = options.calibration;
@@ -78,13 +140,36 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
                            : options.registration == "none" ? Registration::kNone
                                                             : Registration::kAuto;
     openni2.record = options.record;
+    if (options.is_realtime) openni2.thread_begins = become_realtime_reader;
     return std::make_unique<OpenNi2LiveCamera>(std::move(openni2));
-#else
-    message =
-        "--camera needs OpenNI2, which is not in this build: install libopenni2-dev, configure with "
-        "-DSTILLMESH_WITH_OPENNI2=ON and build again.";
-    return nullptr;
+}
 #endif
+
+}  // namespace
+
+std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, std::string& message) {
+    const std::size_t colon = options.camera.find(':');
+    const std::string driver = options.camera.substr(0, colon);
+    const std::string device = colon == std::string::npos ? std::string() : options.camera.substr(colon + 1);
+    const bool is_auto = options.camera == "auto";
+    if ((driver != "openni2" && driver != "freenect" && !is_auto) || (colon != std::string::npos && device.empty())) {
+        message = "--camera " + options.camera +
+                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni or freenect.";
+        return nullptr;
+    }
+#ifdef STILLMESH_HAS_OPENNI2
+    if (is_auto || driver == "openni2") return make_openni2(options, device);
+#endif
+#ifdef STILLMESH_HAS_FREENECT
+    if (is_auto || driver == "freenect") return make_freenect(options, device, message);
+#endif
+    message = driver == "freenect"
+                  ? "--camera freenect needs libfreenect, which is not in this build: install libfreenect-dev, "
+                    "configure with -DSTILLMESH_WITH_FREENECT=ON and build again."
+                  : "--camera " + driver +
+                        " needs OpenNI2, which is not in this build: install libopenni2-dev, configure with "
+                        "-DSTILLMESH_WITH_OPENNI2=ON and build again.";
+    return nullptr;
 }
 
 Status open_live_camera(DepthCamera& camera, const std::function<std::string()>& camera_message, bool does_wait,

@@ -13,13 +13,14 @@
 namespace stillmesh {
 
 struct LiveCameraOptions {
-    std::string camera;                 // auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni
+    std::string camera;                 // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER]
     std::string calibration;            // file or name; empty: the camera's own
     std::string exposure = "auto";      // auto, fixed
     std::string registration = "auto";  // auto, here, none
     std::string record;                 // .oni file to write; empty: none
     std::uint32_t width_max = 640;      // px
     std::uint32_t height_max = 480;     // px
+    bool is_realtime = false;           // its threads go before ordinary ones, where that is granted
 };
 
 class LiveCamera {

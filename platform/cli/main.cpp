@@ -48,8 +48,9 @@ int eval(const std::string& truth_file, const std::string& trajectory_file, bool
 }
 
 void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wait, const char* group) {
-    app.add_option("--camera", options.camera,
-                   "auto, openni2:URI, openni2:SERIAL, or openni2:FILE.oni (a recording of OpenNI2)")
+    app.add_option(
+           "--camera", options.camera,
+           "auto, openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of OpenNI2), or freenect (a Kinect)")
         ->type_name("NAME")
         ->group(group);
     app.add_flag("--wait", does_wait, "for a camera, if none is plugged in yet")->group(group);

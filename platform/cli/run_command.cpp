@@ -279,6 +279,7 @@ int live(const RunArguments& arguments) {
     options.calibration = arguments.calibration;
     options.width_max = sizes.width_max;
     options.height_max = sizes.height_max;
+    options.is_realtime = arguments.is_realtime;
     const std::unique_ptr<LiveCamera> camera = make_live_camera(options, message);
     if (camera == nullptr) return refuse(message);
     catch_stop_signals();

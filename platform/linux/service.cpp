@@ -90,4 +90,10 @@ std::string become_realtime() {
     return "real time without the kernel's help: " + refused + ".";
 }
 
+void become_realtime_reader() noexcept {
+    sched_param parameter{};
+    parameter.sched_priority = kPriority + 1;
+    static_cast<void>(::sched_setscheduler(0, SCHED_FIFO, &parameter));
+}
+
 }  // namespace stillmesh

@@ -39,4 +39,8 @@ enum class LogLevel : std::uint8_t { kCritical = 2, kError = 3, kWarning = 4, kN
 // sentence about what was not and what would help; the program then runs on as an ordinary one.
 [[nodiscard]] std::string become_realtime();
 
+// For the thread that reads a camera: before the one of become_realtime(), since it mostly sleeps, and what it brings
+// is waited for. Threads that it starts, a driver's, go with it. Nothing happens where that is not granted.
+void become_realtime_reader() noexcept;
+
 }  // namespace stillmesh

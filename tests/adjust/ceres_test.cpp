@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <iomanip>
 #include <string>
@@ -13,6 +12,7 @@
 #include "tests/adjust/global_window.hpp"
 #include "tests/adjust/window.hpp"
 #include "tests/support/memory.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh {
 namespace {
@@ -28,7 +28,8 @@ struct Solution {
 };
 
 Solution solve_by_ceres(const Window& window, const AdjustmentOptions& options, const std::string& name) {
-    const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / (name + ".adjustment");
+    const test::TemporaryFolder folder;
+    const std::string file = folder.path(name + ".adjustment");
     {
         std::ofstream out(file);
         out << std::setprecision(17) << options.chi2_max_pixel << ' ' << options.chi2_max_depth << ' '
@@ -48,7 +49,7 @@ Solution solve_by_ceres(const Window& window, const AdjustmentOptions& options, 
         }
     }
     Solution solution;
-    const std::string command = std::string(CERES_REFERENCE) + " " + file.string();
+    const std::string command = std::string(CERES_REFERENCE) + " " + file;
     std::FILE* pipe = popen(command.c_str(), "r");
     EXPECT_NE(pipe, nullptr);
     if (pipe == nullptr) return solution;
@@ -56,7 +57,6 @@ Solution solve_by_ceres(const Window& window, const AdjustmentOptions& options, 
     double number = 0;
     while (std::fscanf(pipe, "%lf", &number) == 1) numbers.push_back(number);
     EXPECT_EQ(pclose(pipe), 0) << command;
-    std::filesystem::remove(file);
     EXPECT_EQ(numbers.size(), 1 + 12 * window.poses.size() + 3 * window.points.size());
     if (numbers.size() != 1 + 12 * window.poses.size() + 3 * window.points.size()) return solution;
     const double* at = numbers.data();

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <iomanip>
 #include <string>
@@ -11,6 +10,7 @@
 
 #include "tests/adjust/graphs.hpp"
 #include "tests/support/memory.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh {
 namespace {
@@ -28,7 +28,8 @@ struct Solution {
 };
 
 Solution solve_by_ceres(const test::Graph& graph, const std::string& name) {
-    const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / (name + ".pose_graph");
+    const test::TemporaryFolder folder;
+    const std::string file = folder.path(name + ".pose_graph");
     {
         std::ofstream out(file);
         out << std::setprecision(17) << graph.poses.size() << ' ' << graph.edges.size() << '\n';
@@ -44,7 +45,7 @@ Solution solve_by_ceres(const test::Graph& graph, const std::string& name) {
         }
     }
     Solution solution;
-    const std::string command = std::string(CERES_POSE_GRAPH) + " " + file.string();
+    const std::string command = std::string(CERES_POSE_GRAPH) + " " + file;
     std::FILE* pipe = popen(command.c_str(), "r");
     EXPECT_NE(pipe, nullptr);
     if (pipe == nullptr) return solution;
@@ -52,7 +53,6 @@ Solution solve_by_ceres(const test::Graph& graph, const std::string& name) {
     double number = 0;
     while (std::fscanf(pipe, "%lf", &number) == 1) numbers.push_back(number);
     EXPECT_EQ(pclose(pipe), 0) << command;
-    std::filesystem::remove(file);
     EXPECT_EQ(numbers.size(), 1 + 12 * graph.poses.size());
     if (numbers.size() != 1 + 12 * graph.poses.size()) return solution;
     const double* at = numbers.data();

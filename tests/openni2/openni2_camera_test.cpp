@@ -294,7 +294,8 @@ TEST(OpenNi2Camera, AHangingDriverIsLeftBehind) {
 TEST(OpenNi2Camera, RecordsAndPlaysOniFiles) {
     CameraRig rig(STILLMESH_SMALL_FRAMES);
     rig.camera().is_plugged = 1;
-    const std::string file = testing::TempDir() + "/stillmesh_" + std::to_string(::getpid()) + ".oni";
+    const test::TemporaryFolder folder;
+    const std::string file = folder.path("desk.oni");
     OpenNi2Options options;
     options.record = file;
     {
@@ -345,12 +346,19 @@ TEST(OpenNi2Camera, RecordsAndPlaysOniFiles) {
         ASSERT_EQ(std::fwrite(bytes.data(), 1, size, torn), size);
         std::fclose(torn);
         OpenNi2Camera camera({.device = file});
-        const std::int64_t begin_ns = test::now_ns();
-        const Status opened = camera.open();
+        // What the camera takes; comparing pixels may take any time.
+        std::int64_t slowest_ns = 0;
+        const auto clocked = [&slowest_ns](auto&& call) {
+            const std::int64_t begin_ns = test::now_ns();
+            const Status status = call();
+            slowest_ns = std::max(slowest_ns, test::now_ns() - begin_ns);
+            return status;
+        };
+        const Status opened = clocked([&] { return camera.open(); });
         std::uint64_t frames = 0;
         if (opened == Status::kOk) {
             Frame frame;
-            while (frames < 1000 && camera.poll(frame) == Status::kOk) {
+            while (frames < 1000 && clocked([&] { return camera.poll(frame); }) == Status::kOk) {
                 long best = 1000000;
                 for (std::uint32_t i = 0; i < rig.head().count; ++i) best = std::min(best, wrong_pixels(rig, frame, i));
                 EXPECT_EQ(best, 0) << "no frame is made up";
@@ -360,11 +368,10 @@ TEST(OpenNi2Camera, RecordsAndPlaysOniFiles) {
             EXPECT_EQ(opened, Status::kInvalid);
             EXPECT_NE(camera.message().find(file), std::string::npos) << camera.message();
         }
-        EXPECT_LT(test::now_ns() - begin_ns, 5'000'000'000);
+        EXPECT_LT(slowest_ns, 5'000'000'000);
         std::printf("%zu bytes: %s, %llu frames; %s\n", size, status_name(opened),
                     static_cast<unsigned long long>(frames), camera.message().c_str());
     }
-    std::remove(file.c_str());
     OpenNi2Camera absent({.device = "absent.oni"});
     EXPECT_EQ(absent.open(), Status::kInvalid);
 }

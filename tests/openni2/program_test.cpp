@@ -7,14 +7,13 @@
 #include <nlohmann/json.hpp>
 
 #include "platform/evaluation/evaluation.hpp"
-#include "tests/openni2/program.hpp"
+#include "tests/openni2/rig.hpp"
 
 namespace stillmesh {
 namespace {
 
 using test::CameraRig;
 using test::Program;
-using test::Scratch;
 using test::within;
 
 class LiveProgram : public testing::Test {
@@ -55,7 +54,7 @@ protected:
     }
 
     CameraRig rig;
-    Scratch scratch;
+    test::TemporaryFolder scratch;
 };
 
 // Promise: a live run gives every frame a right pose at 30 frames/s, at times that are the time of day, and reports the

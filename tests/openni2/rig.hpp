@@ -5,47 +5,27 @@
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
-#include <functional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "tests/openni2/driver/control.hpp"
+#include "tests/support/program.hpp"
 
 namespace stillmesh::test {
-
-[[nodiscard]] inline std::int64_t now_ns(clockid_t clock = CLOCK_MONOTONIC) {
-    timespec now{};
-    ::clock_gettime(clock, &now);
-    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-
-inline bool within(std::int64_t timeout_ms, const std::function<bool()>& what) {
-    const std::int64_t end_ns = now_ns() + timeout_ms * 1'000'000;
-    while (!what()) {
-        if (now_ns() > end_ns) return false;
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    }
-    return true;
-}
 
 class CameraRig {
 public:
     explicit CameraRig(const std::string& frames_file) {
-        char name[] = "/tmp/stillmesh_camera_XXXXXX";
-        const int file = ::mkstemp(name);
+        const std::string name = folder_.path("control");
+        const int file = ::open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
         EXPECT_GE(file, 0);
         EXPECT_EQ(::ftruncate(file, sizeof(Control)), 0);
         control_ = static_cast<Control*>(::mmap(nullptr, sizeof(Control), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0));
         ::close(file);
-        path_ = name;
         control_->magic = kControlMagic;
         std::snprintf(control_->frames_file, sizeof(control_->frames_file), "%s", frames_file.c_str());
         load(frames_file);
@@ -56,12 +36,9 @@ public:
             camera.period_us = 33'333;
             camera.auto_exposure = 1;
         }
-        ::setenv("STILLMESH_TEST_CAMERA", name, 1);
+        ::setenv("STILLMESH_TEST_CAMERA", name.c_str(), 1);
     }
-    ~CameraRig() {
-        ::munmap(control_, sizeof(Control));
-        static_cast<void>(std::remove(path_.c_str()));
-    }
+    ~CameraRig() { ::munmap(control_, sizeof(Control)); }
     CameraRig(const CameraRig&) = delete;
     CameraRig& operator=(const CameraRig&) = delete;
 
@@ -99,7 +76,7 @@ private:
         return frames_.data() + sizeof(FramesHead) + index * head().frame_bytes();
     }
 
-    std::string path_;
+    TemporaryFolder folder_;
     Control* control_ = nullptr;
     std::vector<std::uint8_t> frames_;
 };

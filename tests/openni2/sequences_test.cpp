@@ -1,9 +1,12 @@
 // Random lives of a camera under the real OpenNI2: unplugged, plugged in, stalled, spoilt, in any order, with a
 // watchdog. Times are a tenth of the real ones, so that many fit. STILLMESH_SEQUENCES says how many; a few by default.
+// A life is mostly waiting: STILLMESH_SEQUENCES_AT_ONCE processes share them, each with a camera of its own.
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <memory>
 #include <random>
+#include <sstream>
 
 #include "hal/live/reconnecting_camera.hpp"
 #include "hal/openni2/openni2_camera.hpp"
@@ -46,9 +49,41 @@ private:
     std::thread thread_;
 };
 
+[[nodiscard]] int number_of(const char* name, int otherwise) {
+    const char* const text = std::getenv(name);
+    return text != nullptr ? std::atoi(text) : otherwise;
+}
+
+// The lives from `first` on, shared between processes of this program, whose reports are printed.
+void live_at_once(int sequences, int processes) {
+    const test::TemporaryFolder folder;
+    std::vector<std::unique_ptr<test::Program>> programs;
+    ::setenv("STILLMESH_SEQUENCES_AT_ONCE", "1", 1);
+    for (int i = 0; i < processes; ++i) {
+        const int first = sequences * i / processes;
+        ::setenv("STILLMESH_SEQUENCES_FIRST", std::to_string(first).c_str(), 1);
+        ::setenv("STILLMESH_SEQUENCES", std::to_string(sequences * (i + 1) / processes - first).c_str(), 1);
+        programs.push_back(std::make_unique<test::Program>("/proc/self/exe", STILLMESH_PRIVATE_OPENNI2,
+                                                           "--gtest_filter=CameraSequences.AnyLifeIsSurvived", folder));
+    }
+    for (const std::unique_ptr<test::Program>& program : programs) {
+        const int code = program->wait(std::int64_t{1000} * (60 + 10 * sequences));
+        const std::string out = program->out();
+        EXPECT_EQ(code, 0) << out << program->err();
+        std::istringstream lines(out);
+        for (std::string line; std::getline(lines, line);) {
+            if (line.find(" sequences, ") != std::string::npos) std::printf("%s\n", line.c_str());
+        }
+    }
+}
+
 // Promise: whatever happens to the camera, no call hangs or crashes, frames only go on in time, and they flow again
 // within two seconds of the camera being well.
 TEST(CameraSequences, AnyLifeIsSurvived) {
+    const int sequences = number_of("STILLMESH_SEQUENCES", 20);
+    const int processes = number_of("STILLMESH_SEQUENCES_AT_ONCE", 1);
+    const int first = number_of("STILLMESH_SEQUENCES_FIRST", 0);
+    if (processes > 1) return live_at_once(sequences, processes);
     CameraRig rig(STILLMESH_SMALL_FRAMES);
     test::CameraControl& control = rig.camera();
     control.period_us = 8000;
@@ -72,8 +107,6 @@ TEST(CameraSequences, AnyLifeIsSurvived) {
     Watchdog watchdog(20'000);
     ASSERT_TRUE(test::within(3000, [&] { return camera.open() == Status::kOk; })) << source.message();
 
-    const char* const wanted = std::getenv("STILLMESH_SEQUENCES");
-    const int sequences = wanted != nullptr ? std::atoi(wanted) : 20;
     std::int64_t last_ns = 0;
     std::int64_t slowest_return_ns = 0;
     std::int64_t slowest_poll_ns = 0;
@@ -101,7 +134,7 @@ TEST(CameraSequences, AnyLifeIsSurvived) {
         }
         return has_frame;
     };
-    for (int i = 0; i < sequences; ++i) {
+    for (int i = first; i < first + sequences; ++i) {
         watchdog.report(i);
         std::mt19937 random(static_cast<std::uint32_t>(i));
         const std::uint32_t steps = 1 + random() % 4;

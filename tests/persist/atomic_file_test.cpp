@@ -17,27 +17,10 @@
 #include "engine/base/random.hpp"
 #include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh {
 namespace {
-
-class Folder {
-public:
-    Folder() {
-        char name[] = "/tmp/stillmesh_atomic_XXXXXX";
-        const char* const made = ::mkdtemp(name);
-        if (made != nullptr) path_ = made;
-    }
-    ~Folder() {
-        std::error_code error;
-        std::filesystem::permissions(path_, std::filesystem::perms::owner_all, error);
-        std::filesystem::remove_all(path_, error);
-    }
-    [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
-
-private:
-    std::string path_;
-};
 
 std::string text_of(const std::string& file) {
     std::ifstream stream(file, std::ios::binary);
@@ -64,8 +47,8 @@ bool save(const std::string& file, std::uint32_t number, std::string& message) {
 // Promise: kill -9 at any moment of saving leaves the old content or the new one, whole; and the next save works. A
 // hundred times.
 TEST(AtomicFile, SurvivesAHundredKills) {
-    const Folder folder;
-    const std::string file = folder.file("room.map");
+    const test::TemporaryFolder folder;
+    const std::string file = folder.path("room.map");
     std::string message;
     ASSERT_TRUE(save(file, 0, message)) << message;
     Random random(3);
@@ -113,8 +96,8 @@ TEST(AtomicFile, SurvivesAHundredKills) {
 
 // Promise: what is not committed leaves no trace, and the old content where it was.
 TEST(AtomicFile, DiscardedIsAsIfItNeverWas) {
-    const Folder folder;
-    const std::string file = folder.file("a");
+    const test::TemporaryFolder folder;
+    const std::string file = folder.path("a");
     std::string message;
     ASSERT_TRUE(save(file, 1, message));
     const std::string before = text_of(file);
@@ -129,8 +112,8 @@ TEST(AtomicFile, DiscardedIsAsIfItNeverWas) {
 
 // Promise: two writers of one file do not mix: the second is told so.
 TEST(AtomicFile, TwoWritersDoNotMix) {
-    const Folder folder;
-    const std::string file = folder.file("a");
+    const test::TemporaryFolder folder;
+    const std::string file = folder.path("a");
     std::string message;
     AtomicFile first;
     AtomicFile second;
@@ -146,10 +129,10 @@ TEST(AtomicFile, TwoWritersDoNotMix) {
 // Promise: places that cannot be written to get a sentence, and nothing is made or lost: a folder that is not there, a
 // folder, a device, a disk that is full.
 TEST(AtomicFile, PlacesThatCannotBe) {
-    const Folder folder;
+    const test::TemporaryFolder folder;
     std::string message;
     AtomicFile out;
-    for (const std::string& file : {folder.file("none/a"), folder.file(""), std::string("/dev/full")}) {
+    for (const std::string& file : {folder.path("none/a"), folder.path(""), std::string("/dev/full")}) {
         EXPECT_FALSE(out.open(file, message)) << file;
         EXPECT_EQ(message.find(file), 0U) << message;
         EXPECT_EQ(message.back(), '.');
@@ -159,24 +142,24 @@ TEST(AtomicFile, PlacesThatCannotBe) {
 
 // Promise: reading takes a regular file up to the limit; everything else gets a sentence, and nobody waits.
 TEST(ReadWholeFile, TakesRegularFilesOnly) {
-    const Folder folder;
+    const test::TemporaryFolder folder;
     std::string message;
     MemoryBlock block;
     std::span<const std::byte> bytes;
-    const std::string file = folder.file("a");
+    const std::string file = folder.path("a");
     ASSERT_TRUE(save(file, 3, message));
     ASSERT_TRUE(read_whole_file(file, 1'000'000, block, bytes, message));
     const std::vector<std::byte> wanted = content(3);
     EXPECT_TRUE(std::equal(bytes.begin(), bytes.end(), wanted.begin(), wanted.end()));
     EXPECT_FALSE(read_whole_file(file, 1000, block, bytes, message));
     EXPECT_NE(message.find("larger"), std::string::npos);
-    EXPECT_FALSE(read_whole_file(folder.file("none"), 1000, block, bytes, message));
-    EXPECT_FALSE(read_whole_file(folder.file(""), 1000, block, bytes, message));
-    ASSERT_EQ(::mkfifo(folder.file("pipe").c_str(), 0600), 0);
-    EXPECT_FALSE(read_whole_file(folder.file("pipe"), 1000, block, bytes, message));
+    EXPECT_FALSE(read_whole_file(folder.path("none"), 1000, block, bytes, message));
+    EXPECT_FALSE(read_whole_file(folder.path(""), 1000, block, bytes, message));
+    ASSERT_EQ(::mkfifo(folder.path("pipe").c_str(), 0600), 0);
+    EXPECT_FALSE(read_whole_file(folder.path("pipe"), 1000, block, bytes, message));
     EXPECT_NE(message.find("no regular file"), std::string::npos) << message;
-    std::ofstream(folder.file("empty")).close();
-    EXPECT_TRUE(read_whole_file(folder.file("empty"), 1000, block, bytes, message));
+    std::ofstream(folder.path("empty")).close();
+    EXPECT_TRUE(read_whole_file(folder.path("empty"), 1000, block, bytes, message));
     EXPECT_TRUE(bytes.empty());
 }
 

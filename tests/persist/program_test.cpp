@@ -8,11 +8,13 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "engine/record/map_file.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh {
 namespace {
@@ -44,16 +46,12 @@ void write_text(const std::string& file, const std::string& text) {
 // A folder with a map of a room in it, made by the program once.
 struct ProgramMaps : testing::Test {
     static void SetUpTestSuite() {
-        char name[] = "/tmp/stillmesh_maps_XXXXXX";
-        if (::mkdtemp(name) != nullptr) folder = name;
+        folder = std::make_unique<test::TemporaryFolder>();
         made = stillmesh_says("run --simulate static_xyz:1 --frames 16 --json --map-out " + at("room.map"));
     }
-    static void TearDownTestSuite() {
-        std::error_code error;
-        std::filesystem::remove_all(folder, error);
-    }
-    static std::string at(const std::string& name) { return folder + "/" + name; }
-    static inline std::string folder;
+    static void TearDownTestSuite() { folder.reset(); }
+    static std::string at(const std::string& name) { return folder->path(name); }
+    static inline std::unique_ptr<test::TemporaryFolder> folder;
     static inline Answer made;
 };
 

@@ -8,6 +8,7 @@
 
 #include "engine/features/own_extractor.hpp"
 #include "engine/limits.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh {
 namespace {
@@ -16,8 +17,6 @@ namespace fs = std::filesystem;
 
 class VocabularyFileTest : public testing::Test {
 protected:
-    VocabularyFileTest() { fs::create_directories(folder_); }
-    ~VocabularyFileTest() override { fs::remove_all(folder_); }
     std::string write(const std::string& name, const std::string& text) {
         const fs::path file = folder_ / name;
         std::ofstream(file, std::ios::binary) << text;
@@ -28,8 +27,8 @@ protected:
         return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
     }
 
-    fs::path folder_ = fs::path(testing::TempDir()) /
-                       ("vocabulary_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    const test::TemporaryFolder temporary_;
+    const fs::path folder_ = temporary_.path();
     VocabularyFile file_;
     std::string message_;
 };

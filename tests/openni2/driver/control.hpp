@@ -24,16 +24,19 @@ struct CameraControl {
     std::atomic<std::uint32_t> drop_colour_every;  // n: each n-th image does not come; 0: all do
     std::atomic<std::uint32_t> drop_depth_every;
     std::atomic<std::uint32_t> does_open_fail;
-    std::atomic<std::uint32_t> modes;  // bit 0: 640x480, bit 1: 320x240, bit 2: YUYV instead of RGB
+    // Bit 0: 640x480, bit 1: 320x240, bit 2: YUYV instead of RGB, bit 3: colour of 1280x1024, bit 4: depth in 0.1 mm,
+    // bit 5: no colour sensor, bit 6: no depth sensor.
+    std::atomic<std::uint32_t> modes;
+    std::atomic<std::uint32_t> colour_fps, depth_fps;  // that the modes say; 0: 30
     std::atomic<std::uint32_t> can_register;
     std::atomic<std::uint32_t> can_unmirror;
     std::atomic<std::uint32_t> emits_wrong_size;  // images of 160x120 whatever the mode
     std::atomic<std::uint32_t> is_frozen;         // the same image again and again
     std::atomic<std::uint32_t> hang_ms;           // closing takes so long
     std::atomic<std::int32_t> depth_lag_us;       // depth after colour
-    std::atomic<std::uint32_t> period_us;
-    std::atomic<std::int64_t> stamp_offset_us;  // of stamps to the host's monotonic clock
-    std::atomic<std::uint32_t> jitter_us;       // colour stamps, in turn
+    std::atomic<std::uint32_t> period_us;         // of the camera's own clock, which is steady whoever is late
+    std::atomic<std::int64_t> stamp_offset_us;    // of stamps to the host's monotonic clock
+    std::atomic<std::uint32_t> jitter_us;         // colour stamps, in turn
 
     std::atomic<std::uint32_t> next_frame;  // goes on while it is plugged and not stalled
     std::atomic<std::uint32_t> opens, closes;

@@ -10,6 +10,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -19,6 +20,7 @@
 #include <cstring>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "tests/openni2/driver/control.hpp"
 
@@ -97,18 +99,30 @@ OniStatus put(void* data, int* size, const T& value) {
     return ONI_STATUS_OK;
 }
 
+constexpr std::size_t kModesMax = 3;
+
+// How many modes a sensor has, and which.
+int modes_of(const CameraControl& control, OniSensorType type, std::array<OniVideoMode, kModesMax>& modes) {
+    const std::uint32_t bits = control.modes;
+    const bool is_colour = type == ONI_SENSOR_COLOR;
+    const OniPixelFormat format =
+        is_colour ? ((bits & 4U) != 0 ? ONI_PIXEL_FORMAT_YUYV : ONI_PIXEL_FORMAT_RGB888)
+                  : ((bits & 16U) != 0 ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM);
+    const std::uint32_t said = is_colour ? control.colour_fps : control.depth_fps;
+    const int fps = said == 0 ? 30 : static_cast<int>(said);
+    std::size_t count = 0;
+    if (is_colour && (bits & 8U) != 0) modes[count++] = {format, 1280, 1024, fps};
+    if ((bits & 1U) != 0) modes[count++] = {format, 640, 480, fps};
+    if ((bits & 2U) != 0) modes[count++] = {format, 320, 240, fps};
+    return static_cast<int>(count);
+}
+
 class TestStream final : public StreamBase {
 public:
     TestStream(Shared& shared, std::uint32_t camera, OniSensorType type)
         : shared_(shared), control_(shared.control->cameras[camera]), type_(type) {
-        const std::uint32_t modes = control_.modes;
-        const bool is_small = (modes & 1U) == 0;
-        mode_.pixelFormat = type == ONI_SENSOR_DEPTH ? ONI_PIXEL_FORMAT_DEPTH_1_MM
-                            : (modes & 4U) != 0      ? ONI_PIXEL_FORMAT_YUYV
-                                                     : ONI_PIXEL_FORMAT_RGB888;
-        mode_.resolutionX = is_small ? 320 : 640;
-        mode_.resolutionY = is_small ? 240 : 480;
-        mode_.fps = 30;
+        std::array<OniVideoMode, kModesMax> modes;
+        if (modes_of(control_, type, modes) > 0) mode_ = modes[0];
     }
 
     OniStatus start() override {
@@ -140,10 +154,12 @@ public:
         if (id == ONI_STREAM_PROPERTY_VIDEO_MODE && size == static_cast<int>(sizeof(OniVideoMode))) {
             OniVideoMode mode{};
             std::memcpy(&mode, data, sizeof(mode));
-            const std::uint32_t modes = control_.modes;
-            const bool is_there = ((modes & 1U) != 0 && mode.resolutionX == 640 && mode.resolutionY == 480) ||
-                                  ((modes & 2U) != 0 && mode.resolutionX == 320 && mode.resolutionY == 240);
-            if (!is_there || mode.fps != 30 || mode.pixelFormat != mode_.pixelFormat) return ONI_STATUS_NOT_SUPPORTED;
+            std::array<OniVideoMode, kModesMax> modes;
+            const auto count = static_cast<std::size_t>(modes_of(control_, type_, modes));
+            const bool is_there = std::any_of(modes.begin(), modes.begin() + count, [&mode](const OniVideoMode& known) {
+                return std::memcmp(&known, &mode, sizeof(mode)) == 0;
+            });
+            if (!is_there) return ONI_STATUS_NOT_SUPPORTED;
             mode_ = mode;
         } else if (size == static_cast<int>(sizeof(OniBool)) &&
                    (id == ONI_STREAM_PROPERTY_MIRRORING || id == ONI_STREAM_PROPERTY_AUTO_EXPOSURE ||
@@ -233,12 +249,14 @@ private:
         const bool is_raw = !is_registered && head.has_raw_depth != 0;
         const auto* const depth = reinterpret_cast<const std::uint16_t*>(grey + pixels) + (is_raw ? pixels : 0);
         const std::uint32_t step = std::max(head.width / width, 1U);
+        const bool is_fine_depth = mode_.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
         for (std::uint32_t y = 0; y < height; ++y) {
             for (std::uint32_t x = 0; x < width; ++x) {
                 const std::uint32_t to = y * width + (is_mirroring_ != FALSE ? width - 1 - x : x);
-                const std::size_t from = std::size_t{y} * step * head.width + std::size_t{x} * step;
+                const std::size_t from = std::size_t{y * head.height / height} * head.width + x * head.width / width;
                 if (type_ == ONI_SENSOR_DEPTH) {
-                    static_cast<std::uint16_t*>(data)[to] = depth[from];
+                    static_cast<std::uint16_t*>(data)[to] =
+                        is_fine_depth ? static_cast<std::uint16_t>(std::min(depth[from] * 10, 65535)) : depth[from];
                     continue;
                 }
                 const std::uint8_t value =
@@ -269,15 +287,11 @@ class TestDevice final : public DeviceBase {
 public:
     TestDevice(Shared& shared, std::uint32_t camera)
         : shared_(shared), camera_(camera), control_(shared.control->cameras[camera]) {
-        for (std::size_t i = 0; i < 2; ++i) {
-            const OniPixelFormat format = i == 0                        ? ONI_PIXEL_FORMAT_DEPTH_1_MM
-                                          : (control_.modes & 4U) != 0U ? ONI_PIXEL_FORMAT_YUYV
-                                                                        : ONI_PIXEL_FORMAT_RGB888;
-            int count = 0;
-            if ((control_.modes & 1U) != 0) modes_[i][static_cast<std::size_t>(count++)] = {format, 640, 480, 30};
-            if ((control_.modes & 2U) != 0) modes_[i][static_cast<std::size_t>(count++)] = {format, 320, 240, 30};
-            sensors_[i].sensorType = i == 0 ? ONI_SENSOR_DEPTH : ONI_SENSOR_COLOR;
-            sensors_[i].numSupportedVideoModes = count;
+        for (const OniSensorType type : {ONI_SENSOR_DEPTH, ONI_SENSOR_COLOR}) {
+            if ((control_.modes & (type == ONI_SENSOR_COLOR ? 32U : 64U)) != 0) continue;
+            const auto i = static_cast<std::size_t>(sensor_count_++);
+            sensors_[i].sensorType = type;
+            sensors_[i].numSupportedVideoModes = modes_of(control_, type, modes_[i]);
             sensors_[i].pSupportedVideoModes = modes_[i].data();
         }
         ++control_.opens;
@@ -292,7 +306,7 @@ public:
 
     OniStatus getSensorInfoList(OniSensorInfo** sensors, int* count) override {
         *sensors = sensors_.data();
-        *count = static_cast<int>(sensors_.size());
+        *count = sensor_count_;
         return ONI_STATUS_OK;
     }
     StreamBase* createStream(OniSensorType type) override {
@@ -348,16 +362,26 @@ public:
 private:
     void serve() {
         using Clock = std::chrono::steady_clock;
+        // A camera's clock is steady: images are stamped when they were due. What this thread comes too late for, by
+        // a period and more, is lost, as over USB.
         auto next = Clock::now() + std::chrono::milliseconds(20);
         const std::int64_t cpu_before_ns = control_.driver_cpu_ns;
         for (std::uint32_t count = 0; !is_ending_; ++count) {
+            const std::chrono::microseconds period(control_.period_us);
+            while (next + period < Clock::now()) {
+                next += period;
+                if (control_.is_stalled == 0 && control_.is_plugged != 0 && control_.is_frozen == 0) {
+                    ++control_.next_frame;
+                }
+            }
             std::this_thread::sleep_until(next);
-            next += std::chrono::microseconds(control_.period_us);
+            const auto due = std::exchange(next, next + period);
             if (control_.is_stalled != 0 || control_.is_plugged == 0) continue;
             const std::uint32_t number = control_.is_frozen != 0 ? control_.next_frame.load() : control_.next_frame++;
             const std::uint32_t index = frame_of(number, shared_.frames->count);
-            const std::int64_t now_us = clock_ns(CLOCK_MONOTONIC) / 1000;
-            const std::int64_t stamp_us = now_us + control_.stamp_offset_us + (count % 2) * control_.jitter_us.load();
+            const std::int64_t due_us =
+                std::chrono::duration_cast<std::chrono::microseconds>(due.time_since_epoch()).count();
+            const std::int64_t stamp_us = due_us + control_.stamp_offset_us + (count % 2) * control_.jitter_us.load();
             const auto does_drop = [number](std::uint32_t every) { return every > 0 && number % every == every - 1; };
             const bool has_colour = !does_drop(control_.drop_colour_every);
             const std::uint32_t log = control_.log_count;
@@ -380,7 +404,8 @@ private:
     std::uint32_t camera_;
     CameraControl& control_;
     std::array<OniSensorInfo, 2> sensors_{};
-    std::array<std::array<OniVideoMode, 2>, 2> modes_{};
+    std::array<std::array<OniVideoMode, kModesMax>, 2> modes_{};
+    int sensor_count_ = 0;
     std::mutex mutex_;  // of the streams
     std::array<TestStream*, 2> streams_{};
     std::atomic<bool> is_ending_{false}, is_registering_{false};

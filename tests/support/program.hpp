@@ -1,37 +1,41 @@
-// The whole program in a process of its own, under the private OpenNI2, to be watched and signalled.
+// A program in a process of its own, with a folder of libraries before the system's, to be watched and signalled.
 #pragma once
 
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
-#include <cstdio>
+#include <chrono>
+#include <cstdint>
+#include <cstdlib>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
-#include "tests/openni2/rig.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh::test {
 
-// A folder that goes with the test.
-class Scratch {
-public:
-    Scratch() {
-        char name[] = "/tmp/stillmesh_live_XXXXXX";
-        path_ = ::mkdtemp(name);
-    }
-    ~Scratch() { static_cast<void>(std::system(("rm -rf " + path_).c_str())); }
-    Scratch(const Scratch&) = delete;
-    Scratch& operator=(const Scratch&) = delete;
-    [[nodiscard]] std::string path(const std::string& name) const { return path_ + "/" + name; }
+[[nodiscard]] inline std::int64_t now_ns(clockid_t clock = CLOCK_MONOTONIC) {
+    timespec now{};
+    ::clock_gettime(clock, &now);
+    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
 
-private:
-    std::string path_;
-};
+inline bool within(std::int64_t timeout_ms, const std::function<bool()>& what) {
+    const std::int64_t end_ns = now_ns() + timeout_ms * 1'000'000;
+    while (!what()) {
+        if (now_ns() > end_ns) return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return true;
+}
 
 [[nodiscard]] inline std::string text_of(const std::string& file) {
     std::ifstream stream(file, std::ios::binary);
@@ -40,8 +44,8 @@ private:
 
 class Program {
 public:
-    Program(const std::string& program, const std::string& openni2_folder, const std::string& arguments,
-            const Scratch& scratch)
+    Program(const std::string& program, const std::string& library_folder, const std::string& arguments,
+            const TemporaryFolder& scratch)
         : out_(scratch.path("out_" + std::to_string(next_number()))), err_(out_ + ".err") {
         std::istringstream words(program + " " + arguments);
         std::vector<std::string> list{std::istream_iterator<std::string>(words), std::istream_iterator<std::string>()};
@@ -50,7 +54,7 @@ public:
         argv.push_back(nullptr);
         pid_ = ::fork();
         if (pid_ == 0) {
-            ::setenv("LD_LIBRARY_PATH", openni2_folder.c_str(), 1);
+            ::setenv("LD_LIBRARY_PATH", library_folder.c_str(), 1);
             const int out = ::open(out_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
             const int err = ::open(err_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
             ::dup2(out, 1);
