@@ -143,6 +143,7 @@ struct FreenectCamera::Session {
     Pairer pairer{kPeriod_us};
     Pair slot, given;
     DeviceClock clock;
+    ArrivalForecast forecast;
     bool has_stamp = false;
     std::uint32_t last_stamp = 0;
     std::int64_t ticks = 0;
@@ -194,6 +195,7 @@ void FreenectCamera::Session::give(std::optional<Pairer::Pair> pair, std::int64_
     slot.depth_us = pair->depth_us;
     slot.taken_ns = clock.host_ns(pair->colour_us, arrival_ns);
     slot.complete_ns = arrival_ns;
+    forecast.arrived(slot.taken_ns, arrival_ns);
     changed.notify_all();
 }
 
@@ -439,7 +441,8 @@ std::int64_t FreenectCamera::next_due_ns() noexcept {
     if (session_ == nullptr) return monotonic_ns() + kPeriod_us * 1000;
     const std::lock_guard lock(session_->mutex);
     if (session_->slot.is_full()) return session_->slot.complete_ns;  // it waits already
-    return (session_->given.is_full() ? session_->given.complete_ns : monotonic_ns()) + kPeriod_us * 1000;
+    const std::int64_t next_ns = session_->forecast.next_ns(kPeriod_us * 1000);
+    return next_ns != 0 ? next_ns : monotonic_ns() + kPeriod_us * 1000;
 }
 
 FreenectCounts FreenectCamera::counts() const noexcept {

@@ -30,4 +30,10 @@ std::int64_t DeviceClock::host_ns(std::int64_t stamp_us, std::int64_t arrival_ns
     return stamp_ns + offset_ns_;
 }
 
+void ArrivalForecast::arrived(std::int64_t taken_ns, std::int64_t arrival_ns) noexcept {
+    const std::int64_t way_ns = std::max<std::int64_t>(arrival_ns - taken_ns, 0);
+    way_ns_ = taken_ns_ == 0 ? way_ns : std::min(way_ns, way_ns_ + kForget_ns);
+    taken_ns_ = taken_ns;
+}
+
 }  // namespace stillmesh

@@ -29,4 +29,22 @@ private:
     std::int64_t next_offset_ns_ = 0;  // smallest of this one
 };
 
+// When the next pair is expected: a period after the last was taken, and on the way as long as the fastest of late. A
+// pair that comes late says nothing about the next: whoever works until then must not be late for it too.
+class ArrivalForecast {
+public:
+    void reset() noexcept { *this = ArrivalForecast(); }
+    void arrived(std::int64_t taken_ns, std::int64_t arrival_ns) noexcept;
+    // 0: none has arrived yet.
+    [[nodiscard]] std::int64_t next_ns(std::int64_t period_ns) const noexcept {
+        return taken_ns_ == 0 ? 0 : taken_ns_ + way_ns_ + period_ns;
+    }
+
+private:
+    static constexpr std::int64_t kForget_ns = 50'000;  // per pair: ways that grow are believed slowly
+
+    std::int64_t taken_ns_ = 0;
+    std::int64_t way_ns_ = 0;
+};
+
 }  // namespace stillmesh

@@ -10,8 +10,10 @@
 #include <condition_variable>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <mutex>
 #include <optional>
+#include <thread>
 #include <utility>
 
 #include "hal/calibration/calibration.hpp"
@@ -29,7 +31,17 @@ using openni2::Runtime;
 constexpr double kFocalDefault = 525.0 / 640.0;  // of the width: what the PrimeSense kind has
 // A file that gives nothing for so long has ended, whatever it promised.
 constexpr int kFileSilence_ms = 500;
-constexpr int kLiveSilence_ms = 20;             // how long closing waits for the reader
+constexpr int kLiveSilence_ms = 20;  // how long closing waits for the reader
+// A recording to which nothing is added for so long is written.
+constexpr int kSettled_ms = 200;
+// The player of files waits with its next image after so long; from being opened on, also on a busy machine.
+constexpr int kPlayerRests_ms = 50;
+constexpr int kPlayerBegins_ms = 300;
+constexpr int kSettleLook_ms = 20;
+constexpr int kSettleMax_ms = 3000;
+// Images/s that pairing believes in: half a period is at most 33 ms, at least 8.
+constexpr int kPairingRateMin = 15;
+constexpr int kPairingRateMax = 60;
 constexpr std::uint32_t kFileImagesMax = 1000;  // without a pair: the two streams do not belong together
 
 [[nodiscard]] std::int64_t clock_ns(clockid_t clock) noexcept {
@@ -154,7 +166,7 @@ struct OpenNi2Camera::Session {
     openni::VideoMode colour_mode, depth_mode;
     std::shared_ptr<DeviceWatch> watch = std::make_shared<DeviceWatch>();
     Status status = Status::kUnavailable;
-    std::string message, description;
+    std::string message, description, record_file;
     std::vector<std::string> notes;
     bool is_file = false;
     bool is_registered = false;
@@ -169,9 +181,11 @@ struct OpenNi2Camera::Session {
     Pairer pairer{33'333};
     Slot slot, given;
     DeviceClock clock;
+    ArrivalForecast forecast;
     std::int64_t time_shift_ns = 0;  // of live stamps to the time of day
     bool has_time_shift = false;
     int colour_index = -1, depth_index = -1;
+    std::int64_t last_colour_us = 0, last_depth_us = 0;
     OpenNi2Counts counts;
 
     ~Session() = default;
@@ -182,7 +196,7 @@ struct OpenNi2Camera::Session {
 private:
     void open(const OpenNi2Options& options);
     void close();
-    // One image of either stream; true: it made a pair, which is in the slot.
+    // One image of either stream; true: it made a pair, which is in the slot, or it is a file's first image again.
     bool take(openni::VideoStream& stream, std::int64_t arrival_ns);
     void read_live();
     void read_file();
@@ -196,6 +210,8 @@ private:
     [[nodiscard]] bool start_modes(const OpenNi2Options& options, const openni::VideoMode& colour_wanted,
                                    const openni::VideoMode& depth_wanted);
     [[nodiscard]] bool record(const OpenNi2Options& options);
+    void rest_player();
+    static void settle(const std::string& file);
 };
 
 bool OpenNi2Camera::Session::open_device(const OpenNi2Options& options) {
@@ -282,6 +298,11 @@ bool OpenNi2Camera::Session::start_modes(const OpenNi2Options& options, const op
 
     is_registered =
         options.registration == Registration::kNone || (is_file && options.registration == Registration::kAuto);
+    if (is_file && options.registration == Registration::kAuto) {
+        notes.emplace_back(
+            "an .oni file does not say whether depth is registered to colour: taken as registered; if people have two "
+            "outlines, use --registration here.");
+    }
     if (!is_file && options.registration == Registration::kAuto &&
         device.isImageRegistrationModeSupported(openni::IMAGE_REGISTRATION_DEPTH_TO_COLOR)) {
         is_registered =
@@ -304,7 +325,8 @@ bool OpenNi2Camera::Session::start_modes(const OpenNi2Options& options, const op
         notes.push_back("colour comes at " + std::to_string(fps) + " and depth at " +
                         std::to_string(depth_mode.getFps()) + " images/s: what finds no partner is dropped.");
     }
-    pairer = Pairer(1'000'000 / std::max(fps, depth_mode.getFps()));
+    // Whatever a file says: its images are no further apart than these rates'.
+    pairer = Pairer(1'000'000 / std::clamp(std::max(fps, depth_mode.getFps()), kPairingRateMin, kPairingRateMax));
     if (depth.start() == openni::STATUS_OK && colour.start() == openni::STATUS_OK) return true;
     const std::string why = extended_error();
     depth.stop();
@@ -324,7 +346,9 @@ bool OpenNi2Camera::Session::start(const OpenNi2Options& options) {
     }
     if (is_file) {
         openni::PlaybackControl* const playback = device.getPlaybackControl();
-        if (playback == nullptr || playback->setRepeatEnabled(false) != openni::STATUS_OK ||
+        // Repeated, though nobody wants it twice: at its end the player's thread would look through the list of
+        // streams, without a lock, again and again, also while they are destroyed. So it waits with the first image.
+        if (playback == nullptr || playback->setRepeatEnabled(true) != openni::STATUS_OK ||
             playback->setSpeed(-1.0F) != openni::STATUS_OK) {
             return refuse(Status::kInvalid,
                           description + ": cannot be played frame by frame: " + extended_error() + ".");
@@ -370,8 +394,22 @@ bool OpenNi2Camera::Session::start(const OpenNi2Options& options) {
     return refuse(last_status, last);
 }
 
+// Returns when nothing has been written into a file for a while.
+void OpenNi2Camera::Session::settle(const std::string& file) {
+    std::uintmax_t size = 0;
+    int quiet_ms = 0;
+    for (int waited_ms = 0; quiet_ms < kSettled_ms && waited_ms < kSettleMax_ms; waited_ms += kSettleLook_ms) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(kSettleLook_ms));
+        std::error_code error;
+        const std::uintmax_t now = std::filesystem::file_size(file, error);
+        quiet_ms = now == size ? quiet_ms + kSettleLook_ms : 0;
+        size = now;
+    }
+}
+
 bool OpenNi2Camera::Session::record(const OpenNi2Options& options) {
     if (options.record.empty()) return true;
+    record_file = options.record;
     if (recorder.create(options.record.c_str()) == openni::STATUS_OK && recorder.attach(depth) == openni::STATUS_OK &&
         recorder.attach(colour) == openni::STATUS_OK && recorder.start() == openni::STATUS_OK) {
         return true;
@@ -391,18 +429,31 @@ void OpenNi2Camera::Session::open(const OpenNi2Options& options) {
     if (start(options) && record(options)) status = Status::kOk;
 }
 
+// OpenNI2's player must be at rest before anything of it is taken away: its thread looks through the streams without a
+// lock unless it waits to give out an image, and one that has not even begun is never told to end.
+void OpenNi2Camera::Session::rest_player() {
+    const bool has_begun = counts.images_colour + counts.images_depth > 0;
+    if (!has_begun && depth.isValid()) static_cast<void>(depth.start());
+    if (!has_begun && colour.isValid()) static_cast<void>(colour.start());
+    std::this_thread::sleep_for(std::chrono::milliseconds(has_begun ? kPlayerRests_ms : kPlayerBegins_ms));
+}
+
 void OpenNi2Camera::Session::close() {
     {
         const std::lock_guard lock(mutex);
         is_closing = true;
         changed.notify_all();
     }
-    if (recorder.isValid()) {
-        recorder.stop();
-        recorder.destroy();
-    }
+    if (is_file) rest_player();
     if (colour.isValid()) colour.stop();
     if (depth.isValid()) depth.stop();
+    if (recorder.isValid()) {
+        // A driver's thread that brings an image holds the stream's lock and waits for the recorder's; who destroys the
+        // recorder meanwhile takes them the other way round, and both hang for ever. So first all is to be written.
+        recorder.stop();
+        settle(record_file);
+        recorder.destroy();
+    }
     {
         // Before the streams they came from are gone.
         const std::lock_guard lock(mutex);
@@ -425,11 +476,18 @@ bool OpenNi2Camera::Session::take(openni::VideoStream& stream, std::int64_t arri
     Slot old;  // released without the lock
     const std::lock_guard lock(mutex);
     if (is_closing) return false;
-    ++(is_colour ? counts.images_colour : counts.images_depth);
     int& index = is_colour ? colour_index : depth_index;
+    std::int64_t& last_us = is_colour ? last_colour_us : last_depth_us;
+    if (is_file && image.getFrameIndex() <= index && time_us <= last_us) {  // it begins again
+        has_ended = true;
+        changed.notify_all();
+        return true;
+    }
+    last_us = time_us;
     const int missing = image.getFrameIndex() - index - 1;
     if (index >= 0 && missing > 0 && missing < 1000) counts.images_missing += static_cast<std::uint64_t>(missing);
     index = image.getFrameIndex();
+    ++(is_colour ? counts.images_colour : counts.images_depth);
     // Both streams have one clock: each image tells something about it.
     if (!is_file) static_cast<void>(clock.host_ns(time_us, arrival_ns));
     std::optional<Pairer::Pair> pair =
@@ -444,6 +502,7 @@ bool OpenNi2Camera::Session::take(openni::VideoStream& stream, std::int64_t arri
     slot.taken_ns = is_file ? arrival_ns : clock.host_ns(pair->colour_us, arrival_ns);
     slot.complete_ns = arrival_ns;
     slot.is_full = true;
+    forecast.arrived(slot.taken_ns, arrival_ns);
     changed.notify_all();
     return true;
 }
@@ -793,7 +852,8 @@ std::int64_t OpenNi2Camera::next_due_ns() noexcept {
     if (session_ == nullptr) return clock_ns(CLOCK_MONOTONIC) + period_ns;
     const std::lock_guard lock(session_->mutex);
     if (session_->slot.is_full) return session_->slot.complete_ns;  // it waits already
-    return (session_->given.is_full ? session_->given.complete_ns : clock_ns(CLOCK_MONOTONIC)) + period_ns;
+    const std::int64_t next_ns = session_->forecast.next_ns(period_ns);
+    return next_ns != 0 ? next_ns : clock_ns(CLOCK_MONOTONIC) + period_ns;
 }
 
 OpenNi2Counts OpenNi2Camera::counts() const noexcept {

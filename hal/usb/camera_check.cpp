@@ -61,14 +61,13 @@ void find(CameraReport& report, CameraVerdict verdict, std::string problem, std:
         find(report, CameraVerdict::kNoPower,
              "it is switched off: it asks for " + std::to_string(device.power_ma) + " mA and " + hub_text(hub_port) +
                  (is_weak_hub ? " has no power supply of its own" : " does not give that much"),
-             is_weak_hub ? "plug it straight into the computer, or into a hub with its own power supply"
-                         : "plug it into a hub with its own power supply, or into another port");
+             is_weak_hub ? "plug it straight into the computer" : "plug it into a hub with its own power supply");
     } else if (device.speed == UsbSpeed::kLow || device.speed == UsbSpeed::kFull) {
         const bool is_slow_hub = hub != nullptr && hub_port.depth > 0 && hub->speed == UsbSpeed::kFull;
         find(report, CameraVerdict::kTooSlow,
              "it is connected at " + speed_text(device.speed) + ", too slow for images",
              is_slow_hub ? hub_text(hub_port) + " is USB 1: plug the camera into a USB 2 or USB 3 port"
-                         : "use another cable, and a USB 2 or USB 3 port straight on the computer");
+                         : "plug it with another cable into a USB 2 or USB 3 port of the computer");
     } else if (camera.role == CameraRole::kDepthOnly) {
         find(report, CameraVerdict::kDepthOnly, std::string("Stillmesh needs colour and depth: ") + camera.remark,
              "use a camera with both behind one driver, such as an ASUS Xtion PRO Live or an Orbbec Astra");
@@ -98,14 +97,19 @@ void find(CameraReport& report, CameraVerdict verdict, std::string problem, std:
     }
     // OpenNI2 as Debian builds it loads lib*.so.0 only.
     const std::string file = std::string(openni2_plug_in(driver)) + ".so.0";
-    if (std::find(surroundings.plug_ins.begin(), surroundings.plug_ins.end(), file) != surroundings.plug_ins.end()) {
-        return false;
-    }
-    const std::string problem = "OpenNI2's driver for it, " + file + ", is not in " + surroundings.plug_in_folder;
+    const auto is_in = [&file](const std::vector<std::string>& files) {
+        return std::find(files.begin(), files.end(), file) != files.end();
+    };
+    if (is_in(surroundings.plug_ins)) return false;
+    const std::string problem =
+        "OpenNI2's driver for it, " + file +
+        (is_in(surroundings.unusable_plug_ins) ? ", is damaged or for another processor, in " : ", is not in ") +
+        surroundings.plug_in_folder;
     if (driver == CameraDriver::kOrbbec) {
         find(report, CameraVerdict::kDriverMissing, problem,
-             "download Orbbec's OpenNI SDK (orbbec.com, Developers), Debian does not have it, and copy the driver from "
-             "it",
+             "download Orbbec's OpenNI SDK for this processor (orbbec.com, Developers; Debian does not have it) and "
+             "copy "
+             "the driver from it",
              {"sudo cp liborbbec.so " + surroundings.plug_in_folder + "/" + file});
     } else {
         find(report, CameraVerdict::kDriverMissing, problem, "install OpenNI2 again",
@@ -123,7 +127,7 @@ void find_denied(const UsbNode& node, const CameraSurroundings& surroundings, Ca
         find(report, CameraVerdict::kDenied,
              problem + ": the udev rules are installed (" + surroundings.rule_files.front() +
                  ") but have not been applied to it",
-             "apply them, or unplug the camera and plug it in again",
+             "apply them; if it still fails, unplug the camera and plug it in again",
              {"sudo udevadm control --reload", "sudo udevadm trigger --subsystem-match=usb"});
     } else {
         find(report, CameraVerdict::kDenied, problem + ": the udev rules are missing",
@@ -149,7 +153,7 @@ void find_held(UsbLink& link, CameraReport& report) {
              {"sudo modprobe -r " + driver,
               "echo blacklist " + driver + " | sudo tee /etc/modprobe.d/stillmesh-" + driver + ".conf"});
     } else {
-        find(report, CameraVerdict::kHeld, "another user's program uses it", "find out which, and end it",
+        find(report, CameraVerdict::kHeld, "another user's program uses it", "ask as root which it is, and end it",
              {"sudo stillmesh cameras"});
     }
 }
@@ -231,7 +235,7 @@ void find_shared_buses(std::vector<CameraReport>& reports) {
         find(report, CameraVerdict::kSharedBus,
              "it shares a USB 2 bus with the camera at " + others + ": together they need " +
                  std::to_string(megabytes) + " MB/s, the bus carries some " + std::to_string(kUsb2MegabytesPerS),
-             "use one at a time, or plug one into a port of another USB controller");
+             "plug one of them into a port of another USB controller; until then, use one at a time");
     }
 }
 

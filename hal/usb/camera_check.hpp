@@ -39,11 +39,12 @@ enum class CameraVerdict : std::uint8_t {
 
 // What the check cannot see on the bus: what is installed.
 struct CameraSurroundings {
-    bool has_openni2 = false;             // in this build
-    bool has_freenect = false;            // in this build
-    std::string plug_in_folder;           // where OpenNI2 looks for its drivers
-    std::vector<std::string> plug_ins;    // file names there, such as libPS1080.so.0
-    std::vector<std::string> rule_files;  // our udev rules, where they are installed
+    bool has_openni2 = false;                    // in this build
+    bool has_freenect = false;                   // in this build
+    std::string plug_in_folder;                  // where OpenNI2 looks for its drivers
+    std::vector<std::string> plug_ins;           // file names there, such as libPS1080.so.0
+    std::vector<std::string> unusable_plug_ins;  // there too, but damaged or for another processor
+    std::vector<std::string> rule_files;         // our udev rules, where they are installed
 };
 
 struct CameraReport {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "platform/cli/complaint.hpp"
@@ -22,6 +23,22 @@ int find_openni2(dl_phdr_info* library, std::size_t, void* folder) {
     if (path.find("/libOpenNI2.so") == std::string::npos) return 0;
     *static_cast<std::string*>(folder) = path.substr(0, path.rfind('/'));
     return 1;
+}
+
+// What a library's head says about where it runs: word size, byte order, processor. Empty: is no library.
+[[nodiscard]] std::string elf_kind(const std::string& file) {
+    std::ifstream stream(file, std::ios::binary);
+    char head[20] = {};
+    if (!stream.read(head, sizeof(head)) || std::string_view(head, 4) !=
+                                                "\x7f"
+                                                "ELF")
+        return {};
+    return {head[4], head[5], head[18], head[19]};
+}
+
+[[nodiscard]] bool is_of_this_processor(const std::string& library) {
+    const std::string kind = elf_kind(library);
+    return !kind.empty() && kind == elf_kind("/proc/self/exe");
 }
 
 [[nodiscard]] std::string ids(const UsbDevice& device) {
@@ -63,7 +80,8 @@ CameraSurroundings camera_surroundings() {
     if (!library_folder.empty()) {
         surroundings.plug_in_folder = library_folder + "/OpenNI2/Drivers";
         for (const auto& file : std::filesystem::directory_iterator(surroundings.plug_in_folder, error)) {
-            surroundings.plug_ins.push_back(file.path().filename().string());
+            (is_of_this_processor(file.path().string()) ? surroundings.plug_ins : surroundings.unusable_plug_ins)
+                .push_back(file.path().filename().string());
         }
         std::sort(surroundings.plug_ins.begin(), surroundings.plug_ins.end());
     }

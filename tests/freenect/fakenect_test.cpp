@@ -203,8 +203,11 @@ TEST(Fakenect, PlaysARecording) {
     return {STILLMESH_PROGRAM, STILLMESH_FAKENECT_FOLDER, arguments, folder};
 }
 [[nodiscard]] nlohmann::json json_of(const test::Program& program) {
-    const nlohmann::json json = nlohmann::json::parse(program.out(), nullptr, false);
-    EXPECT_FALSE(json.is_discarded()) << program.out() << program.err();
+    // The player, too, writes to standard output.
+    const std::string text = program.out();
+    const nlohmann::json json =
+        nlohmann::json::parse(text.substr(std::min(text.find("{\n"), text.size())), nullptr, false);
+    EXPECT_FALSE(json.is_discarded()) << text << program.err();
     return json;
 }
 
@@ -216,15 +219,20 @@ TEST(Fakenect, TheProgramTracksAKinect) {
     const test::TemporaryFolder folder;
     const std::string path = folder.path("path.txt");
     {
-        test::Program run = start("run --camera freenect --frames 18 --json --trajectory " + path, folder);
-        ASSERT_EQ(run.wait(60'000), 0) << run.err();
+        // The player plays once, at its pace; then the Kinect stays away.
+        test::Program run = start("run --camera freenect --json --trajectory " + path, folder);
+        ASSERT_TRUE(test::within(60'000, [&] {
+            return test::text_of(path).find("# the camera is gone (libfreenect has given it up)") != std::string::npos;
+        })) << run.err();
+        run.signal(SIGINT);
+        ASSERT_EQ(run.wait(20'000), 130) << run.err();
         const nlohmann::json json = json_of(run);
-        EXPECT_EQ(json["frames"], 18);
+        EXPECT_GE(json["frames"], 5) << "30, on a machine that is not busy";
         EXPECT_GT(json["coverage"], 0.95);
         EXPECT_EQ(json["is_realtime"], true);
         EXPECT_EQ(json["camera"]["device"], "Kinect, 640x480@30, depth registered here");
         EXPECT_NEAR(json["camera"]["lag_mean_ms"].get<double>(), 8.0, 0.01);
-        EXPECT_EQ(json["life"]["unplugs"], 0);
+        EXPECT_EQ(json["life"]["unplugs"], 1);
         Trajectory estimate;
         std::string message;
         ASSERT_EQ(read_trajectory(path, estimate, message), Status::kOk) << message;
@@ -243,24 +251,13 @@ TEST(Fakenect, TheProgramTracksAKinect) {
         EXPECT_LT(best_m, 0.02);
     }
     {
-        // The player does not begin again: to the program, a Kinect that stays away.
-        test::Program run = start("run --camera freenect --trajectory " + path, folder);
-        ASSERT_TRUE(test::within(30'000, [&] {
-            return run.err().find("the camera is gone (libfreenect has given it up)") != std::string::npos;
-        })) << run.err();
-        run.signal(SIGINT);
-        EXPECT_EQ(run.wait(10'000), 130);
-        EXPECT_NE(run.out().find("unplugged 1 times"), std::string::npos) << run.out();
-        EXPECT_NE(test::text_of(path).find("# the camera is gone"), std::string::npos);
-    }
-    {
         test::Program capture =
-            start("capture --camera freenect --frames 10 --json --out " + folder.path("room"), folder);
+            start("capture --camera freenect --frames 3 --json --out " + folder.path("room"), folder);
         ASSERT_EQ(capture.wait(60'000), 0) << capture.err();
-        EXPECT_EQ(json_of(capture)["frames"], 10);
+        EXPECT_EQ(json_of(capture)["frames"], 3);
         test::Program replay = start("run --replay " + folder.path("room") + " --json", folder);
         ASSERT_EQ(replay.wait(60'000), 0) << replay.err();
-        EXPECT_EQ(json_of(replay)["frames"], 10);
+        EXPECT_EQ(json_of(replay)["frames"], 3);
         EXPECT_EQ(json_of(replay)["coverage"], 1.0);
     }
 }

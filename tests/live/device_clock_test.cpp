@@ -40,5 +40,23 @@ TEST(DeviceClock, HostClockAndNonsense) {
     }
 }
 
+// Promise: a pair that comes late does not make the next one expected late; a way that has become longer is believed
+// within some seconds.
+TEST(ArrivalForecast, LatenessIsNotPassedOn) {
+    constexpr std::int64_t kPeriod_ns = 33'333'000;
+    ArrivalForecast forecast;
+    EXPECT_EQ(forecast.next_ns(kPeriod_ns), 0);
+    std::int64_t taken_ns = 5'000'000'000;
+    for (int i = 0; i < 300; ++i, taken_ns += kPeriod_ns) {
+        const std::int64_t late_ns = i % 10 == 3 ? 9'000'000 : 0;
+        forecast.arrived(taken_ns, taken_ns + 3'000'000 + late_ns);
+        const std::int64_t true_ns = taken_ns + kPeriod_ns + 3'000'000;
+        EXPECT_GE(forecast.next_ns(kPeriod_ns), true_ns);
+        EXPECT_LE(forecast.next_ns(kPeriod_ns), true_ns + 50'000);
+    }
+    for (int i = 0; i < 300; ++i, taken_ns += kPeriod_ns) forecast.arrived(taken_ns, taken_ns + 7'000'000);
+    EXPECT_EQ(forecast.next_ns(kPeriod_ns), taken_ns + 7'000'000);
+}
+
 }  // namespace
 }  // namespace stillmesh

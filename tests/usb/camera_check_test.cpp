@@ -41,6 +41,11 @@ struct Checked {
         EXPECT_EQ(report.problem.empty(), report.verdict == CameraVerdict::kReady);
         EXPECT_EQ(report.problem.empty(), report.advice.empty());
         EXPECT_FALSE(report.problem.ends_with('.') || report.advice.ends_with('.'));
+        // One thing to do. What to try if that does not help comes behind a semicolon.
+        const std::string first = report.advice.substr(0, report.advice.find(';'));
+        EXPECT_EQ(first.find(", or "), std::string::npos) << report.advice;
+        EXPECT_LT(report.advice.size(), 200U) << report.advice;
+        EXPECT_LE(report.commands.size(), 3U);
     }
     return checked;
 }
@@ -185,6 +190,10 @@ TEST(CameraCheck, DriverMissing) {
     link.devices[0].device.product_id = 0x0601;
     surroundings.plug_ins.clear();
     expect_one(check(link, surroundings), CameraVerdict::kDriverMissing, "libPS1080.so.0", "--reinstall libopenni2-0");
+    surroundings.unusable_plug_ins = {"libPS1080.so.0"};
+    expect_one(check(link, surroundings), CameraVerdict::kDriverMissing,
+               "libPS1080.so.0, is damaged or for another processor, in /usr/lib/OpenNI2/Drivers",
+               "--reinstall libopenni2-0");
     surroundings.has_openni2 = false;
     expect_one(check(link, surroundings), CameraVerdict::kDriverMissing, "built without OpenNI2", "libopenni2-dev");
     link.devices[0].device.vendor_id = 0x045e;

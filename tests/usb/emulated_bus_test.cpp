@@ -9,6 +9,8 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -16,6 +18,7 @@
 #include "hal/usb/camera_check.hpp"
 #include "hal/usb/libusb_link.hpp"
 #include "platform/cli/cameras_command.hpp"
+#include "tests/support/temporary_folder.hpp"
 #include "tests/usb/emulated_bus.hpp"
 
 namespace stillmesh {
@@ -80,6 +83,22 @@ private:
     pid_t pid_ = -1;
 };
 
+// What `stillmesh ARGUMENTS` prints, and its exit code; OpenNI2 is loaded from `libraries`, if that is given.
+struct Said {
+    int code = -1;
+    std::string text;
+};
+[[nodiscard]] Said says(const std::string& arguments, const std::string& libraries = {}) {
+    const std::string before = libraries.empty() ? std::string() : "LD_LIBRARY_PATH=" + libraries + " ";
+    std::FILE* const pipe = ::popen((before + STILLMESH_PROGRAM + " " + arguments).c_str(), "r");
+    Said said;
+    char buffer[512];
+    while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) said.text += buffer;
+    const int status = ::pclose(pipe);
+    if (WIFEXITED(status)) said.code = WEXITSTATUS(status);
+    return said;
+}
+
 class EmulatedBusTest : public ::testing::Test {
 protected:
     [[nodiscard]] std::vector<CameraReport> check() {
@@ -94,6 +113,16 @@ protected:
         ASSERT_EQ(reports.size(), 1U) << text;
         EXPECT_STREQ(verdict_name(reports[0].verdict), verdict_name(verdict)) << text;
         EXPECT_NE(text.find(sentence), std::string::npos) << text;
+        // The program itself, with what is installed here.
+#ifndef STILLMESH_HAS_OPENNI2
+        if (reports[0].camera->driver != CameraDriver::kFreenect) return;
+#endif
+#ifndef STILLMESH_HAS_FREENECT
+        if (reports[0].camera->driver == CameraDriver::kFreenect) return;
+#endif
+        const Said said = says("cameras");
+        EXPECT_NE(said.text.find(sentence), std::string::npos) << said.text;
+        EXPECT_EQ(said.code, can_stream(verdict) ? 0 : 1) << said.text;
     }
     // The device with these ids on the bus as `link` sees it.
     [[nodiscard]] static UsbDevice find_device(UsbLink& link, std::uint16_t product_id = 0x0601) {
@@ -160,6 +189,9 @@ TEST_F(EmulatedBusTest, NoCamera) {
     const std::vector<CameraReport> reports = check();
     EXPECT_TRUE(reports.empty());
     EXPECT_NE(cameras_text(reports).find("No depth camera is plugged in"), std::string::npos);
+    const Said said = says("cameras");
+    EXPECT_NE(said.text.find("No depth camera is plugged in"), std::string::npos) << said.text;
+    EXPECT_EQ(said.code, 1);
 }
 
 // Promise: 3: a user without permission is told of the udev rule.
@@ -282,6 +314,44 @@ TEST_F(EmulatedBusTest, Astra) {
     expect_one(CameraVerdict::kBootloader, "waits in its boot loader");
 }
 
+// Promise: 11: cameras that will never do here, and which would.
+TEST_F(EmulatedBusTest, WrongCameras) {
+    test::EmulatedDevice& pro = bus_.plug({.vendor_id = 0x2bc5, .product_id = 0x0403, .product = "Astra Pro"});
+    expect_one(CameraVerdict::kDepthOnly, "do        use a camera with both behind one driver");
+    bus_.unplug(pro);
+    bus_.plug({.vendor_id = 0x045e, .product_id = 0x097c, .address = 3, .product = "Azure Kinect"});
+    expect_one(CameraVerdict::kUnsupported, "do        use an ASUS Xtion PRO Live");
+}
+
+// Promise: 12: whether the driver is installed is asked of the OpenNI2 that the program runs with: a driver that is not
+// there, a link to nothing and a file of another processor are three ways of having none.
+TEST_F(EmulatedBusTest, DriverOfTheOpenNi2AtHand) {
+#ifndef STILLMESH_OPENNI2_REAL
+    GTEST_SKIP() << "this build has no OpenNI2";
+#else
+    bus_.plug({});
+    const std::filesystem::path library = STILLMESH_OPENNI2_REAL;
+    const test::TemporaryFolder own;
+    const std::string folder = own.path("OpenNI2/Drivers");
+    std::filesystem::create_directories(folder);
+    std::filesystem::create_symlink(library, own.path("libOpenNI2.so.0"));
+    const std::string driver = folder + "/libPS1080.so.0";
+    const auto expect = [&own](int code, const std::string& sentence) {
+        const Said said = says("cameras", own.path());
+        EXPECT_EQ(said.code, code) << said.text;
+        EXPECT_NE(said.text.find(sentence), std::string::npos) << said.text;
+    };
+    expect(1, "no: OpenNI2's driver for it, libPS1080.so.0, is not in " + folder + "\n  do        install OpenNI2");
+    std::filesystem::create_symlink(own.path("nothing"), driver);
+    expect(1, "libPS1080.so.0, is damaged or for another processor, in " + folder);
+    std::filesystem::remove(driver);
+    std::filesystem::copy_file(library.parent_path() / "OpenNI2/Drivers/libPS1080.so.0", driver);
+    expect(0, "streams   yes\n  do        stillmesh run --camera auto\n");
+    std::fstream(driver, std::ios::in | std::ios::out | std::ios::binary).seekp(18).put(8);  // a MIPS
+    expect(1, "libPS1080.so.0, is damaged or for another processor, in " + folder);
+#endif
+}
+
 // Promise: unplugging and plugging in again are heard, with ids and place, within a second; calls on a device that is
 // gone say so; a device back at its place has the same port.
 TEST_F(EmulatedBusTest, UnplugAndReplug) {
@@ -355,13 +425,9 @@ TEST_F(EmulatedBusTest, OpenDevicesAreBounded) {
 // Promise: the program itself says the same, and its JSON can be read; its exit code tells whether a camera can stream.
 TEST_F(EmulatedBusTest, TheProgram) {
     const auto run = [](const std::string& arguments, int& code) {
-        std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments).c_str(), "r");
-        std::string text;
-        char buffer[512];
-        while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) text += buffer;
-        const int status = ::pclose(pipe);
-        code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-        return text;
+        const Said said = says(arguments);
+        code = said.code;
+        return said.text;
     };
     int code = -1;
     EXPECT_NE(run("cameras", code).find("No depth camera"), std::string::npos);
@@ -374,7 +440,13 @@ TEST_F(EmulatedBusTest, TheProgram) {
     bus_.unplug(camera);
     test::EmulatedDevice& fast = bus_.plug({.address = 9});
     const nlohmann::json json = nlohmann::json::parse(run("cameras --json", code));
-    EXPECT_EQ(code, json["cameras"][0]["can_stream"] ? 0 : 1);  // OpenNI2 need not be in this build
+#ifdef STILLMESH_HAS_OPENNI2
+    EXPECT_EQ(json["cameras"][0]["verdict"], "ready") << json;
+    EXPECT_EQ(code, 0);
+#else
+    EXPECT_EQ(json["cameras"][0]["verdict"], "driver_missing") << json;
+    EXPECT_EQ(code, 1);
+#endif
     EXPECT_EQ(json["cameras"][0]["openni2_uri"], "1d27/0601@1/9");
     EXPECT_EQ(run("cameras --reset", code), "the camera at 1-1 was reset.\n");
     EXPECT_EQ(code, 0);

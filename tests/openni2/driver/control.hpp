@@ -9,6 +9,7 @@ namespace stillmesh::test {
 
 inline constexpr std::uint32_t kControlMagic = 0x434d4f4eU;
 inline constexpr std::uint32_t kCamerasMax = 2;
+inline constexpr std::uint32_t kDepthMax = 32767;  // what OpenNI2's compression of depth can hold
 inline constexpr std::uint32_t kLogMax = 16384;
 
 struct EmittedFrame {

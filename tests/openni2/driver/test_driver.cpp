@@ -136,7 +136,7 @@ public:
             case ONI_STREAM_PROPERTY_HORIZONTAL_FOV: return put(data, size, fov(shared_.frames->width));
             case ONI_STREAM_PROPERTY_VERTICAL_FOV: return put(data, size, fov(shared_.frames->height));
             case ONI_STREAM_PROPERTY_MIRRORING: return put(data, size, is_mirroring_);
-            case ONI_STREAM_PROPERTY_MAX_VALUE: return put(data, size, int{10000});
+            case ONI_STREAM_PROPERTY_MAX_VALUE: return put(data, size, depth_max());
             case ONI_STREAM_PROPERTY_MIN_VALUE: return put(data, size, int{0});
             case ONI_STREAM_PROPERTY_STRIDE: return put(data, size, mode_.resolutionX * bytes());
             case ONI_STREAM_PROPERTY_CROPPING: {  // a recording without it plays no image
@@ -203,7 +203,7 @@ public:
         raisePropertyChanged(ONI_STREAM_PROPERTY_VERTICAL_FOV, &y, sizeof(y));
         raisePropertyChanged(ONI_STREAM_PROPERTY_MIRRORING, &is_mirroring_, sizeof(is_mirroring_));
         if (type_ == ONI_SENSOR_DEPTH) {
-            const int max = 10000;
+            const int max = depth_max();
             const int min = 0;
             raisePropertyChanged(ONI_STREAM_PROPERTY_MAX_VALUE, &max, sizeof(max));
             raisePropertyChanged(ONI_STREAM_PROPERTY_MIN_VALUE, &min, sizeof(min));
@@ -237,6 +237,9 @@ public:
 
 private:
     [[nodiscard]] int bytes() const { return mode_.pixelFormat == ONI_PIXEL_FORMAT_RGB888 ? 3 : 2; }
+    [[nodiscard]] int depth_max() const {
+        return mode_.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM ? static_cast<int>(kDepthMax) : 10000;
+    }
     [[nodiscard]] float fov(std::uint32_t pixels) const {
         return static_cast<float>(2.0 * std::atan(0.5 * pixels / shared_.frames->fx));
     }
@@ -256,7 +259,9 @@ private:
                 const std::size_t from = std::size_t{y * head.height / height} * head.width + x * head.width / width;
                 if (type_ == ONI_SENSOR_DEPTH) {
                     static_cast<std::uint16_t*>(data)[to] =
-                        is_fine_depth ? static_cast<std::uint16_t>(std::min(depth[from] * 10, 65535)) : depth[from];
+                        is_fine_depth ? (depth[from] * 10U <= kDepthMax ? static_cast<std::uint16_t>(depth[from] * 10U)
+                                                                        : std::uint16_t{0})
+                                      : depth[from];
                     continue;
                 }
                 const std::uint8_t value =
