@@ -34,6 +34,7 @@ constexpr int kFileSilence_ms = 500;
 constexpr int kLiveSilence_ms = 20;  // how long closing waits for the reader
 // A recording to which nothing is added for so long is written.
 constexpr int kSettled_ms = 200;
+constexpr int kPairWait_ms = 1000;
 // The player of files waits with its next image after so long; from being opened on, also on a busy machine.
 constexpr int kPlayerRests_ms = 50;
 constexpr int kPlayerBegins_ms = 300;
@@ -411,8 +412,18 @@ bool OpenNi2Camera::Session::record(const OpenNi2Options& options) {
     if (options.record.empty()) return true;
     record_file = options.record;
     if (recorder.create(options.record.c_str()) == openni::STATUS_OK && recorder.attach(depth) == openni::STATUS_OK &&
-        recorder.attach(colour) == openni::STATUS_OK && recorder.start() == openni::STATUS_OK) {
-        return true;
+        recorder.attach(colour) == openni::STATUS_OK) {
+        // The recorder gives the first image of each stream the time 0. Begun between colour and depth of one instant,
+        // it would shift them against each other by an image: it begins behind a pair.
+        const std::int64_t end_ns = clock_ns(CLOCK_MONOTONIC) + std::int64_t{kPairWait_ms} * 1'000'000;
+        openni::VideoStream* streams[2] = {&depth, &colour};
+        bool is_pair = false;
+        while (!is_pair && clock_ns(CLOCK_MONOTONIC) < end_ns) {
+            int ready = -1;
+            is_pair = openni::OpenNI::waitForAnyStream(streams, 2, &ready, kLiveSilence_ms) == openni::STATUS_OK &&
+                      take(*streams[ready], clock_ns(CLOCK_MONOTONIC));
+        }
+        if (recorder.start() == openni::STATUS_OK) return true;
     }
     return refuse(Status::kInvalid, options.record + ": cannot be recorded: " + extended_error() + ".");
 }
