@@ -30,7 +30,7 @@ using openni2::Runtime;
 
 constexpr double kFocalDefault = 525.0 / 640.0;  // of the width: what the PrimeSense kind has
 // A file that gives nothing for so long has ended, whatever it promised.
-constexpr int kFileSilence_ms = 500;
+constexpr int kFileSilence_ms = 3000;
 constexpr int kLiveSilence_ms = 20;  // how long closing waits for the reader
 // A recording to which nothing is added for so long is written.
 constexpr int kSettled_ms = 200;
