@@ -77,7 +77,7 @@ Status FrameGuard::admit(Frame& frame, std::int64_t arrival_ns) noexcept {
     last_out_ns_ = time_ns + shift_ns_;
     frame.time_ns = last_out_ns_;
     // A depth time that belongs to another clock is not known.
-    const std::int64_t lag_ns = frame.depth_time_ns - time_ns;
+    const std::int64_t lag_ns = std::max<std::int64_t>(frame.depth_time_ns, 0) - time_ns;
     const bool is_lag_known = frame.depth_time_ns > 0 && lag_ns > -period_ns && lag_ns < period_ns;
     frame.depth_time_ns = is_lag_known ? last_out_ns_ + lag_ns : 0;
     look(frame);

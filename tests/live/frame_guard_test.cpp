@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -25,7 +26,7 @@ public:
         }
         Frame f;
         f.time_ns = time_ns;
-        f.depth_time_ns = time_ns + 2'000'000;
+        f.depth_time_ns = std::min(time_ns, INT64_MAX - 2'000'000) + 2'000'000;
         f.format = PixelFormat::kGrey8;
         f.colour = {colour.data(), 64, 48, 64};
         f.depth = {depth.data(), 64, 48, 64};

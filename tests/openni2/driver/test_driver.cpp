@@ -253,10 +253,13 @@ private:
         const auto* const depth = reinterpret_cast<const std::uint16_t*>(grey + pixels) + (is_raw ? pixels : 0);
         const std::uint32_t step = std::max(head.width / width, 1U);
         const bool is_fine_depth = mode_.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
+        const bool is_finer = width > head.width;
         for (std::uint32_t y = 0; y < height; ++y) {
+            const std::uint32_t row = is_finer ? y * head.height / height : y * step;
             for (std::uint32_t x = 0; x < width; ++x) {
                 const std::uint32_t to = y * width + (is_mirroring_ != FALSE ? width - 1 - x : x);
-                const std::size_t from = std::size_t{y * head.height / height} * head.width + x * head.width / width;
+                const std::uint32_t column = is_finer ? x * head.width / width : x * step;
+                const std::size_t from = std::size_t{row} * head.width + column;
                 if (type_ == ONI_SENSOR_DEPTH) {
                     static_cast<std::uint16_t*>(data)[to] =
                         is_fine_depth ? (depth[from] * 10U <= kDepthMax ? static_cast<std::uint16_t>(depth[from] * 10U)
