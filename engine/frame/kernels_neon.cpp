@@ -81,114 +81,41 @@ void scale_row(const std::uint8_t* above, const std::uint8_t* below, std::uint32
     }
 }
 
-// The best arcs so far of 16 centres: the greatest of the arcs' least pixels, the least of their greatest.
-struct Arcs {
-    uint8x16_t bright;
-    uint8x16_t dark;
-};
+using Lanes = uint8x16_t;
+constexpr std::uint32_t kLanes = 16;
 
-// Two more arcs of nine: those that add one of two pixels to the same eight.
-inline __attribute__((always_inline)) void add_arcs(Arcs& best, uint8x16_t least8, uint8x16_t greatest8,
-                                                    uint8x16_t before, uint8x16_t after) noexcept {
-    best.bright = vmaxq_u8(best.bright, vminq_u8(least8, vmaxq_u8(before, after)));
-    best.dark = vminq_u8(best.dark, vmaxq_u8(greatest8, vminq_u8(before, after)));
+Lanes load(const std::uint8_t* p) noexcept {
+    return vld1q_u8(p);
 }
-
-// The AVX2 kernel's way (explained there), 16 centres at once.
-bool fast_row(const std::uint8_t* row, std::ptrdiff_t stride, std::uint32_t x_begin, std::uint32_t x_end,
-              std::uint8_t threshold, std::uint8_t* strengths) noexcept {
-    const uint8x16_t t = vdupq_n_u8(threshold);
-    const uint8x16_t zero = vdupq_n_u8(0);
-    uint8x16_t any = zero;
-    for (std::uint32_t x = x_begin; x < x_end; x += 16) {
-        const std::uint8_t* const row0 = row + x;
-        const uint8x16_t centre = vld1q_u8(row0);
-        const std::uint8_t* const above3 = row0 - 3 * stride;
-        const std::uint8_t* const above2 = row0 - 2 * stride;
-        const std::uint8_t* const above1 = row0 - stride;
-        const std::uint8_t* const below1 = row0 + stride;
-        const std::uint8_t* const below2 = row0 + 2 * stride;
-        const std::uint8_t* const below3 = row0 + 3 * stride;
-        const uint8x16_t high = vqaddq_u8(centre, t);
-        const uint8x16_t low = vqsubq_u8(centre, t);
-        // An arc of nine holds one of every two opposite pixels: all such pairs must have a bright (or dark) one.
-        const uint8x16_t p0 = vld1q_u8(above3);
-        const uint8x16_t p8 = vld1q_u8(below3);
-        const uint8x16_t p4 = vld1q_u8(row0 + 3);
-        const uint8x16_t p12 = vld1q_u8(row0 - 3);
-        uint8x16_t bright = vminq_u8(vmaxq_u8(p0, p8), vmaxq_u8(p4, p12));
-        uint8x16_t dark = vmaxq_u8(vminq_u8(p0, p8), vminq_u8(p4, p12));
-        if (!is_any_set(vorrq_u8(vcgtq_u8(bright, high), vcgtq_u8(low, dark)))) {
-            vst1q_u8(strengths + x, zero);
-            continue;
-        }
-        const uint8x16_t p2 = vld1q_u8(above2 + 2);
-        const uint8x16_t p10 = vld1q_u8(below2 - 2);
-        const uint8x16_t p6 = vld1q_u8(below2 + 2);
-        const uint8x16_t p14 = vld1q_u8(above2 - 2);
-        bright = vminq_u8(bright, vminq_u8(vmaxq_u8(p2, p10), vmaxq_u8(p6, p14)));
-        dark = vmaxq_u8(dark, vmaxq_u8(vminq_u8(p2, p10), vminq_u8(p6, p14)));
-        if (!is_any_set(vorrq_u8(vcgtq_u8(bright, high), vcgtq_u8(low, dark)))) {
-            vst1q_u8(strengths + x, zero);
-            continue;
-        }
-        const uint8x16_t p1 = vld1q_u8(above3 + 1);
-        const uint8x16_t p3 = vld1q_u8(above1 + 3);
-        const uint8x16_t p5 = vld1q_u8(below1 + 3);
-        const uint8x16_t p7 = vld1q_u8(below3 + 1);
-        const uint8x16_t p9 = vld1q_u8(below3 - 1);
-        const uint8x16_t p11 = vld1q_u8(below1 - 3);
-        const uint8x16_t p13 = vld1q_u8(above1 - 3);
-        const uint8x16_t p15 = vld1q_u8(above3 - 1);
-        // Of two, four, then eight pixels from an odd one.
-        const uint8x16_t least2_1 = vminq_u8(p1, p2);
-        const uint8x16_t least2_3 = vminq_u8(p3, p4);
-        const uint8x16_t least2_5 = vminq_u8(p5, p6);
-        const uint8x16_t least2_7 = vminq_u8(p7, p8);
-        const uint8x16_t least2_9 = vminq_u8(p9, p10);
-        const uint8x16_t least2_11 = vminq_u8(p11, p12);
-        const uint8x16_t least2_13 = vminq_u8(p13, p14);
-        const uint8x16_t least2_15 = vminq_u8(p15, p0);
-        const uint8x16_t least4_1 = vminq_u8(least2_1, least2_3);
-        const uint8x16_t least4_3 = vminq_u8(least2_3, least2_5);
-        const uint8x16_t least4_5 = vminq_u8(least2_5, least2_7);
-        const uint8x16_t least4_7 = vminq_u8(least2_7, least2_9);
-        const uint8x16_t least4_9 = vminq_u8(least2_9, least2_11);
-        const uint8x16_t least4_11 = vminq_u8(least2_11, least2_13);
-        const uint8x16_t least4_13 = vminq_u8(least2_13, least2_15);
-        const uint8x16_t least4_15 = vminq_u8(least2_15, least2_1);
-        const uint8x16_t greatest2_1 = vmaxq_u8(p1, p2);
-        const uint8x16_t greatest2_3 = vmaxq_u8(p3, p4);
-        const uint8x16_t greatest2_5 = vmaxq_u8(p5, p6);
-        const uint8x16_t greatest2_7 = vmaxq_u8(p7, p8);
-        const uint8x16_t greatest2_9 = vmaxq_u8(p9, p10);
-        const uint8x16_t greatest2_11 = vmaxq_u8(p11, p12);
-        const uint8x16_t greatest2_13 = vmaxq_u8(p13, p14);
-        const uint8x16_t greatest2_15 = vmaxq_u8(p15, p0);
-        const uint8x16_t greatest4_1 = vmaxq_u8(greatest2_1, greatest2_3);
-        const uint8x16_t greatest4_3 = vmaxq_u8(greatest2_3, greatest2_5);
-        const uint8x16_t greatest4_5 = vmaxq_u8(greatest2_5, greatest2_7);
-        const uint8x16_t greatest4_7 = vmaxq_u8(greatest2_7, greatest2_9);
-        const uint8x16_t greatest4_9 = vmaxq_u8(greatest2_9, greatest2_11);
-        const uint8x16_t greatest4_11 = vmaxq_u8(greatest2_11, greatest2_13);
-        const uint8x16_t greatest4_13 = vmaxq_u8(greatest2_13, greatest2_15);
-        const uint8x16_t greatest4_15 = vmaxq_u8(greatest2_15, greatest2_1);
-        Arcs best{zero, vdupq_n_u8(255)};
-        add_arcs(best, vminq_u8(least4_1, least4_5), vmaxq_u8(greatest4_1, greatest4_5), p0, p9);
-        add_arcs(best, vminq_u8(least4_3, least4_7), vmaxq_u8(greatest4_3, greatest4_7), p2, p11);
-        add_arcs(best, vminq_u8(least4_5, least4_9), vmaxq_u8(greatest4_5, greatest4_9), p4, p13);
-        add_arcs(best, vminq_u8(least4_7, least4_11), vmaxq_u8(greatest4_7, greatest4_11), p6, p15);
-        add_arcs(best, vminq_u8(least4_9, least4_13), vmaxq_u8(greatest4_9, greatest4_13), p8, p1);
-        add_arcs(best, vminq_u8(least4_11, least4_15), vmaxq_u8(greatest4_11, greatest4_15), p10, p3);
-        add_arcs(best, vminq_u8(least4_13, least4_1), vmaxq_u8(greatest4_13, greatest4_1), p12, p5);
-        add_arcs(best, vminq_u8(least4_15, least4_3), vmaxq_u8(greatest4_15, greatest4_3), p14, p7);
-        const uint8x16_t strength = vmaxq_u8(vqsubq_u8(best.bright, centre), vqsubq_u8(centre, best.dark));
-        uint8x16_t result = vandq_u8(strength, vcgtq_u8(strength, t));
-        if (x_end - x < 16) result = vandq_u8(result, first_lanes(x_end - x));
-        vst1q_u8(strengths + x, result);
-        any = vorrq_u8(any, result);
-    }
-    return is_any_set(any);
+void store(std::uint8_t* p, Lanes v) noexcept {
+    vst1q_u8(p, v);
+}
+Lanes bytes(std::uint8_t value) noexcept {
+    return vdupq_n_u8(value);
+}
+Lanes least(Lanes a, Lanes b) noexcept {
+    return vminq_u8(a, b);
+}
+Lanes greatest(Lanes a, Lanes b) noexcept {
+    return vmaxq_u8(a, b);
+}
+Lanes plus(Lanes a, Lanes b) noexcept {
+    return vqaddq_u8(a, b);
+}
+Lanes minus(Lanes a, Lanes b) noexcept {
+    return vqsubq_u8(a, b);
+}
+Lanes either(Lanes a, Lanes b) noexcept {
+    return vorrq_u8(a, b);
+}
+Lanes both(Lanes a, Lanes b) noexcept {
+    return vandq_u8(a, b);
+}
+bool is_any_above(Lanes a, Lanes b, Lanes c, Lanes d) noexcept {
+    return is_any_set(vorrq_u8(vcgtq_u8(a, b), vcgtq_u8(c, d)));
+}
+Lanes where_above(Lanes a, Lanes b) noexcept {
+    return vandq_u8(a, vcgtq_u8(a, b));
 }
 
 // Writes the places of the lanes of one half: one nibble a lane.
@@ -235,24 +162,6 @@ inline __attribute__((always_inline)) uint8x16_t seven_taps(uint8x16_t t0, uint8
     const uint16x8_t high = weigh(vget_high_u8(t0), vget_high_u8(t1), vget_high_u8(t2), vget_high_u8(t3),
                                   vget_high_u8(t4), vget_high_u8(t5), vget_high_u8(t6));
     return STILLMESH_ROUNDED_BYTES(low, high, 8);
-}
-
-void blur_row(const std::uint8_t* const rows[7], std::uint32_t width, std::uint8_t* scratch,
-              std::uint8_t* out) noexcept {
-    for (std::uint32_t x = 0; x < width; x += 16) {
-        vst1q_u8(scratch + x,
-                 seven_taps(vld1q_u8(rows[0] + x), vld1q_u8(rows[1] + x), vld1q_u8(rows[2] + x), vld1q_u8(rows[3] + x),
-                            vld1q_u8(rows[4] + x), vld1q_u8(rows[5] + x), vld1q_u8(rows[6] + x)));
-    }
-    for (std::uint32_t i = 1; i <= kBlurRadius; ++i) {
-        scratch[-static_cast<std::ptrdiff_t>(i)] = scratch[i];
-        scratch[width - 1 + i] = scratch[width - 1 - i];
-    }
-    for (std::uint32_t x = 0; x < width; x += 16) {
-        const std::uint8_t* const c = scratch + x;
-        vst1q_u8(out + x, seven_taps(vld1q_u8(c - 3), vld1q_u8(c - 2), vld1q_u8(c - 1), vld1q_u8(c), vld1q_u8(c + 1),
-                                     vld1q_u8(c + 2), vld1q_u8(c + 3)));
-    }
 }
 
 // Of the rows at distance |v| = 0..15: |u| inside the disc and 0 outside of it, and which columns are inside. Bytes 0
@@ -380,13 +289,6 @@ inline __attribute__((always_inline)) Tensor tensor(const std::uint8_t* centre, 
     return {total(xx), total(xy), total(yy)};
 }
 
-void tensors(const std::uint8_t* image, std::ptrdiff_t stride, const std::uint32_t* places, std::uint32_t count,
-             Tensor* tensors) noexcept {
-    for (std::uint32_t i = 0; i < count; ++i)
-        tensors[i] =
-            tensor(image + static_cast<std::ptrdiff_t>(places[i] >> 16) * stride + (places[i] & 0xffff), stride);
-}
-
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
     const std::uint8_t* const p = reinterpret_cast<const std::uint8_t*>(a);
     const std::uint8_t* const q = reinterpret_cast<const std::uint8_t*>(b);
@@ -400,10 +302,7 @@ std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexce
 #endif
 }
 
-void hamming_many(const std::uint64_t a[4], const std::uint64_t* many, std::uint32_t count,
-                  std::uint16_t* distances) noexcept {
-    for (std::uint32_t i = 0; i < count; ++i) distances[i] = static_cast<std::uint16_t>(hamming(a, many + 4 * i));
-}
+#include "engine/frame/kernels_lanes.inc"
 
 constexpr Kernels kNeon = {"neon",   grey_row<true>, grey_row<false>, scale_row, fast_row,    local_maxima,
                            blur_row, moments,        tensors,         hamming,   hamming_many};

@@ -6,8 +6,9 @@
 namespace stillmesh {
 
 void PoseConfidence::create(const Configuration& configuration) noexcept {
-    pose_ = configuration.pose;
-    prediction_ = configuration.prediction;
+    sure_sigma_m_ = configuration.pose.sure_sigma_m;
+    sure_sigma_rad_ = configuration.pose.sure_sigma_rad;
+    jump_sigmas_ = configuration.prediction.jump_sigmas;
 }
 
 void PoseConfidence::reset() noexcept {
@@ -30,7 +31,7 @@ void PoseConfidence::begin_in_map() noexcept {
 void PoseConfidence::doubt_jump(std::int64_t time_ns, const MotionPrior& expected,
                                 const SE3& world_from_camera) noexcept {
     const SE3 off = expected.world_from_camera.inverse() * world_from_camera;
-    const double sigmas = prediction_.jump_sigmas;
+    const double sigmas = jump_sigmas_;
     const double beyond_m = std::max(std::sqrt(off.translation.squaredNorm()) - sigmas * expected.sigma_m, 0.0);
     const double beyond_rad = std::max(rotation_angle(off.rotation) - sigmas * expected.sigma_rad, 0.0);
     doubt_.add(time_ns, {beyond_m * beyond_m, beyond_rad * beyond_rad});
@@ -52,8 +53,8 @@ bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera
     MotionDoubt::Variance motion = doubt_.over_window(time_ns);
     motion.translation_m2 += now.translation_m2;
     motion.rotation_rad2 += now.rotation_rad2;
-    is_motion_sure_ = motion.translation_m2 <= pose_.sure_sigma_m * pose_.sure_sigma_m &&
-                      motion.rotation_rad2 <= pose_.sure_sigma_rad * pose_.sure_sigma_rad;
+    is_motion_sure_ = motion.translation_m2 <= sure_sigma_m_ * sure_sigma_m_ &&
+                      motion.rotation_rad2 <= sure_sigma_rad_ * sure_sigma_rad_;
     const Matrix6 to_camera = se3_adjoint(world_from_camera.inverse());
     half.noalias() = to_camera * map_covariance_;
     covariance_.noalias() = half * to_camera.transpose();

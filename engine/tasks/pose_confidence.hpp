@@ -40,8 +40,9 @@ public:
     [[nodiscard]] const Matrix6& covariance() const noexcept { return covariance_; }
 
 private:
-    PoseParameters pose_;
-    PredictionParameters prediction_;
+    double sure_sigma_m_ = 0;
+    double sure_sigma_rad_ = 0;
+    double jump_sigmas_ = 0;
     MotionDoubt doubt_;
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
