@@ -23,15 +23,17 @@
 #include "bench/endurance/render_ahead.hpp"
 #include "engine/engine.hpp"
 #include "platform/evaluation/evaluation.hpp"
+#include "platform/evaluation/final_trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/vocabulary/vocabulary_file.hpp"
 
 namespace stillmesh::endurance {
 namespace {
 
 struct Arguments {
-    std::string scene = "walking_loop", limits = "pocket", json;
+    std::string scene = "walking_loop", limits = "pocket", json, vocabulary;
     std::uint64_t seed = 1;
     std::uint32_t frames = 20'000, window = 1000, width = 640, threads = 2;
     std::int64_t units = -1;  // -1: as configured
@@ -43,6 +45,14 @@ double ms_of(clockid_t clock) {
     timespec time{};
     clock_gettime(clock, &time);
     return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+}
+
+TrajectoryPose pose_of(const RigidTransform& transform, std::int64_t time_ns = 0) {
+    TrajectoryPose out;
+    out.time_ns = time_ns;
+    std::copy_n(transform.translation_m, 3, out.t.begin());
+    std::copy_n(transform.rotation_xyzw, 4, out.q.begin());
+    return out;
 }
 
 double resident_mib() {
@@ -151,7 +161,12 @@ int run(const Arguments& arguments) {
     if (!source.start(options, arguments.threads, message)) return complain(message);
     MemoryBlock block;
     if (!block.allocate(bytes_needed(limits))) return complain("not enough memory.");
-    const auto made = Engine::create(block.bytes(), limits, configuration, source.model(), cpu_kernels());
+    VocabularyFile vocabulary;
+    if (!arguments.vocabulary.empty() && !vocabulary.open(arguments.vocabulary == "default" ? "" : arguments.vocabulary,
+                                                          limits.vocabulary_words_max, message))
+        return complain(message);
+    const auto made = Engine::create(block.bytes(), limits, configuration, source.model(), cpu_kernels(), nullptr,
+                                     vocabulary.bytes());
     if (!made.is_ok()) return complain("the engine refuses limits, configuration or the picture's size.");
     Engine& engine = *made.value();
     const std::uint32_t units =
@@ -167,6 +182,7 @@ int run(const Arguments& arguments) {
     std::vector<double> latency_ms, track_ms;
     track_ms.reserve(source.frame_count());
     latency_ms.reserve(source.frame_count());
+    Trajectory truth, estimate;  // of the whole run
     Window window;
     EngineStatistics before;
     double ready_ms = 0;  // when the engine's thread is done with all before, on the clock of the frames
@@ -205,13 +221,14 @@ int run(const Arguments& arguments) {
             continue;
         }
         const PoseEstimate& pose = engine.pose();
+        truth.push_back({rendered->truth.time_ns, rendered->truth.t, rendered->truth.q});
         window.truth.push_back({rendered->truth.time_ns, rendered->truth.t, rendered->truth.q});
         if (pose.state >= PoseState::kUnsure) {
-            TrajectoryPose given;
-            given.time_ns = pose.time_ns;
-            std::copy_n(pose.odom_from_camera.translation_m, 3, given.t.begin());
-            std::copy_n(pose.odom_from_camera.rotation_xyzw, 4, given.q.begin());
+            const TrajectoryPose given =
+                compose(pose_of(pose.map_from_odom), pose_of(pose.odom_from_camera, pose.time_ns));
             window.estimate.push_back(given);
+            window.estimate.back().time_ns = pose.time_ns;
+            estimate.push_back(window.estimate.back());
         }
         window.track_ms.push_back(cpu_1 - cpu_0);
         window.step_ms.push_back(cpu_2 - cpu_1);
@@ -245,6 +262,10 @@ int run(const Arguments& arguments) {
     const double ate_ratio = last.ate_m / first.ate_m, rpe_ratio = last.rpe_m / first.rpe_m,
                  time_ratio = last.track.median / first.track.median;
     fmt::print("last window over first: ATE {:.2f}  RPE {:.2f}  median ms {:.2f}\n", ate_ratio, rpe_ratio, time_ratio);
+    const auto whole = evaluate(truth, estimate);
+    const double whole_ate_m = whole ? whole->ate_rmse_m : std::nan("");
+    fmt::print("whole run     ATE {:.4f} m; {} loops closed, {} confirmed; {} relocalisations\n", whole_ate_m,
+               end.loop.closed, end.loop.confirmed, end.loop.relocalisations);
     fmt::print("memory        block {} bytes, {}; RSS {:.1f} MiB after the first window, {:.1f} after the last\n",
                end.arena_used_bytes, is_flat ? "the same in every window" : "NOT THE SAME", first.resident_mib,
                last.resident_mib);
@@ -279,6 +300,7 @@ int run(const Arguments& arguments) {
         out["tracking_ms"] = json_of(all);
         out["latency_ms"] = json_of(latency);
         out["slice_max_ms"] = slice_max_ms;
+        out["ate_m"] = whole_ate_m;
         for (const Row& r : rows) {
             out["windows"].push_back({{"frames_end", r.frames_end},
                                       {"ate_m", r.ate_m},
@@ -331,6 +353,7 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(std::int64_t{-1}, std::int64_t{1'000'000'000}))
         ->capture_default_str();
     app.add_option("--set", arguments.set, "key=value of the engine's configuration");
+    app.add_option("--vocabulary", arguments.vocabulary, "file, or default; loops and lost cameras are found with it");
     app.add_option("--json", arguments.json, "file for all figures");
     app.add_flag("--latency", arguments.is_latency,
                  "frame to pose by processor time, so that rendering beside it does not count");
