@@ -185,6 +185,8 @@ struct RecoveryParameters {
     double reach_m_s = 1.5;
     double reach_rad = 0.2;
     double reach_rad_s = 2.0;
+    std::uint32_t there_min = 10;  // points of the map that the depth image confirms
+    double empty_share_max = 0.35;
 };
 
 // Points whose place is seen to be empty.
@@ -505,6 +507,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("recovery.reach_m_s", c.recovery.reach_m_s, 0.0, 1000.0, "m/s", "and how fast");
     v("recovery.reach_rad", c.recovery.reach_rad, 0.0, 10.0, "rad", "how far a camera turns at once");
     v("recovery.reach_rad_s", c.recovery.reach_rad_s, 0.0, 100.0, "rad/s", "and how fast");
+    v("recovery.there_min", c.recovery.there_min, 0.0, 400.0, "", "points of the map whose depth is seen there");
+    v("recovery.empty_share_max", c.recovery.empty_share_max, 0.0, 1.0, "", "of those whose place is seen to be empty");
     v("emptiness.places_per_frame", c.emptiness.places_per_frame, 0.0, 10000.0, "", "places looked at for emptiness");
     v("emptiness.reach_px", c.emptiness.reach_px, 1.0, 10.0, "px", "around a place, all must be empty");
     v("emptiness.sigmas", c.emptiness.sigmas, 0.0, 100.0, "", "of depth noise beyond a place that is empty");

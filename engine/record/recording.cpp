@@ -231,6 +231,7 @@ Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::
     write_camera(body, header.camera);
     body.f64(header.depth_units_per_m);
     body.u8(header.extractor);
+    body.u32(header.vocabulary_crc);
     const std::size_t size = kPrefixBytes + body.position() + kCrcBytes;
     if (!body.is_ok() || out.size() < size || size > kRecordingHeaderBytesMax) return Status::kFull;
     ByteWriter prefix(out.first(kPrefixBytes));
@@ -299,6 +300,7 @@ Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHea
     header.camera = read_camera(body);
     header.depth_units_per_m = body.f64();
     header.extractor = body.u8();
+    header.vocabulary_crc = body.u32();
     if (!body.is_ok() || body.remaining() != 0) return Status::kCorrupt;
     return size;
 }

@@ -19,7 +19,7 @@
 
 namespace stillmesh {
 
-inline constexpr std::uint32_t kRecordingVersion = 1;
+inline constexpr std::uint32_t kRecordingVersion = 2;
 inline constexpr std::size_t kRecordingHeaderBytesMax = 32 * 1024;
 inline constexpr std::uint32_t kGrantRunsMax = 64;
 inline constexpr std::uint32_t kGrantCallsMax = 65536;  // of Engine::step behind one frame
@@ -30,7 +30,8 @@ struct RecordingHeader {
     Configuration configuration;
     CameraModel camera;
     double depth_units_per_m = 5000.0;
-    std::uint8_t extractor = 0;  // 0: the engine's own, 1: cv::ORB; others are for whoever brings one
+    std::uint8_t extractor = 0;        // 0: the engine's own, 1: cv::ORB; others are for whoever brings one
+    std::uint32_t vocabulary_crc = 0;  // of its bytes; 0: none
 };
 
 // So many calls of Engine::step in a row, each with so many units.

@@ -111,8 +111,8 @@ void Tracking::track(const Frame& frame) noexcept {
         predict(frame);
         bool is_found = false;
         if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate();
-        if (!is_found && lost_frames_ > 0) is_found = recover();
-        if (!is_found && lost_frames_ > 0) is_found = relocalise();
+        if (!is_found && lost_frames_ > 0) is_found = recover(frame);
+        if (!is_found && lost_frames_ > 0) is_found = relocalise(frame);
         if (!is_found) lose();
     }
     if (configuration_.mapping.is_enabled && !is_frozen_ && pose_.state == PoseState::kTracked) {
@@ -352,7 +352,7 @@ void Tracking::make_keyframe() noexcept {
 }
 
 // A lost camera, near where it was lost: by the descriptors of a keyframe (recovery.hpp).
-bool Tracking::recover() noexcept {
+bool Tracking::recover(const Frame& frame) noexcept {
     if (map_.keyframes().size() == 0) return false;
     matcher_.by_descriptor(map_, recovery_candidate(map_, is_placed_, is_placed_ ? lost_frames_ : frame_ - first_frame_,
                                                     configuration_.recovery.keyframes_max));
@@ -362,11 +362,11 @@ bool Tracking::recover() noexcept {
     SE3 proposed;
     return propose_recovery(correspondences_.span(), chosen_.span(), is_placed_ ? &last_seen : nullptr, configuration_,
                             random_, proposed) &&
-           estimate_at(proposed);
+           estimate_at(frame, proposed);
 }
 
 // A lost camera, anywhere in the map: by the words of its picture (relocalisation.hpp).
-bool Tracking::relocalise() noexcept {
+bool Tracking::relocalise(const Frame& frame) noexcept {
     if (relocalisation_ == nullptr || !relocalisation_->is_on()) return false;
     relocalisation_->begin(measured_.features().descriptors.span());
     for (std::size_t i = 0; i < measured_.size(); ++i) relocalisation_->add_feature(measured_.observation_of(i));
@@ -377,7 +377,7 @@ bool Tracking::relocalise() noexcept {
     local_map_.invalidate();
     const Odometry odometry_before = odometry_;
     odometry_.jump_to(relocalisation_->world_from_camera(), world_from_camera());
-    if (!estimate_at(relocalisation_->world_from_camera())) {
+    if (!estimate_at(frame, relocalisation_->world_from_camera())) {
         odometry_ = odometry_before;
         local_map_.invalidate();
         return false;
@@ -386,8 +386,19 @@ bool Tracking::relocalise() noexcept {
     return true;
 }
 
-// A lost camera may be here; estimate() has the last word.
-bool Tracking::estimate_at(const SE3& world_from_camera) noexcept {
+// A lost camera may be here, unless its depth looks through the map there; estimate() has the last word.
+bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera) noexcept {
+    if (configuration_.mapping.is_enabled) {
+        local_map_.build(map_, world_from_camera);
+        const EmptyPlaces::Agreement seen = empty_places_.agreement(frame, measured_, world_from_camera,
+                                                                    std::max(1.0, noise_depth()), local_map_, map_);
+        const RecoveryParameters& p = configuration_.recovery;
+        if (seen.there < p.there_min ||
+            static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty)) {
+            local_map_.invalidate();
+            return false;
+        }
+    }
     context_.world_from_camera_predicted = world_from_camera;
     const std::int64_t start_before_ns = start_time_ns_;
     if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves

@@ -114,9 +114,9 @@ private:
     void accept(const PoseFit& fit, bool is_sure) noexcept;
     void make_keyframe() noexcept;
     // --- a frame without a pose
-    [[nodiscard]] bool recover() noexcept;
-    [[nodiscard]] bool relocalise() noexcept;
-    [[nodiscard]] bool estimate_at(const SE3& world_from_camera) noexcept;
+    [[nodiscard]] bool recover(const Frame& frame) noexcept;
+    [[nodiscard]] bool relocalise(const Frame& frame) noexcept;
+    [[nodiscard]] bool estimate_at(const Frame& frame, const SE3& world_from_camera) noexcept;
     void lose() noexcept;
     // --- at the end of each
     void give_out(PoseState state, const Matrix6& information) noexcept;

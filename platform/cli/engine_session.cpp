@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "engine/engine.hpp"
-#include "engine/place/vocabulary.hpp"
 #include "platform/cli/configuration_file.hpp"
 #include "platform/cli/step_pacer.hpp"
 #include "platform/evaluation/final_trajectory.hpp"
@@ -19,6 +18,7 @@
 #include "platform/linux/process.hpp"
 #include "platform/record/map_saver.hpp"
 #include "platform/record/recording_writer.hpp"
+#include "platform/vocabulary/vocabulary_file.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
 #endif
@@ -152,25 +152,16 @@ public:
             return Status::kUnavailable;
 #endif
         }
-        if (!options.vocabulary.empty()) {
-            STILLMESH_TRY(read_vocabulary(options.vocabulary, vocabulary_, message));
-            Vocabulary opened;
-            const char* sentence = nullptr;
-            if (const Status status = opened.open(vocabulary_, limits_.vocabulary_words_max, sentence);
-                status != Status::kOk) {
-                message = fmt::format("{}: {}.", options.vocabulary, sentence);
-                return Status::kInvalid;
-            }
-            has_vocabulary_ = configuration.loop.is_enabled;
-        }
+        if (!vocabulary_.open(options.vocabulary, limits_.vocabulary_words_max, message)) return Status::kInvalid;
+        has_vocabulary_ = configuration.loop.is_enabled && !vocabulary_.bytes().empty();
         const std::size_t size_bytes = bytes_needed(limits_);
         if (!block_.allocate(size_bytes)) {
             message = fmt::format("the system has no {:.1f} MiB of memory left for the engine; try --limits pocket.",
                                   static_cast<double>(size_bytes) / (1024.0 * 1024.0));
             return Status::kUnavailable;
         }
-        const Result<Engine*> engine =
-            Engine::create(block_.bytes(), limits_, configuration, camera.model, cpu_kernels(), extractor, vocabulary_);
+        const Result<Engine*> engine = Engine::create(block_.bytes(), limits_, configuration, camera.model,
+                                                      cpu_kernels(), extractor, vocabulary_.bytes());
         if (!engine.is_ok()) {
             message = fmt::format(
                 "the engine refuses this camera ({}x{} pixels, fx {}, fy {}, cx {}, cy {}): its size must be at least "
@@ -206,9 +197,10 @@ public:
             recording_ = options.record;
             const std::uint8_t extractor_code = options.features == "opencv" ? 1 : 0;
             writer_ = std::make_unique<RecordingWriter>();
-            if (!writer_->open(recording_,
-                               {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_code},
-                               message)) {
+            if (!writer_->open(
+                    recording_,
+                    {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_code, vocabulary_.crc()},
+                    message)) {
                 return Status::kUnavailable;
             }
         }
@@ -403,7 +395,7 @@ private:
     std::array<std::int64_t, kStages> begin_ns_{};
     std::array<std::int64_t, kStages> spent_ns_{};
     std::string note_;
-    std::vector<std::byte> vocabulary_;
+    VocabularyFile vocabulary_;
     bool has_vocabulary_ = false;
     bool keeps_final_ = false;
     FinalTrajectory final_;
@@ -415,20 +407,6 @@ private:
 };
 
 }  // namespace
-
-Status read_vocabulary(const std::string& file, std::vector<std::byte>& bytes, std::string& message) {
-    constexpr std::size_t kBytesMax = std::size_t{64} << 20U;
-    std::ifstream stream(file, std::ios::binary | std::ios::ate);
-    const std::streamoff size = stream.is_open() ? static_cast<std::streamoff>(stream.tellg()) : -1;
-    if (size >= 0 && static_cast<std::size_t>(size) <= kBytesMax) {
-        bytes.resize(static_cast<std::size_t>(size));
-        stream.seekg(0);
-        stream.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
-        if (stream.gcount() == size && size > 0) return Status::kOk;
-    }
-    message = file + ": cannot be read as a vocabulary ('stillmesh vocabulary train' makes one).";
-    return Status::kUnavailable;
-}
 
 Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message) {
     Limits limits;

@@ -22,12 +22,9 @@ struct SessionOptions {
     std::string map_out;                   // map to write at the end; empty: none
     double map_every_s = 0;                // and as often while running; 0: not
     bool is_localising = false;            // the map that was read stays as it is
-    std::string vocabulary;                // file; empty: none, and no place is ever recognised
+    std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
     bool can_wait = true;                  // for a full recording ring, between frames: the camera is no live one
 };
-
-// The bytes of a vocabulary. kUnavailable: `message` says why.
-[[nodiscard]] Status read_vocabulary(const std::string& file, std::vector<std::byte>& bytes, std::string& message);
 
 struct SessionSizes {
     std::uint32_t width_max = 640;

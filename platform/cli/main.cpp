@@ -148,7 +148,7 @@ int program(int argc, char** argv) {
         ->group("Engine");
     run_app
         ->add_option("--vocabulary", arguments.session.vocabulary,
-                     "recognise places: close loops, find a lost camera; none if not given")
+                     "places are recognised by: default, none (no loops, no way back for a lost camera), or a file")
         ->type_name("FILE")
         ->group("Engine");
     run_app->add_option("--features", arguments.session.features, "native (default) or opencv (cv::ORB)")
@@ -201,7 +201,8 @@ int program(int argc, char** argv) {
         ->type_name("DIR");
     rerun_command->add_option("--map-in", rerun.map_in, "the map that the run began in, if it did")->type_name("FILE");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
-    rerun_command->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with; none if not given")
+    rerun_command
+        ->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with, if not the default one")
         ->type_name("FILE");
     rerun_command->add_flag("--json", rerun.is_json, "as JSON");
     rerun_command->footer(

@@ -9,7 +9,6 @@
 #include "engine/engine.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "platform/cli/complaint.hpp"
-#include "platform/cli/engine_session.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -17,6 +16,7 @@
 #include "platform/linux/process.hpp"
 #include "platform/record/map_saver.hpp"
 #include "platform/record/recording_reader.hpp"
+#include "platform/vocabulary/vocabulary_file.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
 #endif
@@ -171,14 +171,17 @@ int rerun_command(const RerunOptions& options) {
         return refuse(fmt::format("the system has no {:.1f} MiB of memory left for the engine of this recording.",
                                   static_cast<double>(bytes_needed(header.limits)) / (1024.0 * 1024.0)));
     }
-    std::vector<std::byte> vocabulary;
+    VocabularyFile vocabulary;
     std::string sentence;
-    if (!options.vocabulary.empty() && read_vocabulary(options.vocabulary, vocabulary, sentence) != Status::kOk) {
-        return refuse(sentence);
+    if (header.vocabulary_crc != 0) {
+        if (!vocabulary.open(options.vocabulary, header.limits.vocabulary_words_max, sentence)) return refuse(sentence);
+        if (vocabulary.crc() != header.vocabulary_crc) {
+            return refuse(fmt::format("{}: was made with another vocabulary than {}; name that one with --vocabulary.",
+                                      options.recording, vocabulary.name()));
+        }
     }
     const Result<Engine*> engine = Engine::create(block.bytes(), header.limits, header.configuration, header.camera,
-                                                  cpu_kernels(), extractor, vocabulary);
-    if (engine.status() == Status::kCorrupt) return refuse(options.vocabulary + ": is no vocabulary that fits.");
+                                                  cpu_kernels(), extractor, vocabulary.bytes());
     if (!engine.is_ok()) {
         return refuse(fmt::format("{}: the engine refuses its camera ({}x{} pixels).", options.recording,
                                   header.camera.width, header.camera.height));

@@ -12,7 +12,7 @@ struct RerunOptions {
     std::string folder;
     std::string map_in;  // empty: none
     bool is_localising = false;
-    std::string vocabulary;  // that the recording was made with; empty: none
+    std::string vocabulary = "default";  // that the recording was made with, if it was made with one
     bool is_json = false;
 };
 

@@ -8,13 +8,19 @@
 #include <cerrno>
 #include <cstring>
 
+#include "engine/base/crc.hpp"
+
 namespace stillmesh {
 
 bool VocabularyFile::open(const std::string& file, std::uint32_t words_max, std::string& message) {
     close();
+    if (file == "none") {
+        name_ = "no vocabulary";
+        return true;
+    }
     std::span<const std::byte> bytes = default_vocabulary();
     name_ = "the default vocabulary";
-    if (!file.empty()) {
+    if (!file.empty() && file != "default") {
         name_ = file;
         const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
         if (descriptor < 0) {
@@ -45,6 +51,10 @@ bool VocabularyFile::open(const std::string& file, std::uint32_t words_max, std:
     message = name_ + ": " + sentence + ".";
     close();
     return false;
+}
+
+std::uint32_t VocabularyFile::crc() const noexcept {
+    return bytes().empty() ? 0 : crc32(bytes());
 }
 
 void VocabularyFile::close() noexcept {

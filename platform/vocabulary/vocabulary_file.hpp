@@ -21,9 +21,12 @@ public:
     VocabularyFile(const VocabularyFile&) = delete;
     VocabularyFile& operator=(const VocabularyFile&) = delete;
 
-    // Empty name: the default vocabulary. False: `message` is a sentence that names the file.
+    // "default" or empty: the default vocabulary. "none": an empty one. False: `message` is a sentence that names the
+    // file.
     [[nodiscard]] bool open(const std::string& file, std::uint32_t words_max, std::string& message);
     void close() noexcept;
+    // Of its bytes, to know it again; 0: there is none.
+    [[nodiscard]] std::uint32_t crc() const noexcept;
 
     [[nodiscard]] const Vocabulary& vocabulary() const noexcept { return vocabulary_; }
     [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return vocabulary_.bytes(); }

@@ -225,6 +225,19 @@ TEST_F(Rerun, AFolderThatEnds) {
     EXPECT_TRUE(answer.says("the folder ends before frame 23")) << answer.text;
 }
 
+// Promise: a recording knows its vocabulary: another one, or none, is refused with the remedy; one made without any is
+// repeated whatever is named.
+TEST_F(Rerun, KnowsItsVocabulary) {
+    const Answer other = rerun("good", "frames", "--vocabulary none");
+    EXPECT_EQ(other.code, 2) << other.text;
+    EXPECT_TRUE(other.says("was made with another vocabulary than no vocabulary")) << other.text;
+    EXPECT_TRUE(other.says("--vocabulary")) << other.text;
+    const Answer made =
+        stillmesh_says("run --replay " + path("frames") + " --vocabulary none --record " + path("wordless"));
+    ASSERT_EQ(made.code, 0) << made.text;
+    EXPECT_EQ(rerun("wordless").code, 0);
+}
+
 // Promise: bad recordings, folders and usage end with 2 and a sentence.
 TEST_F(Rerun, BadInput) {
     test::write_text(path("text"), "no recording at all, but some text\n");

@@ -177,7 +177,7 @@ TEST(RecordingFormat, OtherVersionsAreNamed) {
     RecordingHeader read;
     RecordingProblem problem;
     ByteVector bytes = good;
-    bytes[8] = std::byte{2};
+    bytes[8] = std::byte{kRecordingVersion + 1};
     EXPECT_EQ(decode_header(bytes, read, problem).status(), Status::kInvalid);
     EXPECT_NE(std::string(problem.sentence).find("version"), std::string::npos);
     bytes = good;
