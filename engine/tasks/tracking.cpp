@@ -390,8 +390,8 @@ bool Tracking::relocalise(const Frame& frame) noexcept {
 bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera) noexcept {
     if (configuration_.mapping.is_enabled) {
         local_map_.build(map_, world_from_camera);
-        const EmptyPlaces::Agreement seen = empty_places_.agreement(frame, measured_, world_from_camera,
-                                                                    std::max(1.0, noise_depth()), local_map_, map_);
+        const EmptyPlaces::Agreement seen =
+            empty_places_.agreement(frame, measured_, world_from_camera, noise_depth(), local_map_, map_);
         const RecoveryParameters& p = configuration_.recovery;
         if (seen.there < p.there_min ||
             static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty)) {
