@@ -29,7 +29,7 @@ EmptyPlaces::Look EmptyPlaces::look_at(const MapPoint& point, const Frame& frame
     const std::int32_t y = round_clamped(pixel.y(), -100, height + 100);
     if (x < reach_px || y < reach_px || x >= width - reach_px || y >= height - reach_px) return Look::kNothing;
     const double sigma = measured.depth_noise().sigma_z_per_m2 * q.z() * q.z();
-    const double beyond = q.z() + p.margin_m + p.sigmas * std::sqrt(sigma * sigma * noise_depth + point.var_z);
+    const double beyond = q.z() + p.margin_m + p.sigmas * std::sqrt((sigma * sigma + point.var_z) * noise_depth);
     const double metres_per_unit = 1.0 / frame.depth_units_per_m;
     bool is_empty = true;
     bool is_there = false;
