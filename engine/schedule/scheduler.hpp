@@ -3,14 +3,14 @@
 // Engine::submit, before any of this.
 //
 // The rule. Units are spent in turns of slice_units. Three turns of four begin with the first task that has work, the
-// fourth with the last one, and after each slice, which ends with its turn at the latest, the search begins anew. What a
-// task overdraws (at most the ceiling of one of its steps) is a debt, taken from the next grants; what nobody needs is
-// lost. Hence
+// fourth with the last one, and after each slice, which ends with its turn at the latest, the search begins anew. What
+// a task overdraws (at most the ceiling of one of its steps) is a debt, taken from the next grants; what nobody needs
+// is lost. Hence
 //   - the same steps are done whether units are granted at once or in any parts: step(a), step(b) is step(a + b), as
 //     long as nothing new arrives between the two;
 //   - no task starves while units are granted, however tracking is loaded: of two tasks that always have work the first
-//     gets three quarters and the last one quarter, but for what the steps of a turn overdraw. Without the quarter a camera
-//     that keeps mapping busy looks up no places (corridor: 9 of 149 keyframes).
+//     gets three quarters and the last one quarter, but for what the steps of a turn overdraw. Without the quarter a
+//     camera that keeps mapping busy looks up no places (corridor: 9 of 149 keyframes).
 // Cost: nothing but the tasks' own; a few counters.
 #pragma once
 

@@ -2,8 +2,8 @@
 // read only.
 #include "platform/vocabulary/vocabulary_file.hpp"
 
-// Global for the assembler: of a local name it keeps section and offset alone, and arm64's table of addresses (-fPIC) then
-// has one entry for both ends. Hidden: nobody else's.
+// Global for the assembler: of a local name it keeps section and offset alone, and arm64's table of addresses (-fPIC)
+// then has one entry for both ends. Hidden: nobody else's.
 asm(".pushsection .rodata\n"
     ".globl stillmesh_default_vocabulary_begin, stillmesh_default_vocabulary_end\n"
     ".hidden stillmesh_default_vocabulary_begin, stillmesh_default_vocabulary_end\n"

@@ -100,9 +100,9 @@ TEST(Scheduler, TheFirstTaskGoesFirst) {
     EXPECT_EQ(scheduler.step(1), Progress::kIdle);
 }
 
-// Promise: a job of J units that comes every few frames is finished within its units and those of the turns that the task
-// below it has meanwhile, a turn for three, whatever that has to do; and while the task above asks for less than is
-// granted, the one below gets the rest.
+// Promise: a job of J units that comes every few frames is finished within its units and those of the turns that the
+// task below it has meanwhile, a turn for three, whatever that has to do; and while the task above asks for less than
+// is granted, the one below gets the rest.
 TEST(Scheduler, NoTaskStarves) {
     Random random(3);
     for (int round = 0; round < 50; ++round) {
