@@ -87,10 +87,12 @@ void PlaceVerifier::start(const Map& map, Handle<Keyframe> candidate, const Nois
     best_votes_ = -1;
     fit_ = PoseFit{};
     matches_.clear();
-    random_ = Random(configuration_->seed ^ (std::uint64_t{candidate.slot_plus_one} << 32U) ^ candidate.generation);
     for (std::size_t i = 0; i < query_.size(); ++i) claims_[i] = Claim{};
     source_count_ = 0;
-    if (map.keyframes().find(candidate) == nullptr) return refuse(Refusal::kGone);
+    const Keyframe* const keyframe = map.keyframes().find(candidate);
+    if (keyframe == nullptr) return refuse(Refusal::kGone);
+    // Not by the handle: generations go on through a reset, after which everything is as if new.
+    random_ = Random(configuration_->seed ^ (keyframe->frame << 8U));
     sources_[source_count_++] = candidate;
     std::uint32_t best[kNeighboursMax] = {};
     const std::uint32_t count = map.best_covisible(candidate.slot(), best, 15);
