@@ -160,15 +160,16 @@ std::uint32_t PlaceVerifier::match(const Map& map, const Vocabulary& vocabulary,
         for (std::size_t b = b_; b < b_end_; ++b) {
             const std::uint32_t feature = there[b].feature;
             if (feature >= observations.size()) continue;
-            const Handle<MapPoint> seen = observations[feature].point;
-            if (!is_static(map.points().find(seen))) continue;
             ++compared;
             const std::uint32_t distance = hamming_distance(descriptors_[mine.feature], descriptors[feature]);
+            if (distance >= second) continue;  // before the point is looked up: that costs ten times as much
+            const Handle<MapPoint> seen = observations[feature].point;
+            if (!is_static(map.points().find(seen))) continue;
             if (distance < best) {
                 second = best;
                 best = distance;
                 point = seen;
-            } else if (distance < second) {
+            } else {
                 second = distance;
             }
         }
