@@ -489,8 +489,12 @@ struct TimeChart {
     std::string html =
         "<section id=\"frames\"><h2>What it saw</h2><p class=\"note\">The mesh over the matched features. An edge is "
         "kept "
-        "while its two ends keep their distance, and cut when they do not: good is green over the room and red around "
-        "whoever walks. Blue points are the group taken for the room.</p><p><label><input type=\"checkbox\" "
+        "while its two ends keep their distance, and cut when they do not. Who walks keeps the distances within his "
+        "own "
+        "body, and slowly changes those to the room, so green edges lie on people too; a group ends at steps in depth "
+        "as "
+        "well. Good: blue points, the group taken for the room, lie on the room alone, and people have other "
+        "colours.</p><p><label><input type=\"checkbox\" "
         "data-layer=\"kept\" checked> kept edges</label><label><input type=\"checkbox\" data-layer=\"cut\" checked> "
         "cut "
         "edges</label><label><input type=\"checkbox\" data-layer=\"points\" checked> features</label></p>" +
