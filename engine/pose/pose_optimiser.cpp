@@ -14,15 +14,6 @@ bool is_pivot_good(double pivot, double diagonal) noexcept {
     return pivot > 1e-12 && pivot > kRounding * diagonal;
 }
 
-// One scalar residual r with its row of the Jacobian and weight.
-void accumulate(const double row[6], double r, double weight, Matrix6& h, Vector6& g) noexcept {
-    for (int i = 0; i < 6; ++i) {
-        const double wi = weight * row[i];
-        g(i) += wi * r;
-        for (int j = 0; j <= i; ++j) h(i, j) += wi * row[j];
-    }
-}
-
 // The shape of the robust cost, in thresholds. Huber's up to kFar, where its root is 4; beyond, weights fall off with
 // the third power of the residual, and what they integrate to tends to the most that one point costs, 4 * 4 - 1. A
 // point behind the camera costs it.
@@ -35,6 +26,69 @@ struct System {
     double cost = 0;
     std::uint32_t inliers = 0;
     double inlier_chi2 = 0;
+
+    // The residuals of a point at q with weight w; only the lower triangle of h. With x = q.x / q.z, y = q.y / q.z and
+    // dq = -v + [q]x w for T * exp(v, w), the rows of the Jacobian are
+    //   (-1/z, 0, x/z, xy, -(1+xx), y), (0, -1/z, y/z, 1+yy, -xy, -x) and, of the depth, (0, 0, -1, -q.y, q.x, 0).
+    // Both image axes have the same information, so that of their 21 products two are zero, two are the same as others,
+    // and the rest are short: three times less work than row by row, and this is where a frame's poses spend it.
+    void add(const Vector3& q, const Residual& r, double w) noexcept {
+        const double iz = 1.0 / q.z();
+        const double x = q.x() * iz;
+        const double y = q.y() * iz;
+        const double xx = 1.0 + x * x;
+        const double yy = 1.0 + y * y;
+        const double xy = x * y;
+        const double rr = x * x + y * y;
+        const double info = w * r.info_x;
+        const double info_iz = info * iz;
+        const double info_iz2 = info_iz * iz;
+        const double info_x = info * x;
+        const double info_y = info * y;
+        h(0, 0) += info_iz2;
+        h(2, 0) -= info_iz2 * x;
+        h(2, 1) -= info_iz2 * y;
+        h(2, 2) += info_iz2 * rr;
+        h(3, 0) -= info_iz * xy;
+        h(3, 1) -= info_iz * yy;
+        h(4, 0) += info_iz * xx;
+        h(5, 0) -= info_iz * y;
+        h(5, 1) += info_iz * x;
+        h(3, 2) += info_iz * y * (1.0 + rr);
+        h(4, 2) -= info_iz * x * (1.0 + rr);
+        h(3, 3) += info * (xy * xy + yy * yy);
+        h(4, 3) -= info * xy * (2.0 + rr);
+        h(4, 4) += info * (xx * xx + xy * xy);
+        h(5, 3) -= info_x;
+        h(5, 4) -= info_y;
+        h(5, 5) += info * rr;
+        const double off_x = info * r.x;
+        const double off_y = info * r.y;
+        g(0) -= iz * off_x;
+        g(1) -= iz * off_y;
+        g(2) += iz * (x * off_x + y * off_y);
+        g(3) += xy * off_x + yy * off_y;
+        g(4) -= xx * off_x + xy * off_y;
+        g(5) += y * off_x - x * off_y;
+        if (!(r.info_z > 0)) return;
+        const double info_z = w * r.info_z;
+        const double off_z = info_z * r.z;
+        h(2, 2) += info_z;
+        h(3, 2) += info_z * q.y();
+        h(4, 2) -= info_z * q.x();
+        h(3, 3) += info_z * q.y() * q.y();
+        h(4, 3) -= info_z * q.x() * q.y();
+        h(4, 4) += info_z * q.x() * q.x();
+        g(2) -= off_z;
+        g(3) -= q.y() * off_z;
+        g(4) += q.x() * off_z;
+    }
+
+    // What add() left out because it equals something else.
+    void complete() noexcept {
+        h(1, 1) = h(0, 0);
+        h(4, 1) = -h(3, 0);
+    }
 };
 
 System linearise(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
@@ -68,20 +122,9 @@ System linearise(std::span<const Correspondence> correspondences, std::span<cons
                 robust *= kFar * chi2_max / chi2;
             }
         }
-        // d q / d xi for T * exp(xi): q' = exp(-xi) q, so dq = -v + [q]x w.
-        const double iz = 1.0 / q.z();
-        const double x = q.x() * iz;
-        const double y = q.y() * iz;
-        const double row_x[6] = {-iz, 0, x * iz, -(-x * y), -(1.0 + x * x), y};
-        const double row_y[6] = {0, -iz, y * iz, 1.0 + y * y, -(x * y), -x};
-        const double w = vote * robust;
-        accumulate(row_x, r.x, w * r.info_x, s.h, s.g);
-        accumulate(row_y, r.y, w * r.info_y, s.h, s.g);
-        if (r.info_z > 0) {
-            const double row_z[6] = {0, 0, -1.0, -q.y(), q.x(), 0};
-            accumulate(row_z, r.z, w * r.info_z, s.h, s.g);
-        }
+        s.add(q, r, vote * robust);
     }
+    s.complete();
     if (prior != nullptr) {
         // Six more residuals; the right Jacobian of the logarithm is close to one where they matter.
         const Vector6 off = se3_log(prior->world_from_camera.inverse() * world_from_camera);

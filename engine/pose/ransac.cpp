@@ -89,15 +89,21 @@ struct Support {
     std::uint32_t inliers = 0;
 };
 
+// Stops where the votes that are left cannot make it better than `best_votes`: most wrong hypotheses end early.
 Support support_of(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                   const SE3& world_from_camera, double chi2_max) noexcept {
+                   const SE3& world_from_camera, double chi2_max, double votes_all, double best_votes) noexcept {
     Support support;
     const SE3 camera_from_world = world_from_camera.inverse();
+    const double missed_max = votes_all - best_votes;
+    double missed = 0;
     for (const std::uint16_t index : chosen) {
         const Correspondence& c = correspondences[index];
         if (chi2_of(c, camera_from_world) <= chi2_max) {
             support.votes += c.vote;
             ++support.inliers;
+        } else {
+            missed += c.vote;
+            if (missed > missed_max) break;
         }
     }
     return support;
@@ -116,7 +122,8 @@ RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::s
     }
     double best_votes = -1;
     const auto consider = [&](const SE3& hypothesis) {
-        const Support support = support_of(correspondences, chosen, hypothesis, options.chi2_max);
+        const Support support =
+            support_of(correspondences, chosen, hypothesis, options.chi2_max, votes_all, best_votes);
         if (support.votes > best_votes) {
             best_votes = support.votes;
             best.world_from_camera = hypothesis;
