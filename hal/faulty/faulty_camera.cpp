@@ -6,6 +6,12 @@
 #include "engine/base/check.hpp"
 
 namespace stillmesh {
+namespace {
+
+// What a recording misses while nobody has it open: some 0.7 s at most.
+constexpr std::uint32_t kFramesMissedMax = 20;
+
+}  // namespace
 
 const char* fault_name(Fault fault) noexcept {
     constexpr const char* kNames[kFaults] = {"absent",        "unplugged",
@@ -45,7 +51,15 @@ Status FaultyCamera::open() noexcept {
         --absent_opens_;
         return Status::kUnavailable;
     }
-    STILLMESH_TRY(source_.open());
+    if (is_source_open_) {
+        Frame missed;
+        for (std::uint32_t i = random_below(kFramesMissedMax + 1); i > 0; --i) {
+            if (source_.poll(missed) != Status::kOk) break;
+        }
+    } else {
+        STILLMESH_TRY(source_.open());
+        is_source_open_ = true;
+    }
     is_open_ = true;
     const CameraModel& model = source_.info().model;
     const std::size_t pixels = std::size_t{model.width} * model.height;
@@ -58,7 +72,10 @@ Status FaultyCamera::open() noexcept {
 }
 
 void FaultyCamera::close() noexcept {
-    if (is_open_) source_.close();
+    if (is_source_open_ && !options_.is_recording) {
+        source_.close();
+        is_source_open_ = false;
+    }
     is_open_ = false;
     if (has_fault_ && (fault_ == Fault::kTimeout || fault_ == Fault::kUnplugged || fault_ == Fault::kFrozen)) {
         has_fault_ = false;

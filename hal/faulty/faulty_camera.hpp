@@ -44,6 +44,7 @@ struct FaultOptions {
     std::int64_t timeout_max_ns = 2'500'000'000;
     std::uint32_t absent_opens_max = 4;  // openings that fail, at most
     bool is_absent_at_start = false;
+    bool is_recording = false;  // the source would begin anew if it were opened again: it goes on, some frames later
     std::function<std::int64_t()> now_ns;
     std::function<void(std::int64_t)> sleep_until_ns;
     FrameTimes* times = nullptr;  // the source's, if it has them
@@ -91,6 +92,7 @@ private:
     FaultOptions options_;
     std::uint64_t state_;
     bool is_open_ = false;
+    bool is_source_open_ = false;
     bool has_fault_ = false;
     Fault fault_ = Fault::kBlack;
     std::uint32_t frames_left_ = 0;  // of the fault, or until the next

@@ -52,6 +52,7 @@ Status FrameGuard::admit(Frame& frame, std::int64_t arrival_ns) noexcept {
     } else if (is_reopened_ || !follows(time_ns, arrival_ns, last_ns_, last_arrival_ns_)) {
         const bool agrees = strangers_ > 0 && follows(time_ns, arrival_ns, stranger_ns_, stranger_arrival_ns_);
         strangers_ = agrees ? strangers_ + 1 : 1;
+        if (!agrees) first_stranger_ns_ = time_ns;
         stranger_ns_ = time_ns;
         stranger_arrival_ns_ = arrival_ns;
         if (!is_reopened_ && strangers_ < kRestartFrames) {
@@ -59,8 +60,8 @@ Status FrameGuard::admit(Frame& frame, std::int64_t arrival_ns) noexcept {
             return Status::kCorrupt;
         }
         // A clock that went on while the camera was away stays as it is.
-        const std::int64_t passed_ns =
-            has_host_clock_ ? std::max(arrival_ns - last_arrival_ns_, std::int64_t{1000}) : period_ns;
+        const std::int64_t passed_ns = has_host_clock_ ? std::max(arrival_ns - last_arrival_ns_, std::int64_t{1000})
+                                                       : period_ns + time_ns - first_stranger_ns_;
         const std::int64_t step_ns = time_ns + shift_ns_ - last_out_ns_;
         const bool went_on = is_reopened_ && step_ns > 0 &&
                              (!has_host_clock_ || (step_ns < passed_ns + kJump_ns && step_ns > passed_ns - kJump_ns));

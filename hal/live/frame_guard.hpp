@@ -50,6 +50,7 @@ private:
     std::int64_t last_out_ns_ = 0;  // and as it went on
     std::int64_t last_arrival_ns_ = 0;
     std::uint32_t strangers_ = 0;  // in a row, agreeing with each other
+    std::int64_t first_stranger_ns_ = 0;
     std::int64_t stranger_ns_ = 0;
     std::int64_t stranger_arrival_ns_ = 0;
     std::uint64_t digest_ = 0;

@@ -9,6 +9,8 @@ namespace {
 
 // So many images of another form in a row are another mode, not an accident.
 constexpr std::uint32_t kWrongFormsMax = 10;
+// Between two polls: whoever lets more time pass has not listened meanwhile.
+constexpr std::int64_t kUnheard_ns = 250'000'000;
 
 [[nodiscard]] std::string seconds(std::int64_t ns) {
     char text[32];
@@ -33,7 +35,7 @@ Status ReconnectingCamera::open() noexcept {
     guard_ = FrameGuard(info_, options_.is_live);
     counts_ = {};
     news_.clear();
-    last_frame_ns_ = quiet_since_ns_ = options_.now_ns();
+    last_frame_ns_ = quiet_since_ns_ = last_poll_ns_ = options_.now_ns();
     stall_after_ns_ = options_.stall_ns;
     is_disturbed_ = false;
     wrong_in_a_row_ = 0;
@@ -101,7 +103,7 @@ void ReconnectingCamera::open_again(std::int64_t now_ns) {
     if (status == Status::kOk && is_same_camera()) {
         is_open_ = true;
         life_ = CameraLife::kSilent;
-        quiet_since_ns_ = end_ns;
+        quiet_since_ns_ = last_poll_ns_ = end_ns;
         guard_.reopened();
         return;
     }
@@ -143,6 +145,8 @@ void ReconnectingCamera::delivered(std::int64_t now_ns) {
 Status ReconnectingCamera::poll(Frame& frame) noexcept {
     if (life_ == CameraLife::kClosed) return Status::kUnavailable;
     const std::int64_t now_ns = options_.now_ns();
+    if (now_ns - last_poll_ns_ > kUnheard_ns) quiet_since_ns_ += now_ns - last_poll_ns_;
+    last_poll_ns_ = now_ns;
     if (!is_open_) {
         if (now_ns < next_try_ns_) return Status::kTimedOut;
         open_again(now_ns);

@@ -1,8 +1,9 @@
 // Keeps a live camera alive: whoever polls sees frames or silence, never a dead device. Unplugged, it is opened again
 // as soon as it is back; silent for a second (or frozen, or with images of another size), it is reset, closed and
 // opened again, with back-off, for as long as it takes. Frames pass a FrameGuard: their form is the camera's, their
-// time goes on. What happens is told as news, sentences for the user. Cost: a few microseconds per poll. While a device
-// is opened, poll takes as long as the source's open() does.
+// time goes on. Only silence that somebody listened to is a stall: who polls late (a busy machine, a stopped process)
+// does not reset a camera that is well. What happens is told as news, sentences for the user. Cost: a few microseconds
+// per poll. While a device is opened, poll takes as long as the source's open() does.
 #pragma once
 
 #include <cstdint>
@@ -91,7 +92,8 @@ private:
     bool is_open_ = false;             // the source
     bool is_disturbed_ = false;        // since the last frame
     std::int64_t last_frame_ns_ = 0;   // when one came
-    std::int64_t quiet_since_ns_ = 0;  // frame or opening, whichever was last
+    std::int64_t quiet_since_ns_ = 0;  // frame or opening, whichever was last; later by what nobody asked for frames
+    std::int64_t last_poll_ns_ = 0;
     std::int64_t stall_after_ns_ = 0;
     std::int64_t retry_ns_ = 0;
     std::int64_t next_try_ns_ = 0;

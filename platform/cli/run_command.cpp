@@ -158,6 +158,7 @@ int keep_alive(const Source& source, bool is_open, std::function<bool()> reset, 
     fault_options.now_ns = monotonic_ns;
     fault_options.sleep_until_ns = sleep_until_ns;
     fault_options.times = source.times;
+    fault_options.is_recording = source.times == nullptr;
     if (!arguments.inject.empty()) {
         const char* const end = arguments.inject.data() + arguments.inject.size();
         const auto [stop, error] = std::from_chars(arguments.inject.data(), end, fault_options.seed);

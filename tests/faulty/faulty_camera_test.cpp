@@ -209,5 +209,69 @@ TEST(FaultyCamera, AThousandSeedsAreSurvived) {
     EXPECT_GT(faults, 10'000U);
 }
 
+// Promise: faults of any seed in a recording leave it a recording: it is opened once, its frames come in order and with
+// the times they have, also behind an unplug, and it ends.
+TEST(FaultyCamera, ARecordingGoesOnWhereItWas) {
+    constexpr std::int64_t kBegin_ns = 7'000'000'000;
+    class Recording final : public DepthCamera {
+    public:
+        explicit Recording(World& world) : world_(world) {}
+        Status open() noexcept override {
+            ++opens;
+            number_ = 0;
+            return world_.open();
+        }
+        const CameraInfo& info() const noexcept override { return world_.info(); }
+        Status poll(Frame& frame) noexcept override {
+            if (number_ == 600) return Status::kEnd;
+            while (world_.poll(frame) != Status::kOk) static_cast<void>(world_.wait(20));
+            frame.time_ns = frame.depth_time_ns = kBegin_ns + kPeriod_ns * number_++;
+            return Status::kOk;
+        }
+        Status wait(std::uint32_t) noexcept override { return Status::kOk; }
+        void close() noexcept override { world_.close(); }
+
+        int opens = 0;
+
+    private:
+        World& world_;
+        std::int64_t number_ = 0;
+    };
+    std::uint64_t unplugs = 0;
+    for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+        World world;
+        Recording recording(world);
+        FaultOptions options = world.faults(seed);
+        options.good_frames_mean = 10;
+        options.is_recording = true;
+        FaultyCamera faulty(recording, options);
+        ReconnectOptions life = world.life();
+        life.is_live = false;
+        ReconnectingCamera camera(faulty, life);
+        ASSERT_EQ(camera.open(), Status::kOk);
+        std::int64_t last_ns = 0;
+        Status status = Status::kOk;
+        for (int polls = 0; status != Status::kEnd; ++polls) {
+            ASSERT_LT(polls, 100'000) << "it never ends, seed " << seed;
+            Frame frame;
+            status = camera.poll(frame);
+            if (status == Status::kOk) {
+                ASSERT_GT(frame.time_ns, last_ns) << seed;
+                last_ns = frame.time_ns;
+            } else if (status == Status::kTimedOut) {
+                world.now_ns += 1'000'000;
+                static_cast<void>(camera.wait(20));
+            }
+            while (!camera.take_news().empty()) {
+            }
+        }
+        EXPECT_EQ(recording.opens, 1);
+        // A clock that jumps among frames that do not come is set anew; no more than a moment goes wrong.
+        EXPECT_LE(last_ns, kBegin_ns + 600 * kPeriod_ns) << seed << " " << faulty.summary();
+        unplugs += faulty.count(Fault::kUnplugged) + faulty.count(Fault::kAbsent);
+    }
+    EXPECT_GT(unplugs, 300U);
+}
+
 }  // namespace
 }  // namespace stillmesh

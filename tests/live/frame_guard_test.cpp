@@ -104,6 +104,26 @@ TEST(FrameGuard, ARestartedClockIsCarriedOn) {
     EXPECT_EQ(guard.counts().wrong_time, 2U);
 }
 
+// Promise: a recording whose clock restarts or jumps loses two frames and no time: there the frames themselves say what
+// has passed.
+TEST(FrameGuard, ARecordingsClockIsCarriedOnByItsFrames) {
+    for (const std::int64_t shift_ns : {-5'000'000'000LL, -200'000'000LL, 3'600'000'000'000LL}) {
+        Images images;
+        FrameGuard guard(images.info, false);
+        for (std::int64_t i = 0; i < 20; ++i) {
+            const std::int64_t time_ns = 10'000'000'000 + i * kPeriod_ns;
+            Frame frame = images.frame(time_ns + (i < 10 ? 0 : shift_ns));
+            const Status status = guard.admit(frame, 0);
+            if (status == Status::kOk) {
+                ASSERT_EQ(frame.time_ns, time_ns) << shift_ns;
+            } else {
+                ASSERT_TRUE(i >= 10 && i < 12) << i;
+            }
+        }
+        EXPECT_EQ(guard.counts().wrong_time, 2U) << shift_ns;
+    }
+}
+
 // Promise: every wrong form is refused: sizes, strides, missing pixels, units that are no numbers.
 TEST(FrameGuard, RefusesWrongForms) {
     Images images;

@@ -150,6 +150,29 @@ TEST(ReconnectingCamera, StallsAreResetWithBackOff) {
     EXPECT_EQ(world.resets, before + 1) << "frames end the back-off";
 }
 
+// Promise: who does not ask for frames for a while, because the machine is busy or the process was stopped, has heard
+// no silence: a camera that is well is not reset.
+TEST(ReconnectingCamera, LateListenersResetNobody) {
+    World world;
+    ReconnectOptions options = world.options();
+    options.stall_ns = 1'000'000'000;
+    ReconnectingCamera camera(world, options);
+    ASSERT_EQ(camera.open(), Status::kOk);
+    for (int i = 0; i < 20; ++i) {
+        EXPECT_GT(run(camera, world, 0.1), 0);
+        world.now_ns += 3'000'000'000;
+        world.is_stalled = true;  // the moment in which it is asked again, its next image is not there yet
+        Frame frame;
+        EXPECT_EQ(camera.poll(frame), Status::kTimedOut);
+        world.is_stalled = false;
+    }
+    EXPECT_EQ(camera.counts().stalls, 0U);
+    EXPECT_EQ(world.resets, 0);
+    world.is_stalled = true;
+    EXPECT_EQ(run(camera, world, 1.1), 0);
+    EXPECT_EQ(camera.counts().stalls, 1U) << "silence that was heard is one";
+}
+
 // Promise: frozen images and images of another size are stalls too.
 TEST(ReconnectingCamera, FrozenAndWrongImagesAreStalls) {
     World world;
