@@ -83,11 +83,12 @@ void ReconnectingCamera::lost(std::int64_t now_ns) {
 
 void ReconnectingCamera::stalled(std::int64_t now_ns, const char* why) {
     ++counts_.stalls;
+    const std::string known = options_.silence ? options_.silence() : std::string();
     source_.close();  // a reset is for a device that nobody uses
     is_open_ = false;
     const bool is_reset = options_.reset && options_.reset();
-    tell(std::string(why) + " for " + seconds(now_ns - last_frame_ns_) + ": the camera is " +
-         (is_reset ? "reset and " : "") + "opened again.");
+    tell(std::string(why) + " for " + seconds(now_ns - last_frame_ns_) + (known.empty() ? "" : " (" + known + ")") +
+         ": the camera is " + (is_reset ? "reset and " : "") + "opened again.");
     is_disturbed_ = true;
     wrong_in_a_row_ = 0;
     life_ = CameraLife::kSilent;

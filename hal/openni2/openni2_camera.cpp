@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
@@ -13,6 +14,7 @@
 #include <filesystem>
 #include <mutex>
 #include <optional>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -38,7 +40,9 @@ constexpr int kPairWait_ms = 1000;
 // The player of files waits with its next image after so long; from being opened on, also on a busy machine.
 constexpr int kPlayerRests_ms = 50;
 constexpr int kPlayerBegins_ms = 300;
+constexpr std::uint32_t kEndMax_ms = 1500;  // for OpenNI2 to end
 constexpr int kSettleLook_ms = 20;
+constexpr std::int64_t kOneSided_ns = 500'000'000;  // one stream without the other
 constexpr int kSettleMax_ms = 3000;
 // Images/s that pairing believes in: half a period is at most 33 ms, at least 8.
 constexpr int kPairingRateMin = 15;
@@ -70,8 +74,29 @@ private:
     return offset_ns;
 }
 
-[[nodiscard]] bool is_oni_file(const std::string& device) {
-    return device.size() > 4 && device.compare(device.size() - 4, 4, ".oni") == 0;
+// A recording, by its name or because there is such a file.
+[[nodiscard]] bool names_file(const std::string& device) {
+    constexpr std::string_view kEnding = ".oni";
+    std::error_code error;
+    return (device.size() > kEnding.size() &&
+            std::equal(kEnding.begin(), kEnding.end(), device.end() - static_cast<std::ptrdiff_t>(kEnding.size()),
+                       [](char a, char b) { return a == b || (b >= 'A' && b <= 'Z' && a == b + ('a' - 'A')); })) ||
+           std::filesystem::is_regular_file(device, error);
+}
+
+// Why a file is none that OpenNI2 could play; empty: it may.
+[[nodiscard]] std::string why_no_recording(const std::string& name) {
+    errno = 0;
+    std::FILE* const file = std::fopen(name.c_str(), "rb");
+    char magic[4] = {};
+    const bool is_long_enough = file != nullptr && std::fread(magic, 1, sizeof(magic), file) == sizeof(magic);
+    const int error = errno;
+    if (file != nullptr) static_cast<void>(std::fclose(file));
+    if (error == ENOENT) return "there is no such file.";
+    if (error != 0) return std::string("cannot be read: ") + std::strerror(error) + ".";
+    if (!is_long_enough) return "is empty.";
+    return std::memcmp(magic, "NI10", sizeof(magic)) == 0 ? std::string()
+                                                          : "is no .oni recording (it does not begin with NI10).";
 }
 
 [[nodiscard]] std::string extended_error() {
@@ -80,6 +105,7 @@ private:
     for (char& c : text) {
         if (c == '\n' || c == '\t') c = ' ';
     }
+    text.erase(0, text.find_first_not_of(' '));
     return text.empty() ? "OpenNI2 does not say why" : text;
 }
 
@@ -187,6 +213,7 @@ struct OpenNi2Camera::Session {
     bool has_time_shift = false;
     int colour_index = -1, depth_index = -1;
     std::int64_t last_colour_us = 0, last_depth_us = 0;
+    std::int64_t colour_arrival_ns = 0, depth_arrival_ns = 0;  // of the last image of either
     OpenNi2Counts counts;
 
     ~Session() = default;
@@ -216,20 +243,14 @@ private:
 };
 
 bool OpenNi2Camera::Session::open_device(const OpenNi2Options& options) {
-    if (is_oni_file(options.device)) {
-        std::FILE* const file = std::fopen(options.device.c_str(), "rb");
-        char magic[4] = {};
-        const bool is_readable = file != nullptr && std::fread(magic, 1, sizeof(magic), file) == sizeof(magic);
-        if (file != nullptr) static_cast<void>(std::fclose(file));
-        if (!is_readable) return refuse(Status::kInvalid, options.device + ": cannot be read, or is empty.");
-        if (std::memcmp(magic, "NI10", 4) != 0) {
-            return refuse(Status::kInvalid, options.device + ": is no .oni recording (it does not begin with NI10).");
+    if (is_file) {
+        if (const std::string why = why_no_recording(options.device); !why.empty()) {
+            return refuse(Status::kInvalid, options.device + ": " + why);
         }
         if (device.open(options.device.c_str()) != openni::STATUS_OK || !device.isFile()) {
             return refuse(Status::kInvalid, options.device + ": OpenNI2 cannot play it (" + extended_error() +
                                                 "); was its recording cut off?");
         }
-        is_file = true;
         description = options.device;
         return true;
     }
@@ -237,7 +258,7 @@ bool OpenNi2Camera::Session::open_device(const OpenNi2Options& options) {
     std::string seen;
     std::string failure;
     for (const openni2::DeviceName& name : devices) {
-        seen += " " + name.uri;
+        seen += (seen.empty() ? " " : ", ") + name.uri;
         const bool is_any = options.device.empty() || options.device == "auto";
         if (device.open(name.uri.c_str()) != openni::STATUS_OK) {
             if (is_any || options.device == name.uri) failure = name.uri + " cannot be opened: " + extended_error();
@@ -253,6 +274,7 @@ bool OpenNi2Camera::Session::open_device(const OpenNi2Options& options) {
             if (serial[0] != 0) description += std::string(", serial ") + serial;
             return true;
         }
+        if (serial[0] != 0) seen += std::string(" (serial ") + serial + ")";
         device.close();
     }
     if (!failure.empty()) {
@@ -411,6 +433,11 @@ void OpenNi2Camera::Session::settle(const std::string& file) {
 bool OpenNi2Camera::Session::record(const OpenNi2Options& options) {
     if (options.record.empty()) return true;
     record_file = options.record;
+    if (std::FILE* const file = std::fopen(record_file.c_str(), "wb"); file != nullptr) {
+        static_cast<void>(std::fclose(file));
+    } else {  // OpenNI2 would not say why
+        return refuse(Status::kInvalid, record_file + ": cannot be written: " + std::strerror(errno) + ".");
+    }
     if (recorder.create(options.record.c_str()) == openni::STATUS_OK && recorder.attach(depth) == openni::STATUS_OK &&
         recorder.attach(colour) == openni::STATUS_OK) {
         // The recorder gives the first image of each stream the time 0. Begun between colour and depth of one instant,
@@ -455,7 +482,7 @@ void OpenNi2Camera::Session::close() {
         is_closing = true;
         changed.notify_all();
     }
-    if (is_file) rest_player();
+    if (is_file && device.isValid()) rest_player();
     if (colour.isValid()) colour.stop();
     if (depth.isValid()) depth.stop();
     if (recorder.isValid()) {
@@ -495,6 +522,7 @@ bool OpenNi2Camera::Session::take(openni::VideoStream& stream, std::int64_t arri
         return true;
     }
     last_us = time_us;
+    (is_colour ? colour_arrival_ns : depth_arrival_ns) = arrival_ns;
     const int missing = image.getFrameIndex() - index - 1;
     if (index >= 0 && missing > 0 && missing < 1000) counts.images_missing += static_cast<std::uint64_t>(missing);
     index = image.getFrameIndex();
@@ -587,7 +615,8 @@ struct OpenNi2Camera::Conversion {
     std::vector<std::uint8_t> colour;          // not mirrored, or grey made of YUV
 };
 
-OpenNi2Camera::OpenNi2Camera(OpenNi2Options options) : options_(std::move(options)) {
+OpenNi2Camera::OpenNi2Camera(OpenNi2Options options)
+    : options_(std::move(options)), is_file_(names_file(options_.device)) {
     static_cast<void>(unix_minus_monotonic_ns());
 }
 
@@ -609,13 +638,12 @@ OpenNi2Camera::~OpenNi2Camera() {
     });
     std::unique_lock lock(shared->mutex);
     if (runs) {
-        static_cast<void>(shared->changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
-                                                   [&shared] { return shared->is_done; }));
+        // It may hang: OpenNI2 holds its lock while it waits for a driver's thread, which wants that lock to tell of a
+        // camera that comes or goes just now.
+        static_cast<void>(
+            shared->changed.wait_for(lock, std::chrono::milliseconds(std::min(options_.open_max_ms, kEndMax_ms)),
+                                     [&shared] { return shared->is_done; }));
     }
-}
-
-bool OpenNi2Camera::is_file() const noexcept {
-    return is_oni_file(options_.device);
 }
 
 Status OpenNi2Camera::refuse(Status status, std::string why) {
@@ -632,6 +660,7 @@ Status OpenNi2Camera::open() noexcept {
         has_calibration_ = true;
     }
     const auto session = std::make_shared<Session>();
+    session->is_file = is_file_;
     if (!openni2::run_parked([session, options = options_] { session->serve(options); })) {
         message_ = "the system has no thread left for the camera.";
         return Status::kUnavailable;
@@ -865,6 +894,15 @@ std::int64_t OpenNi2Camera::next_due_ns() noexcept {
     if (session_->slot.is_full) return session_->slot.complete_ns;  // it waits already
     const std::int64_t next_ns = session_->forecast.next_ns(period_ns);
     return next_ns != 0 ? next_ns : clock_ns(CLOCK_MONOTONIC) + period_ns;
+}
+
+std::string OpenNi2Camera::silence() const {
+    if (session_ == nullptr) return {};
+    const std::lock_guard lock(session_->mutex);
+    const std::int64_t apart_ns = session_->colour_arrival_ns - session_->depth_arrival_ns;
+    if (apart_ns > kOneSided_ns) return "colour images come, depth images do not";
+    if (apart_ns < -kOneSided_ns) return "depth images come, colour images do not";
+    return {};
 }
 
 OpenNi2Counts OpenNi2Camera::counts() const noexcept {

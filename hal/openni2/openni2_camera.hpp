@@ -80,7 +80,10 @@ public:
     [[nodiscard]] const std::string& uri() const noexcept { return uri_; }
     [[nodiscard]] const std::string& calibration_source() const noexcept { return calibration_source_; }
     [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
-    [[nodiscard]] bool is_file() const noexcept;
+    // The device is a recording: named *.oni, or the name of a file that was there when this was made.
+    [[nodiscard]] bool is_file() const noexcept { return is_file_; }
+    // What is known of a silence: which of the two streams it is. Empty: both, or neither.
+    [[nodiscard]] std::string silence() const;
     // Pairs at most; 0: unknown (live).
     [[nodiscard]] std::uint64_t frames_expected() const noexcept { return frames_expected_; }
     // Over all openings.
@@ -96,6 +99,7 @@ private:
     void convert(Frame& frame);
 
     OpenNi2Options options_;
+    bool is_file_;
     CameraInfo info_;
     CameraInfo given_;  // the calibration, as it was read
     bool has_calibration_ = false;

@@ -31,6 +31,7 @@ int capture_command(const CaptureArguments& arguments) {
     reconnect.now_ns = monotonic_ns;
     reconnect.sleep_until_ns = sleep_until_ns;
     reconnect.source_message = [&live] { return live->message(); };
+    reconnect.silence = [&live] { return live->silence(); };
     reconnect.reset = [&live] { return live->reset(); };
     reconnect.times = &live->times();
     reconnect.is_live = !live->is_file();

@@ -45,6 +45,7 @@ public:
     DepthCamera& camera() override { return camera_; }
     FrameTimes& times() override { return camera_; }
     std::string message() const override { return camera_.message(); }
+    std::string silence() const override { return camera_.silence(); }
     bool is_file() const override { return camera_.is_file(); }
     std::string device() const override { return camera_.device(); }
     std::string calibration_source() const override { return camera_.calibration_source(); }

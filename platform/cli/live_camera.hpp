@@ -30,6 +30,8 @@ public:
     [[nodiscard]] virtual FrameTimes& times() = 0;
     // Why the last call failed.
     [[nodiscard]] virtual std::string message() const = 0;
+    // What is known of a silence, such as which stream it is; empty: nothing.
+    [[nodiscard]] virtual std::string silence() const { return {}; }
     // A recording: every frame in order, as fast as it is asked for.
     [[nodiscard]] virtual bool is_file() const = 0;
     // Once it is open:

@@ -27,6 +27,8 @@ constexpr const char* kLaterOptions[] = {"--cloud", "--map-store", "--view", "--
 constexpr const char* kLaterCommands[][2] = {{"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"}};
 
+constexpr const char* kCameraGroup = "Camera (--camera, --replay or --simulate)";
+
 int eval(const std::string& truth_file, const std::string& trajectory_file, bool is_json) {
     Trajectory truth;
     Trajectory estimate;
@@ -48,9 +50,10 @@ int eval(const std::string& truth_file, const std::string& trajectory_file, bool
 }
 
 void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wait, const char* group) {
-    app.add_option(
-           "--camera", options.camera,
-           "auto, openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of OpenNI2), or freenect (a Kinect)")
+    app.add_option("--camera", options.camera,
+                   "auto (the first that OpenNI2 finds), openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of "
+                   "OpenNI2), "
+                   "or freenect (a Kinect); 'stillmesh cameras' lists what is plugged in")
         ->type_name("NAME")
         ->group(group);
     app.add_flag("--wait", does_wait, "for a camera, if none is plugged in yet")->group(group);
@@ -76,30 +79,30 @@ int program(int argc, char** argv) {
     RunArguments arguments;
     std::vector<std::string> later;  // switches of what is not in this build
     CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
-    add_camera_options(*run_app, arguments.live, arguments.does_wait, "Camera (one of the first three)");
+    add_camera_options(*run_app, arguments.live, arguments.does_wait, kCameraGroup);
     run_app->add_option("--replay", arguments.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
         ->type_name("DIR")
-        ->group("Camera (one of the first three)");
+        ->group(kCameraGroup);
     run_app
         ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
         ->type_name("SCENE[:SEED[+DAY]]")
-        ->group("Camera (one of the first three)");
+        ->group(kCameraGroup);
     run_app
         ->add_option("--calibration", arguments.calibration,
                      "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect; the recording's own if not given")
         ->type_name("FILE|NAME")
-        ->group("Camera (one of the first three)");
+        ->group(kCameraGroup);
     run_app->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
         ->type_name("N")
-        ->group("Camera (one of the first three)");
+        ->group(kCameraGroup);
     run_app
         ->add_flag("--realtime", arguments.is_realtime,
                    "frames at their recorded times: late ones are dropped, background work gets what time is left")
-        ->group("Camera (one of the first three)");
+        ->group(kCameraGroup);
     run_app->add_option("--inject", arguments.inject, "faults of every kind into any of these cameras, from a seed")
         ->type_name("SEED")
-        ->group("Camera (one of the first three)");
+        ->group(kCameraGroup);
     run_app->add_option("--report", arguments.report, "a page to look at: DIR/index.html")
         ->type_name("DIR")
         ->group("What comes out");
@@ -224,7 +227,9 @@ int program(int argc, char** argv) {
     capture_app->footer(
         "Examples:\n"
         "  stillmesh capture --camera auto --out desk            then: stillmesh run --replay desk\n"
-        "  stillmesh capture --camera auto --out desk.oni        then: stillmesh run --camera openni2:desk.oni");
+        "  stillmesh capture --camera auto --out desk.oni        then: stillmesh run --camera openni2:desk.oni\n"
+        "Ctrl-C ends it, everything written. Exit codes: 0 so many frames as asked for; 1 the camera went, or a frame "
+        "could not be written; 2 bad usage, or no camera; 130, 143 stopped by Ctrl-C or SIGTERM.");
 
     SimulateOptions simulation;
     CLI::App* const simulate_command =
@@ -304,7 +309,13 @@ int program(int argc, char** argv) {
     } catch (const CLI::Success& success) {
         return app.exit(success);
     } catch (const CLI::ParseError& error) {
-        return refuse(std::string(error.what()) + "; 'stillmesh --help' shows the commands.");
+        std::string command;
+        for (const CLI::App* parsed = &app; !parsed->get_subcommands().empty();) {
+            parsed = parsed->get_subcommands().front();
+            command += parsed->get_name() + " ";
+        }
+        return refuse(std::string(error.what()) + "; 'stillmesh " + command + "--help' shows the " +
+                      (command.empty() ? "commands." : "options."));
     }
     for (const CLI::App* const command : later_commands) {
         if (command->parsed()) return refuse("the command '" + command->get_name() + "' is not in this build.");

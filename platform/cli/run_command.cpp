@@ -50,10 +50,11 @@ private:
 // A camera with what goes with it.
 struct Source {
     DepthCamera& camera;
-    std::function<std::string()> message;    // why its last call failed
-    std::uint64_t frames = 0;                // expected; 0: unknown
-    FrameTimes* times = nullptr;             // frames come by the clock
-    std::function<std::string()> news = {};  // what happened to it
+    std::function<std::string()> message;       // why its last call failed
+    std::uint64_t frames = 0;                   // expected; 0: unknown
+    FrameTimes* times = nullptr;                // frames come by the clock
+    std::function<std::string()> news = {};     // what happened to it
+    std::function<std::string()> silence = {};  // what is known of it
     std::function<void(RunRecord&)> account = [](RunRecord&) {};
 };
 
@@ -170,6 +171,7 @@ int keep_alive(const Source& source, bool is_open, std::function<bool()> reset, 
     options.now_ns = monotonic_ns;
     options.sleep_until_ns = sleep_until_ns;
     options.source_message = source.message;
+    options.silence = source.silence;
     options.reset = std::move(reset);
     options.times = source.times;
     options.is_live = source.times != nullptr;
@@ -290,6 +292,7 @@ int live(const RunArguments& arguments) {
                   .frames = 0,
                   .times = camera->is_file() ? nullptr : &camera->times(),
                   .news = {},
+                  .silence = [&camera] { return camera->silence(); },
                   .account = [&camera](RunRecord& r) { camera->account(r.camera); }};
     const auto tracked = [&](const Source& open_source, RunRecord& r) {
         r.input = camera->is_file() ? camera->device() : "live: " + camera->device();

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <condition_variable>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
 #include <nlohmann/json.hpp>
 
@@ -286,6 +288,34 @@ TEST_F(OniFiles, LossyFineAndMixed) {
         EXPECT_GE(mixed.times_ns.size(), 3U);
         // Scaled: nearly all pixels are the right ones, edges apart.
         EXPECT_LT(mixed.depth_wrong[0], static_cast<long>(mixed.info.model.width) * mixed.info.model.height * 2 / 3);
+    }
+}
+
+// Promise: a recording is one by its name or because there is such a file, whatever it is called; what is none is
+// refused with the reason, before OpenNI2 sees it.
+TEST_F(OniFiles, AnyNameAndNoFile) {
+    rig.camera().modes = 2;
+    ASSERT_TRUE(record(file, 6));
+    for (const char* const name : {"DESK.ONI", "desk.bin"}) {
+        std::filesystem::copy_file(file, folder.path(name));
+        const Played played = play(folder.path(name));
+        EXPECT_EQ(played.opened, Status::kOk) << played.message;
+        EXPECT_GE(played.times_ns.size(), 2U) << name;
+        EXPECT_EQ(played.ended, Status::kEnd);
+    }
+    std::filesystem::create_directory(folder.path("folder.oni"));
+    std::ofstream(folder.path("empty.oni"));
+    std::ofstream(folder.path("text.oni")) << "not a recording";
+    std::ofstream(folder.path("text.txt")) << "not a recording";
+    struct Case {
+        const char *name, *reason;
+    };
+    for (const Case& c : {Case{"missing.oni", "there is no such file."}, Case{"missing.ONI", "there is no such file."},
+                          Case{"folder.oni", "cannot be read: Is a directory."}, Case{"empty.oni", "is empty."},
+                          Case{"text.oni", "is no .oni recording"}, Case{"text.txt", "is no .oni recording"}}) {
+        const Played played = play(folder.path(c.name));
+        EXPECT_EQ(played.opened, Status::kInvalid) << c.name;
+        EXPECT_NE(played.message.find(folder.path(c.name) + ": " + c.reason), std::string::npos) << played.message;
     }
 }
 

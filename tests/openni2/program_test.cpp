@@ -138,6 +138,44 @@ TEST_F(LiveProgram, SurvivesALife) {
     EXPECT_EQ(rig.camera().opens, rig.camera().closes);
 }
 
+// Promise: a camera whose exposure hunts, by 40 % up and down within a second, is tracked as any other; one of which
+// only colour or only depth comes gives no poses, the program says which of them does not come, and goes on when it
+// does.
+TEST_F(LiveProgram, ExposureHuntsAndStreamsEnd) {
+    rig.camera().is_plugged = 1;
+    rig.camera().exposure_swing = 40;
+    Program hunted = start("run --camera auto --frames 90 --json --trajectory " + scratch.path("hunted.txt"));
+    ASSERT_EQ(hunted.wait(60'000), 0) << hunted.err();
+    EXPECT_GT(json_of(hunted)["coverage"], 0.95);
+    Trajectory estimate;
+    std::string message;
+    ASSERT_EQ(read_trajectory(scratch.path("hunted.txt"), estimate, message), Status::kOk) << message;
+    const auto evaluation = evaluate(truth(), estimate);
+    ASSERT_TRUE(evaluation.has_value());
+    std::printf("exposure hunting: ATE %.4f m\n", evaluation->ate_rmse_m);
+    EXPECT_LT(evaluation->ate_rmse_m, 0.03);
+    rig.camera().exposure_swing = 0;
+
+    Program run = start("run --camera auto --trajectory " + scratch.path("path.txt"));
+    for (const bool is_colour : {true, false}) {
+        const std::size_t before = poses("path.txt");
+        ASSERT_TRUE(within(30'000, [&] { return poses("path.txt") >= before + 10; })) << run.err();
+        (is_colour ? rig.camera().drop_depth_every : rig.camera().drop_colour_every) = 1;
+        const char* const sentence =
+            is_colour ? "(colour images come, depth images do not)" : "(depth images come, colour images do not)";
+        ASSERT_TRUE(within(10'000, [&] { return run.err().find(sentence) != std::string::npos; })) << run.err();
+        const std::size_t at_end = poses("path.txt");
+        std::this_thread::sleep_for(std::chrono::milliseconds(300));
+        EXPECT_EQ(poses("path.txt"), at_end);
+        (is_colour ? rig.camera().drop_depth_every : rig.camera().drop_colour_every) = 0;
+        const std::int64_t back_ns = test::now_ns();
+        ASSERT_TRUE(within(10'000, [&] { return poses("path.txt") > at_end; })) << run.err();
+        EXPECT_LT(test::now_ns() - back_ns, 2'000'000'000);
+    }
+    run.signal(SIGINT);
+    EXPECT_EQ(run.wait(20'000), 130) << run.err();
+}
+
 // Promise: SIGTERM during a stall ends the program within two seconds, everything written; so does Ctrl-C while it
 // waits for a camera that is not there.
 TEST_F(LiveProgram, EndsCleanlyDuringAStall) {
@@ -215,7 +253,10 @@ TEST_F(LiveProgram, InjectedFaultsAndWrongNames) {
     }
     Program other = start("run --camera openni2:NOSUCH");
     EXPECT_EQ(other.wait(20'000), 2);
-    EXPECT_NE(other.err().find("there are: stillmesh://0"), std::string::npos) << other.err();
+    EXPECT_NE(other.err().find("there are: stillmesh://0 (serial TEST0001)."), std::string::npos) << other.err();
+    Program nowhere = start("capture --camera auto --out " + scratch.path("no/such/folder.oni"));
+    EXPECT_EQ(nowhere.wait(20'000), 2);
+    EXPECT_NE(nowhere.err().find("cannot be written: No such file or directory."), std::string::npos) << nowhere.err();
 }
 
 }  // namespace

@@ -61,6 +61,24 @@ TEST(Program, BadUsageAndInput) {
     EXPECT_EQ(test::read_text(kept), "poses of yesterday\n");
 }
 
+// Promise: a slip in a command's options names the help that lists them.
+TEST(Program, ASlipNamesTheHelp) {
+    struct Case {
+        const char *arguments, *help;
+    };
+    for (const Case& c : {Case{"wlak", "; 'stillmesh --help' shows the commands."},
+                          Case{"run --cam auto", "; 'stillmesh run --help' shows the options."},
+                          Case{"run --camera", "; 'stillmesh run --help' shows the options."},
+                          Case{"run --camera auto --exposure slow", "; 'stillmesh run --help' shows the options."},
+                          Case{"capture --camera auto", "; 'stillmesh capture --help' shows the options."},
+                          Case{"cameras --rest", "; 'stillmesh cameras --help' shows the options."},
+                          Case{"vocabulary train", "; 'stillmesh vocabulary train --help' shows the options."}}) {
+        const Answer answer = stillmesh_says(c.arguments);
+        EXPECT_EQ(answer.code, 2) << c.arguments;
+        EXPECT_NE(answer.text.find(c.help), std::string::npos) << answer.text;
+    }
+}
+
 // Promise: eval prints the numbers of the evaluation, for people and as JSON.
 TEST(Program, Evaluates) {
     const std::string files = std::string("--groundtruth ") + STILLMESH_TEST_FILES + "/truth.txt --trajectory " +

@@ -38,6 +38,7 @@ struct CameraControl {
     std::atomic<std::uint32_t> period_us;         // of the camera's own clock, which is steady whoever is late
     std::atomic<std::int64_t> stamp_offset_us;    // of stamps to the host's monotonic clock
     std::atomic<std::uint32_t> jitter_us;         // colour stamps, in turn
+    std::atomic<std::uint32_t> exposure_swing;    // percent: the exposure hunts, darker and brighter by so much
 
     std::atomic<std::uint32_t> next_frame;  // goes on while it is plugged and not stalled
     std::atomic<std::uint32_t> opens, closes;

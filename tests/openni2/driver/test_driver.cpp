@@ -217,7 +217,11 @@ public:
         const bool is_wrong = control_.emits_wrong_size != 0;
         const int width = is_wrong ? 160 : mode_.resolutionX;
         const int height = is_wrong ? 120 : mode_.resolutionY;
-        fill(frame->data, index, static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), is_registered);
+        // There and back in two thirds of a second.
+        const int phase = std::abs(static_cast<int>(number % 20) - 10);
+        const auto gain = static_cast<std::uint32_t>(100 + static_cast<int>(control_.exposure_swing) * (phase - 5) / 5);
+        fill(frame->data, gain, index, static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height),
+             is_registered);
         frame->dataSize = width * height * bytes();
         frame->sensorType = type_;
         frame->frameIndex = static_cast<int>(number);
@@ -245,7 +249,8 @@ private:
     }
     // Every step-th pixel of the rendered frame; grey is the mean of the pixels between, so that the principal point
     // stays in the middle.
-    void fill(void* data, std::uint32_t index, std::uint32_t width, std::uint32_t height, bool is_registered) const {
+    void fill(void* data, std::uint32_t gain_percent, std::uint32_t index, std::uint32_t width, std::uint32_t height,
+              bool is_registered) const {
         const FramesHead& head = *shared_.frames;
         const std::uint8_t* const grey = shared_.frame(index);
         const std::size_t pixels = std::size_t{head.width} * head.height;
@@ -267,11 +272,11 @@ private:
                                       : depth[from];
                     continue;
                 }
-                const std::uint8_t value =
-                    step == 1 ? grey[from]
-                              : static_cast<std::uint8_t>((grey[from] + grey[from + 1] + grey[from + head.width] +
-                                                           grey[from + head.width + 1] + 2) /
-                                                          4);
+                const std::uint32_t mean = step == 1 ? grey[from]
+                                                     : (std::uint32_t{grey[from]} + grey[from + 1] +
+                                                        grey[from + head.width] + grey[from + head.width + 1] + 2) /
+                                                           4;
+                const auto value = static_cast<std::uint8_t>(std::min(mean * gain_percent / 100, 255U));
                 auto* const out = static_cast<std::uint8_t*>(data);
                 if (bytes() == 3) {
                     out[3 * to] = out[3 * to + 1] = out[3 * to + 2] = value;
