@@ -257,7 +257,10 @@ bool OpenNi2Camera::Session::open_device(const OpenNi2Options& options) {
     const std::vector<openni2::DeviceName> devices = runtime->devices();
     std::string seen;
     std::string failure;
+    const bool is_uri = std::any_of(devices.begin(), devices.end(),
+                                    [&options](const openni2::DeviceName& name) { return name.uri == options.device; });
     for (const openni2::DeviceName& name : devices) {
+        if (is_uri && name.uri != options.device) continue;  // to open another one for its serial number may disturb it
         seen += (seen.empty() ? " " : ", ") + name.uri;
         const bool is_any = options.device.empty() || options.device == "auto";
         if (device.open(name.uri.c_str()) != openni::STATUS_OK) {

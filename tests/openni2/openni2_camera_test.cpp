@@ -86,6 +86,11 @@ TEST(OpenNi2Camera, ChoosesByUriOrSerial) {
         EXPECT_NE(none.message().find("no camera is plugged in"), std::string::npos) << none.message();
     }
     rig.camera(0).is_plugged = rig.camera(1).is_plugged = 1;
+    {
+        OpenNi2Camera second({.device = "stillmesh://1"});
+        ASSERT_EQ(second.open(), Status::kOk) << second.message();
+        EXPECT_EQ(rig.camera(0).opens, 0U) << "another camera was touched";
+    }
     for (const char* const name : {"auto", "stillmesh://0", "TEST0001", "stillmesh://1", "TEST0002"}) {
         OpenNi2Camera camera({.device = name});
         ASSERT_EQ(camera.open(), Status::kOk) << name << camera.message();
@@ -96,7 +101,9 @@ TEST(OpenNi2Camera, ChoosesByUriOrSerial) {
     }
     OpenNi2Camera other({.device = "TEST0003"});
     EXPECT_EQ(other.open(), Status::kUnavailable);
-    EXPECT_NE(other.message().find("stillmesh://0 stillmesh://1"), std::string::npos) << other.message();
+    EXPECT_NE(other.message().find("stillmesh://0 (serial TEST0001), stillmesh://1 (serial TEST0002)."),
+              std::string::npos)
+        << other.message();
     rig.camera(0).does_open_fail = 1;
     rig.camera(1).is_plugged = 0;
     OpenNi2Camera denied({});

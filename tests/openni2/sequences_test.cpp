@@ -169,7 +169,7 @@ TEST(CameraSequences, AnyLifeIsSurvived) {
                     break;
             }
             static_cast<void>(
-                poll_until(test::now_ns() + static_cast<std::int64_t>(random() % 150) * 1'000'000, false));
+                poll_until(test::now_ns() + static_cast<std::int64_t>(random() % 300) * 1'000'000, false));
         }
         control.is_stalled = control.drop_colour_every = control.emits_wrong_size = control.is_frozen =
             control.does_open_fail = control.hang_ms = 0;
