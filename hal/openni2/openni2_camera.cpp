@@ -42,7 +42,7 @@ constexpr int kPlayerRests_ms = 50;
 constexpr int kPlayerBegins_ms = 300;
 constexpr std::uint32_t kEndMax_ms = 1500;  // for OpenNI2 to end
 constexpr int kSettleLook_ms = 20;
-constexpr std::int64_t kOneSided_ns = 500'000'000;  // one stream without the other
+constexpr std::int64_t kRecent_ns = 500'000'000;  // what explains a silence has happened within it
 constexpr int kSettleMax_ms = 3000;
 // Images/s that pairing believes in: half a period is at most 33 ms, at least 8.
 constexpr int kPairingRateMin = 15;
@@ -214,6 +214,7 @@ struct OpenNi2Camera::Session {
     int colour_index = -1, depth_index = -1;
     std::int64_t last_colour_us = 0, last_depth_us = 0;
     std::int64_t colour_arrival_ns = 0, depth_arrival_ns = 0;  // of the last image of either
+    std::int64_t wrong_form_ns = -kRecent_ns;                  // when a pair of another form came last
     OpenNi2Counts counts;
 
     ~Session() = default;
@@ -857,6 +858,7 @@ Status OpenNi2Camera::poll(Frame& frame) noexcept {
         message_ = "an image of another size or format than " + mode_text(session.colour_mode) + ".";
         const std::lock_guard lock(session.mutex);
         ++session.counts.wrong_form;
+        session.wrong_form_ns = session.given.complete_ns;
         return Status::kCorrupt;
     }
     frame = {};
@@ -902,9 +904,12 @@ std::int64_t OpenNi2Camera::next_due_ns() noexcept {
 std::string OpenNi2Camera::silence() const {
     if (session_ == nullptr) return {};
     const std::lock_guard lock(session_->mutex);
+    if (clock_ns(CLOCK_MONOTONIC) - session_->wrong_form_ns < kRecent_ns) {
+        return "images come, but of another size or format than " + mode_text(session_->colour_mode);
+    }
     const std::int64_t apart_ns = session_->colour_arrival_ns - session_->depth_arrival_ns;
-    if (apart_ns > kOneSided_ns) return "colour images come, depth images do not";
-    if (apart_ns < -kOneSided_ns) return "depth images come, colour images do not";
+    if (apart_ns > kRecent_ns) return "colour images come, depth images do not";
+    if (apart_ns < -kRecent_ns) return "depth images come, colour images do not";
     return {};
 }
 

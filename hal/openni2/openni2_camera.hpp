@@ -82,7 +82,7 @@ public:
     [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
     // The device is a recording: named *.oni, or the name of a file that was there when this was made.
     [[nodiscard]] bool is_file() const noexcept { return is_file_; }
-    // What is known of a silence: which of the two streams it is. Empty: both, or neither.
+    // What is known of a silence: which of the two streams it is, or images that cannot be used. Empty: nothing.
     [[nodiscard]] std::string silence() const;
     // Pairs at most; 0: unknown (live).
     [[nodiscard]] std::uint64_t frames_expected() const noexcept { return frames_expected_; }

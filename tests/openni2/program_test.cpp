@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -157,17 +158,22 @@ TEST_F(LiveProgram, ExposureHuntsAndStreamsEnd) {
     rig.camera().exposure_swing = 0;
 
     Program run = start("run --camera auto --trajectory " + scratch.path("path.txt"));
-    for (const bool is_colour : {true, false}) {
+    struct Case {
+        std::atomic<std::uint32_t>& cause;
+        const char* sentence;
+    };
+    for (const Case& c :
+         {Case{rig.camera().drop_depth_every, "(colour images come, depth images do not)"},
+          Case{rig.camera().drop_colour_every, "(depth images come, colour images do not)"},
+          Case{rig.camera().emits_wrong_size, "(images come, but of another size or format than 320"}}) {
         const std::size_t before = poses("path.txt");
         ASSERT_TRUE(within(30'000, [&] { return poses("path.txt") >= before + 10; })) << run.err();
-        (is_colour ? rig.camera().drop_depth_every : rig.camera().drop_colour_every) = 1;
-        const char* const sentence =
-            is_colour ? "(colour images come, depth images do not)" : "(depth images come, colour images do not)";
-        ASSERT_TRUE(within(10'000, [&] { return run.err().find(sentence) != std::string::npos; })) << run.err();
+        c.cause = 1;
+        ASSERT_TRUE(within(10'000, [&] { return run.err().find(c.sentence) != std::string::npos; })) << run.err();
         const std::size_t at_end = poses("path.txt");
         std::this_thread::sleep_for(std::chrono::milliseconds(300));
         EXPECT_EQ(poses("path.txt"), at_end);
-        (is_colour ? rig.camera().drop_depth_every : rig.camera().drop_colour_every) = 0;
+        c.cause = 0;
         const std::int64_t back_ns = test::now_ns();
         ASSERT_TRUE(within(10'000, [&] { return poses("path.txt") > at_end; })) << run.err();
         EXPECT_LT(test::now_ns() - back_ns, 2'000'000'000);
