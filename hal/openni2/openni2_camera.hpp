@@ -1,5 +1,5 @@
-// A depth camera through OpenNI2, live or from an .oni file. Live: OpenNI2's threads bring images, a callback pairs
-// them by time and puts the newest pair into one fixed slot without copying a pixel; what was there is dropped and
+// A depth camera through OpenNI2, live or from an .oni file. Live: one thread reads what OpenNI2 brings, pairs it by
+// time and puts the newest pair into one fixed slot without copying a pixel; what was there is dropped and
 // counted. A file: every pair in order, as fast as it is asked for. Colour and depth are upright (not mirrored), of one
 // size, depth in the colour camera's view: by the device where it can, else here. Every wait is bounded, also for
 // drivers that hang: opening and closing run on a thread that is left behind if it takes too long. Memory: OpenNI2
@@ -18,6 +18,11 @@
 #include "hal/live/frame_times.hpp"
 
 namespace stillmesh {
+
+namespace openni2 {
+class ImageConversion;
+struct Session;
+}  // namespace openni2
 
 enum class Exposure : std::uint8_t {
     kAuto,   // the device's own automatics, exposure and white balance
@@ -90,13 +95,8 @@ public:
     [[nodiscard]] OpenNi2Counts counts() const noexcept;
 
 private:
-    struct Session;  // everything that belongs to one opening
-    struct Opened;
-
     [[nodiscard]] Status refuse(Status status, std::string why);
     [[nodiscard]] Status calibrate(double fov_x);
-    void prepare_conversion();
-    void convert(Frame& frame);
 
     OpenNi2Options options_;
     bool is_file_;
@@ -108,12 +108,10 @@ private:
     std::uint64_t frames_expected_ = 0;
     std::int64_t due_ns_ = 0;
     std::int64_t poll_cpu_ns_ = 0;
-    OpenNi2Counts before_;  // of the openings before this one
-    std::shared_ptr<Session> session_;
+    OpenNi2Counts before_;                       // of the openings before this one
+    std::shared_ptr<openni2::Session> session_;  // of this opening
     std::shared_ptr<void> runtime_;  // keeps OpenNI2 running between two openings: it hears what is plugged in
-    // Images that are made here: registered or scaled depth, upright depth and colour.
-    struct Conversion;
-    std::unique_ptr<Conversion> conversion_;
+    std::unique_ptr<openni2::ImageConversion> conversion_;  // of this opening
 };
 
 }  // namespace stillmesh

@@ -1,0 +1,192 @@
+#include "hal/openni2/session.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "hal/openni2/device_choice.hpp"
+#include "hal/openni2/file_care.hpp"
+#include "hal/openni2/host_clock.hpp"
+
+namespace stillmesh::openni2 {
+namespace {
+
+// A file that gives nothing for so long has ended, whatever it promised.
+constexpr int kFileSilence_ms = 3000;
+constexpr int kLiveSilence_ms = 20;  // how long closing waits for the reader
+constexpr int kPairWait_ms = 1000;
+constexpr std::uint32_t kFileImagesMax = 1000;  // without a pair: the two streams do not belong together
+
+}  // namespace
+
+openni::VideoStream* Session::wait_for_image(int timeout_ms) {
+    openni::VideoStream* both[2] = {&streams.depth, &streams.colour};
+    int ready = -1;
+    const bool is_there = openni::OpenNI::waitForAnyStream(both, 2, &ready, timeout_ms) == openni::STATUS_OK;
+    return is_there ? both[ready] : nullptr;
+}
+
+Status Session::record(const std::string& file) {
+    record_file = file;
+    if (const std::string why = why_not_writable(file); !why.empty()) {
+        message = file + ": " + why;
+        return Status::kInvalid;
+    }
+    if (recorder.create(file.c_str()) == openni::STATUS_OK && recorder.attach(streams.depth) == openni::STATUS_OK &&
+        recorder.attach(streams.colour) == openni::STATUS_OK) {
+        // The recorder gives the first image of each stream the time 0. Begun between colour and depth of one instant,
+        // it would shift them against each other by an image: it begins behind a pair.
+        const std::int64_t end_ns = clock_ns(CLOCK_MONOTONIC) + std::int64_t{kPairWait_ms} * 1'000'000;
+        bool is_pair = false;
+        while (!is_pair && clock_ns(CLOCK_MONOTONIC) < end_ns) {
+            openni::VideoStream* const ready = wait_for_image(kLiveSilence_ms);
+            is_pair = ready != nullptr && take(*ready, clock_ns(CLOCK_MONOTONIC));
+        }
+        if (recorder.start() == openni::STATUS_OK) return Status::kOk;
+    }
+    message = file + ": cannot be recorded: " + extended_error() + ".";
+    return Status::kInvalid;
+}
+
+void Session::open(const OpenNi2Options& options) {
+    runtime = Runtime::get(message);
+    if (runtime == nullptr) return;
+    DeviceChoice choice = open_device(*runtime, options.device, is_file, device);
+    if (choice.status == Status::kOk) {
+        description = std::move(choice.description);
+        watch->uri = std::move(choice.uri);
+        watch->changed = [this] {
+            const std::lock_guard lock(mutex);
+            changed.notify_all();
+        };
+        if (!is_file) runtime->watch(watch);
+        choice.status = streams.start(device, is_file, description, options, choice.message);
+    }
+    message = std::move(choice.message);
+    if (choice.status == Status::kOk) pairer = Pairer(streams.period_us);
+    if (choice.status == Status::kOk && !options.record.empty()) choice.status = record(options.record);
+    status = choice.status;
+}
+
+void Session::close() {
+    {
+        const std::lock_guard lock(mutex);
+        is_closing = true;
+        changed.notify_all();
+    }
+    openni::VideoStream& colour = streams.colour;
+    openni::VideoStream& depth = streams.depth;
+    if (is_file && device.isValid()) rest_player(colour, depth, counts.images_colour + counts.images_depth > 0);
+    if (colour.isValid()) colour.stop();
+    if (depth.isValid()) depth.stop();
+    if (recorder.isValid()) end_recording(recorder, record_file);
+    {
+        // Before the streams they came from are gone.
+        const std::lock_guard lock(mutex);
+        slot.clear();
+        given.clear();
+        pairer = Pairer(33'333);
+    }
+    colour.destroy();
+    depth.destroy();
+    if (device.isValid()) device.close();
+    if (runtime != nullptr) runtime->forget(watch);
+    if (is_opened) runtime.reset();  // else the camera takes it
+}
+
+bool Session::take(openni::VideoStream& stream, std::int64_t arrival_ns) {
+    openni::VideoFrameRef image;
+    if (stream.readFrame(&image) != openni::STATUS_OK || !image.isValid()) return false;
+    const bool is_colour = image.getSensorType() == openni::SENSOR_COLOR;
+    const auto time_us = static_cast<std::int64_t>(std::min<std::uint64_t>(image.getTimestamp(), 1ULL << 52U));
+    Slot old;  // released without the lock
+    const std::lock_guard lock(mutex);
+    if (is_closing) return false;
+    int& index = is_colour ? colour_index : depth_index;
+    std::int64_t& last_us = is_colour ? last_colour_us : last_depth_us;
+    if (is_file && image.getFrameIndex() <= index && time_us <= last_us) {  // it begins again
+        has_ended = true;
+        changed.notify_all();
+        return true;
+    }
+    last_us = time_us;
+    (is_colour ? colour_arrival_ns : depth_arrival_ns) = arrival_ns;
+    const int missing = image.getFrameIndex() - index - 1;
+    if (index >= 0 && missing > 0 && missing < 1000) counts.images_missing += static_cast<std::uint64_t>(missing);
+    index = image.getFrameIndex();
+    ++(is_colour ? counts.images_colour : counts.images_depth);
+    // Both streams have one clock: each image tells something about it.
+    if (!is_file) static_cast<void>(clock.host_ns(time_us, arrival_ns));
+    std::optional<Pairer::Pair> pair =
+        is_colour ? pairer.add_colour(std::move(image), time_us) : pairer.add_depth(std::move(image), time_us);
+    if (!pair) return false;
+    if (slot.is_full) ++counts.dropped;
+    old = std::move(slot);
+    slot.colour = std::move(pair->colour);
+    slot.depth = std::move(pair->depth);
+    slot.colour_us = pair->colour_us;
+    slot.depth_us = pair->depth_us;
+    slot.taken_ns = is_file ? arrival_ns : clock.host_ns(pair->colour_us, arrival_ns);
+    slot.complete_ns = arrival_ns;
+    slot.is_full = true;
+    forecast.arrived(slot.taken_ns, arrival_ns);
+    changed.notify_all();
+    return true;
+}
+
+void Session::read_live() {
+    std::int64_t cpu_ns = 0;
+    {
+        const CpuMeter meter(cpu_ns);
+        openni::VideoStream* const ready = wait_for_image(kLiveSilence_ms);
+        if (ready != nullptr) static_cast<void>(take(*ready, clock_ns(CLOCK_MONOTONIC)));
+    }
+    const std::lock_guard lock(mutex);
+    counts.reader_cpu_ns += cpu_ns;
+}
+
+void Session::read_file() {
+    {
+        std::unique_lock lock(mutex);
+        changed.wait(lock, [this] { return is_closing || (!slot.is_full && !has_ended); });
+        if (is_closing) return;
+    }
+    for (std::uint32_t i = 0;; ++i) {
+        const bool has_all = counts.images_colour >= static_cast<std::uint64_t>(streams.colour_images) &&
+                             counts.images_depth >= static_cast<std::uint64_t>(streams.depth_images);
+        if (has_all || i > kFileImagesMax) break;
+        openni::VideoStream* const ready = wait_for_image(kFileSilence_ms);
+        if (ready == nullptr) break;
+        if (take(*ready, clock_ns(CLOCK_MONOTONIC))) return;
+    }
+    const std::lock_guard lock(mutex);
+    has_ended = true;
+    changed.notify_all();
+}
+
+void Session::serve(const OpenNi2Options& options) {
+    if (options.thread_begins) options.thread_begins();
+    open(options);
+    {
+        const std::lock_guard lock(mutex);
+        is_opened = status == Status::kOk;
+        changed.notify_all();
+    }
+    while (is_opened) {
+        {
+            const std::lock_guard lock(mutex);
+            if (is_closing) break;
+        }
+        if (is_file) {
+            read_file();
+        } else {
+            read_live();
+        }
+    }
+    close();
+    const std::lock_guard lock(mutex);
+    is_closed = true;
+    changed.notify_all();
+}
+
+}  // namespace stillmesh::openni2

@@ -1,0 +1,83 @@
+// One opening of a device or a file: a thread that opens it, reads, pairs the images by time, puts the newest pair into
+// one slot, records, and closes. The camera takes pairs out of the slot on its own thread.
+#pragma once
+
+#include <OpenNI.h>
+
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "hal/live/device_clock.hpp"
+#include "hal/live/frame_pairer.hpp"
+#include "hal/openni2/openni2_camera.hpp"
+#include "hal/openni2/openni2_runtime.hpp"
+#include "hal/openni2/stream_modes.hpp"
+
+namespace stillmesh::openni2 {
+
+// One opening of a device or file, on whatever threads. Nothing in it refers to the camera: if closing hangs, it is
+// left behind with the thread that hangs.
+struct Session {
+    using Pairer = FramePairer<openni::VideoFrameRef>;
+    struct Slot {
+        openni::VideoFrameRef colour, depth;
+        std::int64_t colour_us = 0, depth_us = 0;
+        std::int64_t taken_ns = 0;     // the colour image, on the host's clock
+        std::int64_t complete_ns = 0;  // the pair was there
+        bool is_full = false;
+
+        void clear() {
+            colour.release();
+            depth.release();
+            is_full = false;
+        }
+    };
+
+    // Of the thread that serves; the camera reads it once it is opened or closed.
+    std::shared_ptr<Runtime> runtime;
+    openni::Device device;
+    Streams streams;
+    openni::Recorder recorder;
+    std::shared_ptr<DeviceWatch> watch = std::make_shared<DeviceWatch>();
+    Status status = Status::kUnavailable;
+    std::string message, description, record_file;
+    bool is_file = false;
+
+    std::mutex mutex;  // of all below
+    std::condition_variable changed;
+    bool is_opened = false, is_closing = false, is_closed = false;
+    bool has_ended = false;  // the file
+    Pairer pairer{33'333};
+    Slot slot, given;
+    DeviceClock clock;
+    ArrivalForecast forecast;
+    std::int64_t time_shift_ns = 0;  // of live stamps to the time of day
+    bool has_time_shift = false;
+    int colour_index = -1, depth_index = -1;
+    std::int64_t last_colour_us = 0, last_depth_us = 0;
+    std::int64_t colour_arrival_ns = 0, depth_arrival_ns = 0;  // of the last image of either
+    std::int64_t wrong_form_ns = 0;                            // when a pair of another form came last
+    OpenNi2Counts counts;
+
+    ~Session() = default;
+
+    // Opens, reads until it is told to close, closes: all on one thread, the only one that calls OpenNI2.
+    void serve(const OpenNi2Options& options);
+
+private:
+    void open(const OpenNi2Options& options);
+    void close();
+    // One image of either stream; true: it made a pair, which is in the slot, or it is a file's first image again.
+    bool take(openni::VideoStream& stream, std::int64_t arrival_ns);
+    void read_live();
+    void read_file();
+    // One of both streams has an image within so long; null: none has.
+    [[nodiscard]] openni::VideoStream* wait_for_image(int timeout_ms);
+    // Of everything into a file; kInvalid: it cannot be written, `message` says why.
+    [[nodiscard]] Status record(const std::string& file);
+};
+
+}  // namespace stillmesh::openni2
