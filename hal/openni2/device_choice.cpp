@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 namespace stillmesh::openni2 {
 namespace {
@@ -24,6 +25,23 @@ namespace {
     if (!is_long_enough) return "is empty.";
     return std::memcmp(magic, "NI10", sizeof(magic)) == 0 ? std::string()
                                                           : "is no .oni recording (it does not begin with NI10).";
+}
+
+[[nodiscard]] DeviceChoice refuse(Status status, std::string message) {
+    return {.status = status, .message = std::move(message)};
+}
+
+// Maker and product: what comes before bus and address in "1d27/0601@1/5".
+[[nodiscard]] std::string kind_of(const std::string& uri) {
+    return uri.substr(0, uri.find('@'));
+}
+
+// Empty: it does not say.
+[[nodiscard]] std::string serial_of(openni::Device& device) {
+    char serial[128] = {};
+    int size = sizeof(serial) - 1;
+    const bool does_say = device.getProperty(openni::DEVICE_PROPERTY_SERIAL_NUMBER, serial, &size) == openni::STATUS_OK;
+    return does_say ? serial : std::string();
 }
 
 }  // namespace
@@ -47,51 +65,58 @@ std::string extended_error() {
     return text.empty() ? "OpenNI2 does not say why" : text;
 }
 
-DeviceChoice open_device(Runtime& runtime, const std::string& wanted, bool is_file, openni::Device& device) {
-    const auto refuse = [](Status status, std::string message) {
-        return DeviceChoice{.status = status, .message = std::move(message), .description = {}, .uri = {}};
-    };
-    if (is_file) {
-        if (const std::string why = why_no_recording(wanted); !why.empty()) {
-            return refuse(Status::kInvalid, wanted + ": " + why);
-        }
-        if (device.open(wanted.c_str()) != openni::STATUS_OK || !device.isFile()) {
-            return refuse(Status::kInvalid,
-                          wanted + ": OpenNI2 cannot play it (" + extended_error() + "); was its recording cut off?");
-        }
-        return {.status = Status::kOk, .message = {}, .description = wanted, .uri = {}};
+DeviceChoice open_recording(const std::string& file, openni::Device& device) {
+    if (const std::string why = why_no_recording(file); !why.empty())
+        return refuse(Status::kInvalid, file + ": " + why);
+    if (device.open(file.c_str()) != openni::STATUS_OK || !device.isFile()) {
+        return refuse(Status::kInvalid,
+                      file + ": OpenNI2 cannot play it (" + extended_error() + "); was its recording cut off?");
     }
-    const std::vector<DeviceName> devices = runtime.devices();
-    std::string seen;
-    std::string failure;
+    return {.status = Status::kOk, .description = file};
+}
+
+DeviceChoice open_camera(Runtime& runtime, const std::string& wanted_first, const DeviceIdentity& known,
+                         openni::Device& device) {
+    std::vector<DeviceName> devices = runtime.devices();
+    std::string wanted = wanted_first;
+    if (!known.uri.empty()) {
+        std::erase_if(devices, [&known](const DeviceName& name) { return kind_of(name.uri) != kind_of(known.uri); });
+        const auto same = std::stable_partition(devices.begin(), devices.end(),
+                                                [&known](const DeviceName& name) { return name.uri == known.uri; });
+        const bool has_moved = same == devices.begin();
+        wanted = !known.serial.empty()              ? known.serial
+                 : has_moved && devices.size() == 1 ? devices.front().uri
+                                                    : known.uri;
+    }
+    const bool is_any = wanted.empty() || wanted == "auto";
     const bool is_uri =
         std::any_of(devices.begin(), devices.end(), [&wanted](const DeviceName& name) { return name.uri == wanted; });
+    std::string seen;
+    std::string failure;
     for (const DeviceName& name : devices) {
         if (is_uri && name.uri != wanted) continue;  // to open another one for its serial number may disturb it
         seen += (seen.empty() ? " " : ", ") + name.uri;
-        const bool is_any = wanted.empty() || wanted == "auto";
         if (device.open(name.uri.c_str()) != openni::STATUS_OK) {
             if (is_any || wanted == name.uri) failure = name.uri + " cannot be opened: " + extended_error();
             continue;
         }
-        char serial[128] = {};
-        int size = sizeof(serial) - 1;
-        if (device.getProperty(openni::DEVICE_PROPERTY_SERIAL_NUMBER, serial, &size) != openni::STATUS_OK)
-            serial[0] = 0;
-        if (is_any || wanted == name.uri || (serial[0] != 0 && wanted == serial)) {
-            std::string description = name.vendor + " " + name.name + ", " + name.uri;
-            if (serial[0] != 0) description += std::string(", serial ") + serial;
-            return {.status = Status::kOk, .message = {}, .description = std::move(description), .uri = name.uri};
+        const std::string serial = serial_of(device);
+        if (is_any || wanted == name.uri || (!serial.empty() && wanted == serial)) {
+            return {.status = Status::kOk,
+                    .description = name.vendor + " " + name.name + ", " + name.uri +
+                                   (serial.empty() ? std::string() : ", serial " + serial),
+                    .identity = {.uri = name.uri, .serial = serial}};
         }
-        if (serial[0] != 0) seen += std::string(" (serial ") + serial + ")";
+        if (!serial.empty()) seen += " (serial " + serial + ")";
         device.close();
     }
     if (!failure.empty()) {
         return refuse(Status::kUnavailable, failure + "; 'stillmesh cameras' says what keeps it from working.");
     }
-    if (devices.empty())
+    if (devices.empty()) {
         return refuse(Status::kUnavailable,
                       "no camera is plugged in that OpenNI2 knows; 'stillmesh cameras' says what is, and what to do.");
+    }
     return refuse(Status::kUnavailable,
                   "no camera has the URI or serial number '" + wanted + "'; there are:" + seen + ".");
 }

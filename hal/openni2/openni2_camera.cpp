@@ -82,6 +82,7 @@ Status OpenNi2Camera::open() noexcept {
     }
     const auto session = std::make_shared<Session>();
     session->is_file = is_file_;
+    session->identity = {.uri = uri_, .serial = serial_};
     if (!openni2::run_parked([session, options = options_] { session->serve(options); })) {
         message_ = "the system has no thread left for the camera.";
         return Status::kUnavailable;
@@ -102,7 +103,8 @@ Status OpenNi2Camera::open() noexcept {
     }
     runtime_ = session->runtime;
     session_ = session;
-    uri_ = session->watch->uri;
+    uri_ = session->identity.uri;
+    serial_ = session->identity.serial;
     notes_ = session->streams.notes;
     frames_expected_ =
         session->is_file

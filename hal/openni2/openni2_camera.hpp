@@ -67,6 +67,7 @@ public:
     OpenNi2Camera& operator=(const OpenNi2Camera&) = delete;
 
     // kOk; kUnavailable: no such device (now), or it does not answer; kInvalid: it cannot be used: message() says why.
+    // Opened again, it is the camera of before or none, also where it has another address on the bus now.
     [[nodiscard]] Status open() noexcept override;
     [[nodiscard]] const CameraInfo& info() const noexcept override { return info_; }
     // As the port says. kEnd: the file has ended.
@@ -103,7 +104,7 @@ private:
     CameraInfo info_;
     CameraInfo given_;  // the calibration, as it was read
     bool has_calibration_ = false;
-    std::string message_, device_, uri_, calibration_source_;
+    std::string message_, device_, uri_, serial_, calibration_source_;
     std::vector<std::string> notes_;
     std::uint64_t frames_expected_ = 0;
     std::int64_t due_ns_ = 0;

@@ -51,10 +51,12 @@ Status Session::record(const std::string& file) {
 void Session::open(const OpenNi2Options& options) {
     runtime = Runtime::get(message);
     if (runtime == nullptr) return;
-    DeviceChoice choice = open_device(*runtime, options.device, is_file, device);
+    DeviceChoice choice =
+        is_file ? open_recording(options.device, device) : open_camera(*runtime, options.device, identity, device);
     if (choice.status == Status::kOk) {
         description = std::move(choice.description);
-        watch->uri = std::move(choice.uri);
+        identity = std::move(choice.identity);
+        watch->uri = identity.uri;
         watch->changed = [this] {
             const std::lock_guard lock(mutex);
             changed.notify_all();

@@ -12,6 +12,7 @@
 
 #include "hal/live/device_clock.hpp"
 #include "hal/live/frame_pairer.hpp"
+#include "hal/openni2/device_choice.hpp"
 #include "hal/openni2/openni2_camera.hpp"
 #include "hal/openni2/openni2_runtime.hpp"
 #include "hal/openni2/stream_modes.hpp"
@@ -45,6 +46,7 @@ struct Session {
     Status status = Status::kUnavailable;
     std::string message, description, record_file;
     bool is_file = false;
+    DeviceIdentity identity;  // of the camera that was opened before; then of this one
 
     std::mutex mutex;  // of all below
     std::condition_variable changed;

@@ -35,7 +35,7 @@ struct Wanted {
     std::string message;
     const std::shared_ptr<openni2::Runtime> runtime = openni2::Runtime::get(message);
     openni::Device device;
-    if (runtime == nullptr || device.open(test::uri_of(0)) != openni::STATUS_OK) return false;
+    if (runtime == nullptr || device.open(test::uri_of(0).text) != openni::STATUS_OK) return false;
     static_cast<void>(device.setImageRegistrationMode(openni::IMAGE_REGISTRATION_DEPTH_TO_COLOR));
     openni::VideoStream colour, depth;
     openni::Recorder recorder;

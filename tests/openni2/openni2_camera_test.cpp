@@ -114,6 +114,48 @@ TEST(OpenNi2Camera, ChoosesByUriOrSerial) {
     EXPECT_EQ(rig.camera(1).opens, rig.camera(1).closes);
 }
 
+// Promise: opened again after an unplug, it is the camera of before or none, though another one is there and its own
+// URI has changed, as bus addresses do: known by its serial number, and without one as the only one of its kind.
+TEST(OpenNi2Camera, ComesBackAsItself) {
+    for (const bool has_serial : {true, false}) {
+        CameraRig rig(STILLMESH_SMALL_FRAMES);
+        for (const std::uint32_t i : {0U, 1U}) {
+            rig.camera(i).has_no_serial = has_serial ? 0 : 1;
+            rig.camera(i).address = 4 + i;
+        }
+        rig.camera(0).is_plugged = 1;
+        OpenNi2Camera camera({.device = has_serial ? "auto" : "stillmesh@0/4"});
+        ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+        Frame frame;
+        rig.camera(0).is_plugged = 0;
+        ASSERT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kUnavailable; }));
+        camera.close();
+        EXPECT_EQ(camera.open(), Status::kUnavailable);
+        if (has_serial) {
+            rig.camera(1).is_plugged = 1;
+            EXPECT_FALSE(within(300, [&] { return camera.open() == Status::kOk; }))
+                << "another one: " << camera.device();
+        }
+        rig.camera(0).address = 7;
+        rig.camera(0).is_plugged = 1;
+        ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << camera.message();
+        EXPECT_EQ(camera.uri(), "stillmesh@0/7");
+        EXPECT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kOk; }));
+        camera.close();
+        if (!has_serial) {  // two of its kind, and nothing tells them apart
+            rig.camera(0).is_plugged = 0;
+            rig.camera(1).is_plugged = 1;
+            ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << "the only one of its kind";
+            camera.close();
+            rig.camera(1).is_plugged = 0;
+            ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kUnavailable; }));
+            rig.camera(0).address = rig.camera(1).address = 9;
+            rig.camera(0).is_plugged = rig.camera(1).is_plugged = 1;
+            EXPECT_FALSE(within(300, [&] { return camera.open() == Status::kOk; })) << camera.device();
+        }
+    }
+}
+
 // Promise: a camera that is never polled in time costs the newest frame nothing: it is there, the ones before it are
 // dropped and counted, and the frame in use is not touched.
 TEST(OpenNi2Camera, NewestWinsAndDropsAreCounted) {

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <cstdio>
 
 namespace stillmesh::test {
 
@@ -25,6 +26,8 @@ struct CameraControl {
     std::atomic<std::uint32_t> drop_colour_every;  // n: each n-th image does not come; 0: all do
     std::atomic<std::uint32_t> drop_depth_every;
     std::atomic<std::uint32_t> does_open_fail;
+    std::atomic<std::uint32_t> address;        // on its bus, part of its URI; to be changed while it is unplugged
+    std::atomic<std::uint32_t> has_no_serial;  // it does not say which one it is
     // Bit 0: 640x480, bit 1: 320x240, bit 2: YUYV instead of RGB, bit 3: colour of 1280x1024, bit 4: depth in 0.1 mm,
     // bit 5: no colour sensor, bit 6: no depth sensor.
     std::atomic<std::uint32_t> modes;
@@ -83,8 +86,15 @@ inline constexpr std::uint32_t kFramesMagic = 0x534d5246U;
     return at < count ? at : turn - at;
 }
 
-[[nodiscard]] inline const char* uri_of(std::uint32_t camera) {
-    return camera == 0 ? "stillmesh://0" : "stillmesh://1";
+// Both are of one kind, which is what comes before the '@'.
+struct Uri {
+    char text[64];
+};
+[[nodiscard]] inline Uri uri_of(std::uint32_t camera, std::uint32_t address = 0) {
+    Uri uri{};
+    static_cast<void>(address == 0 ? std::snprintf(uri.text, sizeof(uri.text), "stillmesh://%u", camera)
+                                   : std::snprintf(uri.text, sizeof(uri.text), "stillmesh@%u/%u", camera, address));
+    return uri;
 }
 [[nodiscard]] inline const char* serial_of(std::uint32_t camera) {
     return camera == 0 ? "TEST0001" : "TEST0002";

@@ -82,9 +82,9 @@ struct Shared {
     }
 };
 
-void fill_info(std::uint32_t camera, OniDeviceInfo& info) {
+void fill_info(std::uint32_t camera, std::uint32_t address, OniDeviceInfo& info) {
     info = {};
-    std::snprintf(info.uri, sizeof(info.uri), "%s", uri_of(camera));
+    std::snprintf(info.uri, sizeof(info.uri), "%s", uri_of(camera, address).text);
     std::snprintf(info.vendor, sizeof(info.vendor), "Stillmesh");
     std::snprintf(info.name, sizeof(info.name), "Test camera");
     info.usbVendorId = 0x1d27;
@@ -341,6 +341,7 @@ public:
         switch (id) {
             case ONI_DEVICE_PROPERTY_DRIVER_VERSION: return put(data, size, OniVersion{1, 0, 0, 0});
             case ONI_DEVICE_PROPERTY_SERIAL_NUMBER:
+                if (control_.has_no_serial != 0) return ONI_STATUS_NOT_SUPPORTED;
                 *size =
                     std::snprintf(static_cast<char*>(data), static_cast<std::size_t>(*size), "%s", serial_of(camera_)) +
                     1;
@@ -449,7 +450,7 @@ public:
     DeviceBase* deviceOpen(const char* uri, const char*) override {
         for (std::uint32_t i = 0; shared_.control != nullptr && i < kCamerasMax; ++i) {
             const CameraControl& camera = shared_.control->cameras[i];
-            if (std::strcmp(uri, uri_of(i)) != 0 || camera.is_plugged == 0) continue;
+            if (std::strcmp(uri, uri_of(i, camera.address).text) != 0 || camera.is_plugged == 0) continue;
             if (camera.does_open_fail != 0) {
                 getServices().errorLoggerAppend("test driver: permission denied");
                 return nullptr;
@@ -467,7 +468,7 @@ private:
             if (is_plugged == is_plugged_[i]) continue;
             is_plugged_[i] = is_plugged;
             OniDeviceInfo info;
-            fill_info(i, info);
+            fill_info(i, shared_.control->cameras[i].address, info);
             if (is_plugged) {
                 deviceConnected(&info);
             } else {
