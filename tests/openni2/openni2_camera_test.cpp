@@ -124,7 +124,7 @@ TEST(OpenNi2Camera, ComesBackAsItself) {
             rig.camera(i).address = 4 + i;
         }
         rig.camera(0).is_plugged = 1;
-        OpenNi2Camera camera({.device = has_serial ? "auto" : "stillmesh@0/4"});
+        OpenNi2Camera camera({.device = has_serial ? "auto" : "1d27/0601@1/4"});
         ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
         Frame frame;
         rig.camera(0).is_plugged = 0;
@@ -139,7 +139,7 @@ TEST(OpenNi2Camera, ComesBackAsItself) {
         rig.camera(0).address = 7;
         rig.camera(0).is_plugged = 1;
         ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << camera.message();
-        EXPECT_EQ(camera.uri(), "stillmesh@0/7");
+        EXPECT_EQ(camera.uri(), "1d27/0601@1/7");
         EXPECT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kOk; }));
         camera.close();
         if (!has_serial) {  // two of its kind, and nothing tells them apart

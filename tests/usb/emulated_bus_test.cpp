@@ -20,6 +20,9 @@
 #include "platform/cli/cameras_command.hpp"
 #include "tests/support/temporary_folder.hpp"
 #include "tests/usb/emulated_bus.hpp"
+#ifdef STILLMESH_OPENNI2_REAL
+#include "tests/openni2/rig.hpp"
+#endif
 
 namespace stillmesh {
 namespace {
@@ -349,6 +352,40 @@ TEST_F(EmulatedBusTest, DriverOfTheOpenNi2AtHand) {
     expect(0, "streams   yes\n  do        stillmesh run --camera auto\n");
     std::fstream(driver, std::ios::in | std::ios::out | std::ios::binary).seekp(18).put(8);  // a MIPS
     expect(1, "libPS1080.so.0, is damaged or for another processor, in " + folder);
+#endif
+}
+
+// Promise: a camera that falls silent while the program tracks it is reset on the USB bus, the one that OpenNI2 has by
+// its URI and no other, and opened again; when it speaks, it is tracked again.
+TEST_F(EmulatedBusTest, AStalledCameraIsReset) {
+#ifndef STILLMESH_OPENNI2_REAL
+    GTEST_SKIP() << "this build has no OpenNI2";
+#else
+    test::EmulatedDevice& other = bus_.plug({.port = "1-2", .address = 5});
+    test::EmulatedDevice& camera = bus_.plug({});
+    test::CameraRig rig(STILLMESH_SMALL_FRAMES);
+    rig.camera().address = 2;
+    rig.camera().is_plugged = 1;
+    const test::TemporaryFolder scratch;
+    const std::string path = scratch.path("path.txt");
+    test::Program run(STILLMESH_PROGRAM, STILLMESH_PRIVATE_OPENNI2, "run --camera auto --trajectory " + path, scratch);
+    const auto says_again = [&](const char* sentence, std::size_t from) {
+        return test::within(20'000, [&] { return run.err().find(sentence, from) != std::string::npos; });
+    };
+    ASSERT_TRUE(test::within(30'000, [&] { return test::text_of(path).size() > 1000; })) << run.err();
+    for (int stalls = 1; stalls <= 2; ++stalls) {
+        const std::size_t heard = run.err().size();
+        rig.camera().is_stalled = 1;
+        ASSERT_TRUE(says_again("the camera is reset and opened again", heard)) << run.err();
+        EXPECT_EQ(camera.resets(), stalls) << run.err();
+        rig.camera().is_stalled = 0;
+        ASSERT_TRUE(says_again("the camera is back after", heard)) << run.err();
+        const std::size_t before = test::text_of(path).size();
+        ASSERT_TRUE(test::within(10'000, [&] { return test::text_of(path).size() > before + 1000; })) << run.err();
+    }
+    EXPECT_EQ(other.resets(), 0);
+    run.signal(SIGINT);
+    EXPECT_EQ(run.wait(10'000), 130) << run.err();
 #endif
 }
 

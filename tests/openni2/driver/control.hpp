@@ -86,14 +86,14 @@ inline constexpr std::uint32_t kFramesMagic = 0x534d5246U;
     return at < count ? at : turn - at;
 }
 
-// Both are of one kind, which is what comes before the '@'.
+// With an address as OpenNI2's drivers write it: ids, bus, address. Both cameras are of one kind.
 struct Uri {
     char text[64];
 };
 [[nodiscard]] inline Uri uri_of(std::uint32_t camera, std::uint32_t address = 0) {
     Uri uri{};
     static_cast<void>(address == 0 ? std::snprintf(uri.text, sizeof(uri.text), "stillmesh://%u", camera)
-                                   : std::snprintf(uri.text, sizeof(uri.text), "stillmesh@%u/%u", camera, address));
+                                   : std::snprintf(uri.text, sizeof(uri.text), "1d27/0601@%u/%u", camera + 1, address));
     return uri;
 }
 [[nodiscard]] inline const char* serial_of(std::uint32_t camera) {
