@@ -164,12 +164,11 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
 #ifdef STILLMESH_HAS_FREENECT
     if (is_auto || driver == "freenect") return make_freenect(options, device, message);
 #endif
-    message = driver == "freenect"
-                  ? "--camera freenect needs libfreenect, which is not in this build: install libfreenect-dev, "
-                    "configure with -DSTILLMESH_WITH_FREENECT=ON and build again."
-                  : "--camera " + driver +
-                        " needs OpenNI2, which is not in this build: install libopenni2-dev, configure with "
-                        "-DSTILLMESH_WITH_OPENNI2=ON and build again.";
+    const bool is_kinect = driver == "freenect";
+    message = "--camera " + driver + " needs " + (is_kinect ? "libfreenect" : "OpenNI2") +
+              ", which is not in this build. Install it and build again: sudo apt-get install " +
+              (is_kinect ? "libfreenect-dev" : "libopenni2-dev") + " && cmake --preset release -DSTILLMESH_WITH_" +
+              (is_kinect ? "FREENECT" : "OPENNI2") + "=ON && cmake --build build/release";
     return nullptr;
 }
 
