@@ -33,7 +33,6 @@ void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_
 }
 
 void ProgressLine::say(const std::string& sentence) {
-    if (!is_shown_) return;
     finish();
     std::fprintf(stderr, "%s%s\n", log_prefix(LogLevel::kNotice), sentence.c_str());
     static_cast<void>(std::fflush(stderr));

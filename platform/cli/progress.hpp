@@ -13,7 +13,7 @@ class ProgressLine {
 public:
     ProgressLine(bool is_shown, std::uint64_t frames_expected);
     void frame(std::uint64_t count, PoseState state, std::int64_t now_ns);
-    // A sentence on a line of its own.
+    // A sentence on a line of its own, shown whatever was asked for: what happens to a camera is no progress.
     void say(const std::string& sentence);
     // Ends the rewritten line.
     void finish();

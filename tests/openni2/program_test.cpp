@@ -157,7 +157,7 @@ TEST_F(LiveProgram, ExposureHuntsAndStreamsEnd) {
     EXPECT_LT(evaluation->ate_rmse_m, 0.03);
     rig.camera().exposure_swing = 0;
 
-    Program run = start("run --camera auto --trajectory " + scratch.path("path.txt"));
+    Program run = start("run --camera auto --json --trajectory " + scratch.path("path.txt"));
     struct Case {
         std::atomic<std::uint32_t>& cause;
         const char* sentence;
