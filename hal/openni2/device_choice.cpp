@@ -55,16 +55,6 @@ bool names_file(const std::string& device) {
            std::filesystem::is_regular_file(device, error);
 }
 
-std::string extended_error() {
-    std::string text = openni::OpenNI::getExtendedError();
-    while (!text.empty() && (text.back() == '\n' || text.back() == ' ' || text.back() == '\t')) text.pop_back();
-    for (char& c : text) {
-        if (c == '\n' || c == '\t') c = ' ';
-    }
-    text.erase(0, text.find_first_not_of(' '));
-    return text.empty() ? "OpenNI2 does not say why" : text;
-}
-
 DeviceChoice open_recording(const std::string& file, openni::Device& device) {
     if (const std::string why = why_no_recording(file); !why.empty())
         return refuse(Status::kInvalid, file + ": " + why);

@@ -14,8 +14,6 @@ namespace stillmesh::openni2 {
 
 // A recording, by its name or because there is such a file.
 [[nodiscard]] bool names_file(const std::string& device);
-// OpenNI2's last word, on one line.
-[[nodiscard]] std::string extended_error();
 
 // A camera that was opened before; empty: none was.
 struct DeviceIdentity {

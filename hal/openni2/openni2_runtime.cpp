@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
+#include <string>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -33,7 +34,8 @@ public:
     }
     [[nodiscard]] bool start(std::string& message) {
         if (openni::OpenNI::initialize() != openni::STATUS_OK) {
-            message = std::string("OpenNI2 does not start: ") + openni::OpenNI::getExtendedError();
+            message = "OpenNI2 does not start (" + extended_error() +
+                      "); if its drivers are missing, install it again: sudo apt-get install --reinstall libopenni2-0";
             return false;
         }
         is_running_ = true;
@@ -89,6 +91,16 @@ private:
 };
 
 }  // namespace
+
+std::string extended_error() {
+    std::string text = openni::OpenNI::getExtendedError();
+    while (!text.empty() && (text.back() == '\n' || text.back() == ' ' || text.back() == '\t')) text.pop_back();
+    for (char& c : text) {
+        if (c == '\n' || c == '\t') c = ' ';
+    }
+    text.erase(0, text.find_first_not_of(' '));
+    return text.empty() ? "OpenNI2 does not say why" : text;
+}
 
 std::shared_ptr<Runtime> Runtime::get(std::string& message) {
     static std::weak_ptr<Runtime> running;

@@ -24,6 +24,9 @@ struct DeviceWatch {
     std::atomic<bool> has_failed{false};
 };
 
+// OpenNI2's last word, on one line.
+[[nodiscard]] std::string extended_error();
+
 class Runtime {
 public:
     // The one runtime, started if it is not running; null: it cannot be started, `message` says why. To be called, as

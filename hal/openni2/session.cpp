@@ -50,7 +50,10 @@ Status Session::record(const std::string& file) {
 
 void Session::open(const OpenNi2Options& options) {
     runtime = Runtime::get(message);
-    if (runtime == nullptr) return;
+    if (runtime == nullptr) {
+        status = Status::kInvalid;  // waiting for a camera would not help
+        return;
+    }
     DeviceChoice choice =
         is_file ? open_recording(options.device, device) : open_camera(*runtime, options.device, identity, device);
     if (choice.status == Status::kOk) {

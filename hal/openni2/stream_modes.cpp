@@ -6,8 +6,8 @@
 #include <optional>
 #include <utility>
 
-#include "hal/openni2/device_choice.hpp"
 #include "hal/openni2/file_care.hpp"
+#include "hal/openni2/openni2_runtime.hpp"
 
 namespace stillmesh::openni2 {
 namespace {

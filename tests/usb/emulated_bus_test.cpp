@@ -345,6 +345,13 @@ TEST_F(EmulatedBusTest, DriverOfTheOpenNi2AtHand) {
         EXPECT_NE(said.text.find(sentence), std::string::npos) << said.text;
     };
     expect(1, "no: OpenNI2's driver for it, libPS1080.so.0, is not in " + folder + "\n  do        install OpenNI2");
+    const Said run = says("run --camera auto --wait 2>&1", own.path());
+    EXPECT_EQ(run.code, 2) << "waiting would not help";
+    EXPECT_NE(run.text.find("OpenNI2 does not start (Found no files matching '" + folder +
+                            "/lib*.so.0'); if its drivers are missing, install it again: sudo apt-get install "
+                            "--reinstall libopenni2-0\n"),
+              std::string::npos)
+        << run.text;
     std::filesystem::create_symlink(own.path("nothing"), driver);
     expect(1, "libPS1080.so.0, is damaged or for another processor, in " + folder);
     std::filesystem::remove(driver);
