@@ -459,6 +459,12 @@ std::uint32_t Mapping::collect() noexcept {
         const std::span<const Observation> seen = map_->observations(handle);
         const double noise_pixel = tracking_->noise_pixel();
         const double noise_depth = tracking_->noise_depth();
+        // A camera that turns while it waits for its depth measures past the feature, as in tracking; the expected lag
+        // stands for that of the frame.
+        const Keyframe* const keyframe = map_->keyframes().find(handle);
+        const double turn_rad_s = keyframe != nullptr ? std::sqrt(keyframe->speed.tail<3>().squaredNorm()) : 0.0;
+        const double slip_per_m =
+            turn_rad_s * configuration_.region.colour_depth_lag_s * configuration_.prediction.slip_share;
         for (std::uint32_t i = 0; i < seen.size(); ++i) {
             const Observation& o = seen[i];
             const MapPoint* const point = map_->points().find(o.point);
@@ -474,7 +480,8 @@ std::uint32_t Mapping::collect() noexcept {
             in.var_pixel = var_pixel(o.level) * noise_pixel / o.looks;
             if (o.var_z >= 0) {
                 in.z_m = static_cast<double>(o.z_m);
-                in.var_z = static_cast<double>(o.var_z) * noise_depth / o.looks;
+                const double slip = slip_per_m * in.z_m;
+                in.var_z = static_cast<double>(o.var_z) * noise_depth / o.looks + slip * slip;
             }
             if (adjustment_.add_observation(in) != Status::kOk) continue;
             problem_observations_[problem_observation_count_++] = {static_cast<std::uint16_t>(k),

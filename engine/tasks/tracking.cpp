@@ -110,7 +110,7 @@ void Tracking::track(const Frame& frame) noexcept {
     } else {
         predict(frame);
         bool is_found = false;
-        if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate();
+        if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate(false);
         if (!is_found && lost_frames_ > 0) is_found = recover(frame);
         if (!is_found && lost_frames_ > 0) is_found = relocalise(frame);
         if (!is_found) lose();
@@ -184,7 +184,7 @@ void Tracking::predict(const Frame& frame) noexcept {
     apply_shutter(has_prior() ? world_from_camera().inverse() * expected.world_from_camera : SE3{});
 }
 
-bool Tracking::estimate() noexcept {
+bool Tracking::estimate(bool must_be_sure) noexcept {
     match();
     const NoiseScale::Factors noise_before = noise_.factors();
     const RegionChoice choice = choose_region();
@@ -198,6 +198,10 @@ bool Tracking::estimate() noexcept {
     const bool is_sure = choice.margin >= configuration_.region.margin_min &&
                          choice.score >= configuration_.region.score_min &&
                          fit.inliers >= configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
+    if (must_be_sure && !is_sure) {
+        noise_.restore(noise_before);
+        return false;
+    }
     accept(fit, is_sure);
     return true;
 }
@@ -402,7 +406,8 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera) noe
     context_.world_from_camera_predicted = world_from_camera;
     const std::int64_t start_before_ns = start_time_ns_;
     if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves
-    if (!estimate()) {
+    // Nobody expects the camera here any longer: a few that agree among many that do not are no evidence.
+    if (!estimate(lost_frames_ > configuration_.pose.lost_frames_max)) {
         start_time_ns_ = start_before_ns;
         return false;
     }

@@ -105,7 +105,7 @@ private:
     void predict(const Frame& frame) noexcept;
     // A pose around the one expected, and all that follows from it; false: none, and only statistics of the frame
     // changed.
-    [[nodiscard]] bool estimate() noexcept;
+    [[nodiscard]] bool estimate(bool must_be_sure) noexcept;
     void match() noexcept;
     [[nodiscard]] RegionChoice choose_region() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
