@@ -185,6 +185,8 @@ struct RecoveryParameters {
     double reach_m_s = 1.5;
     double reach_rad = 0.2;
     double reach_rad_s = 2.0;
+    double sigma_m = 0.1;  // of a place that was proposed
+    double sigma_rad = 0.1;
     std::uint32_t there_min = 10;  // points of the map that the depth image confirms
     double empty_share_max = 0.35;
 };
@@ -281,6 +283,7 @@ struct LoopParameters {
     double score_share = 0.8;        // of s_min, for those
     double distance_max_m = 1.5;     // geometric consistency; 3 outdoors
     std::uint32_t gap_frames = 150;  // nearer in time is no loop
+    double settle_s = 0.7;
     std::uint32_t rest_keyframes = 10;
     std::uint32_t candidates_max = 3;
     // Verification.
@@ -507,6 +510,9 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("recovery.reach_m_s", c.recovery.reach_m_s, 0.0, 1000.0, "m/s", "and how fast");
     v("recovery.reach_rad", c.recovery.reach_rad, 0.0, 10.0, "rad", "how far a camera turns at once");
     v("recovery.reach_rad_s", c.recovery.reach_rad_s, 0.0, 100.0, "rad/s", "and how fast");
+    v("recovery.sigma_m", c.recovery.sigma_m, 1e-4, 10.0, "m", "how far the pose may be from where a place put it");
+    v("recovery.sigma_rad", c.recovery.sigma_rad, 1e-4, 3.0, "rad",
+      "how far the pose may be from where a place put it");
     v("recovery.there_min", c.recovery.there_min, 0.0, 400.0, "", "points of the map whose depth is seen there");
     v("recovery.empty_share_max", c.recovery.empty_share_max, 0.0, 1.0, "", "of those whose place is seen to be empty");
     v("emptiness.places_per_frame", c.emptiness.places_per_frame, 0.0, 10000.0, "", "places looked at for emptiness");
@@ -591,6 +597,7 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("loop.score_share", c.loop.score_share, 0.0, 1.0, "", "of the least score among neighbours, for those");
     v("loop.distance_max_m", c.loop.distance_max_m, 0.01, 100.0, "m", "farther apart two views are no loop");
     v("loop.gap_frames", c.loop.gap_frames, 1.0, 1e6, "frames", "nearer in time two views are no loop");
+    v("loop.settle_s", c.loop.settle_s, 0.0, 100.0, "s", "a keyframe is looked up when what it saw is so old");
     v("loop.rest_keyframes", c.loop.rest_keyframes, 0.0, 1000.0, "", "after a loop none is sought for so many");
     v("loop.candidates_max", c.loop.candidates_max, 1.0, 8.0, "", "places verified for one keyframe");
     v("loop.nodes_level", c.loop.nodes_level, 1.0, 8.0, "",

@@ -22,25 +22,27 @@ namespace stillmesh {
 struct Keyframe;
 
 struct MapPoint {
-    double world[3] = {};               // m; best estimate. Of a moving point: where it was last seen
+    // What projecting it into a frame needs, together: some thousands are projected for each frame.
+    double world[3] = {};  // m; best estimate. Of a moving point: where it was last seen
+    Descriptor descriptor;
+    float distance_m = 0;             // from the camera that made it
+    std::uint8_t level = 0;           // pyramid level of its feature
+    std::uint8_t weight_tenths = 10;  // static weight, Algorithm 2
+    std::uint8_t empty_views = 0;     // views in a row, or nearly, in which its place was seen to be empty
+    bool is_suspect = false;          // has no vote: seen to move, or new beside something that moves
+
     double anchor[3] = {};              // m; where it was first seen (of a moving point: about a second ago)
     double var_z = 0, var_lateral = 0;  // of `world`, along and across the ray, m^2
     double anchor_var_z = 0, anchor_var_lateral = 0;  // of `anchor`
     float world_by_readout[3] = {};   // m/s; how `world` moves with the rolling shutter's readout (engine/pose)
     float anchor_by_readout[3] = {};  // m/s; likewise
-    Descriptor descriptor;
     std::int64_t created_ns = 0;
     std::int64_t anchor_ns = 0;
     std::uint64_t last_seen_frame = 0;
-    Handle<Keyframe> reference;       // whose corrections it follows; null only while nobody observes it
-    float distance_m = 0;             // from the camera that made it
-    float angle_rad = 0;              // of its feature, (-pi, pi]
-    std::uint16_t seen = 0;           // frames that matched it
-    std::uint16_t observers = 0;      // keyframes that observe it
-    std::uint8_t level = 0;           // pyramid level of its feature
-    std::uint8_t weight_tenths = 10;  // static weight, Algorithm 2
-    std::uint8_t empty_views = 0;     // views in a row, or nearly, in which its place was seen to be empty
-    bool is_suspect = false;          // has no vote: seen to move, or new beside something that moves
+    Handle<Keyframe> reference;   // whose corrections it follows; null only while nobody observes it
+    float angle_rad = 0;          // of its feature, (-pi, pi]
+    std::uint16_t seen = 0;       // frames that matched it
+    std::uint16_t observers = 0;  // keyframes that observe it
 };
 
 [[nodiscard]] inline Vector3 vector_of(const double (&p)[3]) noexcept {

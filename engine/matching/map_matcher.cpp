@@ -21,6 +21,9 @@ constexpr double kNearest_m = 0.1;
 constexpr double kMarginFactor = 0.6;
 constexpr double kMargin = 0.2;
 
+// The local map lists points all over the pool, which is larger than any cache: fetched so many points ahead.
+constexpr std::uint32_t kAhead = 8;
+
 std::int32_t turn_bin(float from_rad, float to_rad) noexcept {
     const double turn = (static_cast<double>(to_rad) - static_cast<double>(from_rad)) / kTwoPi;
     const std::int32_t bin = floor_clamped((turn + 2.0) * kTurnBins + 0.5, 0, 4 * kTurnBins);
@@ -73,6 +76,7 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
     const auto count = local != nullptr ? static_cast<std::uint32_t>(local->points().size()) : points.slots_count();
     for (std::uint32_t at = 0; at < count; ++at) {
         const std::uint32_t slot = local != nullptr ? local->points()[at] : at;
+        if (local != nullptr && at + kAhead < count) points.prefetch(local->points()[at + kAhead]);
         if (!points.is_taken(slot)) continue;
         const MapPoint& point = points.at(slot);
         if (is_more && point.last_seen_frame == *seen_frame) continue;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/base/time.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -88,7 +90,8 @@ void LoopClosing::finish() noexcept {
     enter(Stage::kIdle);
 }
 
-// The oldest keyframe not looked up yet, but for the newest, whose weights change.
+// The oldest keyframe not looked up yet, once what it saw has had the time to prove that it stands still: people who
+// had just come into the picture were taken for places.
 bool LoopClosing::take() noexcept {
     const Pool<Keyframe>& keyframes = map_->keyframes();
     const Handle<Keyframe> newest = map_->recent_keyframe(0);
@@ -100,6 +103,8 @@ bool LoopClosing::take() noexcept {
         }
     }
     if (next.is_null()) return false;
+    const double age_s = seconds_between(keyframes.at(next.slot()).time_ns, tracking_->map_time_ns());
+    if (age_s < configuration_->loop.settle_s && !tracking_->is_frozen()) return false;
     keyframe_ = next;
     places_->take(PlaceSearch::User::kLoopClosing);
     enter(Stage::kWords);

@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <numeric>
 
+#include "engine/pose/pose_optimiser.hpp"
 #include "engine/pose/ransac.hpp"
 
 namespace stillmesh {
 namespace {
-
-// So many times the inliers of a pose must agree before a camera is placed in a map that was loaded.
-constexpr std::uint32_t kPlacedFactor = 3;
 
 bool is_within_reach(const LastSeen& last_seen, const SE3& world_from_camera, const RecoveryParameters& r) noexcept {
     const SE3 off = last_seen.world_from_camera.inverse() * world_from_camera;
@@ -50,7 +48,9 @@ bool propose_recovery(std::span<const Correspondence> correspondences, std::span
     } else if (!is_within_reach(*last_seen, result.world_from_camera, r)) {
         return false;
     }
-    world_from_camera = result.world_from_camera;
+    const PoseFit fit = optimise_pose(correspondences, chosen, result.world_from_camera,
+                                      configuration.region.point_chi2_max, configuration.pose.coarse_passes_max);
+    world_from_camera = fit.is_valid ? fit.world_from_camera : result.world_from_camera;
     return true;
 }
 

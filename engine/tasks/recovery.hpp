@@ -15,6 +15,9 @@
 
 namespace stillmesh {
 
+// So many times the inliers of a pose must agree where nobody expects the camera.
+inline constexpr std::uint32_t kPlacedFactor = 3;
+
 // Which of the map's keyframes to compare the next frame with, of a map that has some. The `turn`-th frame since the
 // camera was lost, near the newest ones; in a map from before (`is_placed` false) all of them in turn.
 [[nodiscard]] Handle<Keyframe> recovery_candidate(const Map& map, bool is_placed, std::uint64_t turn,

@@ -17,7 +17,7 @@ namespace stillmesh {
 class Relocalisation {
 public:
     static constexpr std::uint32_t kTriesPerFrame = 2;
-    static constexpr std::uint32_t kTurns = 3;
+    static constexpr std::uint32_t kTurns = 8;
 
     void create(const Configuration& configuration, PlaceSearch& places) noexcept;
     void reset() noexcept;

@@ -110,7 +110,7 @@ void Tracking::track(const Frame& frame) noexcept {
     } else {
         predict(frame);
         bool is_found = false;
-        if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate(false);
+        if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate(nullptr);
         if (!is_found && lost_frames_ > 0) is_found = recover(frame);
         if (!is_found && lost_frames_ > 0) is_found = relocalise(frame);
         if (!is_found) lose();
@@ -184,7 +184,7 @@ void Tracking::predict(const Frame& frame) noexcept {
     apply_shutter(has_prior() ? world_from_camera().inverse() * expected.world_from_camera : SE3{});
 }
 
-bool Tracking::estimate(bool must_be_sure) noexcept {
+bool Tracking::estimate(const Frame* unexpected) noexcept {
     match();
     const NoiseScale::Factors noise_before = noise_.factors();
     const RegionChoice choice = choose_region();
@@ -194,14 +194,17 @@ bool Tracking::estimate(bool must_be_sure) noexcept {
     }
     PoseFit fit = fit_pose(choice);
     if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
-    match_more(fit);
-    const bool is_sure = choice.margin >= configuration_.region.margin_min &&
-                         choice.score >= configuration_.region.score_min &&
-                         fit.inliers >= configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
-    if (must_be_sure && !is_sure) {
+    const bool is_choice_clear =
+        choice.margin >= configuration_.region.margin_min && choice.score >= configuration_.region.score_min;
+    // Where nobody expects the camera a few that agree among many that do not are no evidence.
+    if (unexpected != nullptr && (!is_choice_clear || fit.inliers < kPlacedFactor * configuration_.pose.inliers_min ||
+                                  looks_through(*unexpected, fit.world_from_camera))) {
         noise_.restore(noise_before);
         return false;
     }
+    match_more(fit);
+    const bool is_sure =
+        is_choice_clear && fit.inliers >= configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
     accept(fit, is_sure);
     return true;
 }
@@ -390,24 +393,29 @@ bool Tracking::relocalise(const Frame& frame) noexcept {
     return true;
 }
 
+// Whether too much of the map would have to be in front of what the depth image shows, or nothing of it is seen there.
+bool Tracking::looks_through(const Frame& frame, const SE3& world_from_camera) noexcept {
+    if (!configuration_.mapping.is_enabled) return false;
+    local_map_.build(map_, world_from_camera);
+    const EmptyPlaces::Agreement seen =
+        empty_places_.agreement(frame, measured_, world_from_camera, noise_depth(), local_map_, map_);
+    const RecoveryParameters& p = configuration_.recovery;
+    return seen.there < p.there_min ||
+           static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty);
+}
+
 // A lost camera may be here, unless its depth looks through the map there; estimate() has the last word.
 bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera) noexcept {
-    if (configuration_.mapping.is_enabled) {
-        local_map_.build(map_, world_from_camera);
-        const EmptyPlaces::Agreement seen =
-            empty_places_.agreement(frame, measured_, world_from_camera, noise_depth(), local_map_, map_);
-        const RecoveryParameters& p = configuration_.recovery;
-        if (seen.there < p.there_min ||
-            static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty)) {
-            local_map_.invalidate();
-            return false;
-        }
+    if (looks_through(frame, world_from_camera)) {
+        local_map_.invalidate();
+        return false;
     }
     context_.world_from_camera_predicted = world_from_camera;
+    context_.prediction_sigma_m = configuration_.recovery.sigma_m;
+    context_.prediction_sigma_rad = configuration_.recovery.sigma_rad;
     const std::int64_t start_before_ns = start_time_ns_;
     if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves
-    // Nobody expects the camera here any longer: a few that agree among many that do not are no evidence.
-    if (!estimate(lost_frames_ > configuration_.pose.lost_frames_max)) {
+    if (!estimate(lost_frames_ > configuration_.pose.lost_frames_max ? &frame : nullptr)) {
         start_time_ns_ = start_before_ns;
         return false;
     }

@@ -104,8 +104,9 @@ private:
     void start_map() noexcept;
     void predict(const Frame& frame) noexcept;
     // A pose around the one expected, and all that follows from it; false: none, and only statistics of the frame
-    // changed.
-    [[nodiscard]] bool estimate(bool must_be_sure) noexcept;
+    // changed. `unexpected`: where nothing foretells the camera it has to be sure, and the depth of this frame to
+    // agree.
+    [[nodiscard]] bool estimate(const Frame* unexpected) noexcept;
     void match() noexcept;
     [[nodiscard]] RegionChoice choose_region() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
@@ -116,6 +117,7 @@ private:
     // --- a frame without a pose
     [[nodiscard]] bool recover(const Frame& frame) noexcept;
     [[nodiscard]] bool relocalise(const Frame& frame) noexcept;
+    [[nodiscard]] bool looks_through(const Frame& frame, const SE3& world_from_camera) noexcept;
     [[nodiscard]] bool estimate_at(const Frame& frame, const SE3& world_from_camera) noexcept;
     void lose() noexcept;
     // --- at the end of each

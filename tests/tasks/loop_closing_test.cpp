@@ -34,6 +34,7 @@ Configuration configuration_of_ring() {
     out.features.count = 200;
     out.features.levels = 3;
     out.loop.gap_frames = 400;
+    out.loop.settle_s = 0;  // these keyframes come without a clock
     return out;
 }
 
@@ -426,6 +427,20 @@ TEST(LoopClosing, ConfirmsWhereNothingDrifted) {
     EXPECT_EQ(s.closed, 0U);
     EXPECT_EQ(s.confirmed, 1U);
     EXPECT_LT(ring->off_m(), 1e-9);
+}
+
+// Promise: nothing is looked up, and no place known, before what a keyframe saw has had the time to prove that it
+// stands.
+TEST(LoopClosing, WaitsUntilThePastHasSpoken) {
+    Configuration configuration = configuration_of_ring();
+    configuration.loop.settle_s = 0.7;
+    auto ring = std::make_unique<Ring>(configuration, true, false);  // its clock stands still
+    for (std::uint32_t i = 0; i < kLap + 10; ++i) {
+        static_cast<void>(ring->add_keyframe(i));
+        ring->work(5000);
+    }
+    EXPECT_EQ(ring->statistics().queries, 0U);
+    EXPECT_EQ(ring->statistics().confirmed, 0U);
 }
 
 // Promise: reset() forgets everything, also in the middle of a loop: the same lap gives the same map again.
