@@ -15,6 +15,8 @@ namespace {
 constexpr int kFileSilence_ms = 3000;
 constexpr int kLiveSilence_ms = 20;  // how long closing waits for the reader
 constexpr int kPairWait_ms = 1000;
+constexpr std::int64_t kBeforeNext_ns = 1'000'000;  // a recording begins so long before the next image at least
+constexpr int kBeginningsMax = 5;
 constexpr std::uint32_t kFileImagesMax = 1000;  // without a pair: the two streams do not belong together
 
 }  // namespace
@@ -32,17 +34,32 @@ Status Session::record(const std::string& file) {
         message = file + ": " + why;
         return Status::kInvalid;
     }
-    if (recorder.create(file.c_str()) == openni::STATUS_OK && recorder.attach(streams.depth) == openni::STATUS_OK &&
-        recorder.attach(streams.colour) == openni::STATUS_OK) {
-        // The recorder gives the first image of each stream the time 0. Begun between colour and depth of one instant,
-        // it would shift them against each other by an image: it begins behind a pair.
+    // The recorder gives the first image of each stream the time 0. Begun between colour and depth of one instant, it
+    // would shift them against each other by an image: it begins behind a pair, and anew if that took until the next.
+    for (int beginnings = 1;; ++beginnings) {
+        if (recorder.create(file.c_str()) != openni::STATUS_OK || recorder.attach(streams.depth) != openni::STATUS_OK ||
+            recorder.attach(streams.colour) != openni::STATUS_OK) {
+            break;
+        }
         const std::int64_t end_ns = clock_ns(CLOCK_MONOTONIC) + std::int64_t{kPairWait_ms} * 1'000'000;
         bool is_pair = false;
         while (!is_pair && clock_ns(CLOCK_MONOTONIC) < end_ns) {
             openni::VideoStream* const ready = wait_for_image(kLiveSilence_ms);
             is_pair = ready != nullptr && take(*ready, clock_ns(CLOCK_MONOTONIC));
         }
-        if (recorder.start() == openni::STATUS_OK) return Status::kOk;
+        if (recorder.start() != openni::STATUS_OK) break;
+        const std::int64_t next_ns = slot.taken_ns + streams.period_us * 1000 - kBeforeNext_ns;
+        if (!is_pair || clock_ns(CLOCK_MONOTONIC) < next_ns || beginnings == kBeginningsMax) return Status::kOk;
+        streams.colour.stop();
+        streams.depth.stop();
+        end_recording(recorder, file);
+        {
+            const std::lock_guard lock(mutex);
+            slot.clear();
+            pairer = Pairer(streams.period_us);
+            colour_index = depth_index = -1;
+        }
+        if (streams.depth.start() != openni::STATUS_OK || streams.colour.start() != openni::STATUS_OK) break;
     }
     message = file + ": cannot be recorded: " + extended_error() + ".";
     return Status::kInvalid;
