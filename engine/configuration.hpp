@@ -185,8 +185,9 @@ struct RecoveryParameters {
     double reach_m_s = 1.5;
     double reach_rad = 0.2;
     double reach_rad_s = 2.0;
-    double sigma_m = 0.1;  // of a place that was proposed
-    double sigma_rad = 0.1;
+    double sigma_m = 0.02;  // of a place that was proposed
+    double sigma_rad = 0.02;
+    std::uint32_t probation_frames = 8;
     std::uint32_t there_min = 10;  // points of the map that the depth image confirms
     double empty_share_max = 0.35;
 };
@@ -513,6 +514,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("recovery.sigma_m", c.recovery.sigma_m, 1e-4, 10.0, "m", "how far the pose may be from where a place put it");
     v("recovery.sigma_rad", c.recovery.sigma_rad, 1e-4, 3.0, "rad",
       "how far the pose may be from where a place put it");
+    v("recovery.probation_frames", c.recovery.probation_frames, 0.0, 300.0, "frames",
+      "in which all agrees before a camera found again is believed");
     v("recovery.there_min", c.recovery.there_min, 0.0, 400.0, "", "points of the map whose depth is seen there");
     v("recovery.empty_share_max", c.recovery.empty_share_max, 0.0, 1.0, "", "of those whose place is seen to be empty");
     v("emptiness.places_per_frame", c.emptiness.places_per_frame, 0.0, 10000.0, "", "places looked at for emptiness");

@@ -65,6 +65,7 @@ void Tracking::reset() noexcept {
     has_map_ = false;
     is_frozen_ = false;
     is_placed_ = true;
+    probation_frames_ = 0;
     time_shift_ns_ = 0;
     has_time_shift_ = true;
     frame_ = 0;
@@ -110,12 +111,16 @@ void Tracking::track(const Frame& frame) noexcept {
     } else {
         predict(frame);
         bool is_found = false;
-        if (lost_frames_ <= configuration_.pose.lost_frames_max) is_found = estimate(nullptr);
+        const bool is_on_probation = probation_frames_ > 0;
+        if (is_on_probation) --probation_frames_;
+        if (lost_frames_ <= configuration_.pose.lost_frames_max)
+            is_found = estimate(is_on_probation ? &frame : nullptr);
+        if (is_on_probation) end_probation(is_found);
         if (!is_found && lost_frames_ > 0) is_found = recover(frame);
         if (!is_found && lost_frames_ > 0) is_found = relocalise(frame);
         if (!is_found) lose();
     }
-    if (configuration_.mapping.is_enabled && !is_frozen_ && pose_.state == PoseState::kTracked) {
+    if (configuration_.mapping.is_enabled && !keeps_map() && pose_.state == PoseState::kTracked) {
         empty_places_.look(frame, measured_, world_from_camera(), frame_, noise_depth(), local_map_, map_);
     }
     end_frame();
@@ -321,7 +326,7 @@ void Tracking::accept(const PoseFit& fit, bool is_sure) noexcept {
     is_choice_sure_ = is_sure;
 
     const std::uint32_t moving = judge_.judge(
-        correspondences_.span(), {measured_, shutter_, fit.world_from_camera, frame_, time_ns_, is_sure, is_frozen_},
+        correspondences_.span(), {measured_, shutter_, fit.world_from_camera, frame_, time_ns_, is_sure, keeps_map()},
         map_, chosen_);
     const auto still = static_cast<std::uint32_t>(chosen_.size());
     const double share = correspondences_.is_empty()
@@ -336,11 +341,11 @@ void Tracking::accept(const PoseFit& fit, bool is_sure) noexcept {
         local_map_.begin_counting();
         for (const std::uint16_t i : chosen_) local_map_.count(map_, correspondences_[i].point_slot);
         local_map_.note_useful(map_, frame_);
-        if (is_sure && !is_frozen_) {
+        if (is_sure && !keeps_map()) {
             keyframe_looks_.look(correspondences_.span(), chosen_.span(), fit.world_from_camera, map_);
         }
     }
-    if (!is_frozen_ &&
+    if (!keeps_map() &&
         keyframe_inserter_.wants(frame_, still, KeyframeInserter::new_points_possible(measured_, matcher_))) {
         make_keyframe();
     }
@@ -369,7 +374,7 @@ bool Tracking::recover(const Frame& frame) noexcept {
     SE3 proposed;
     return propose_recovery(correspondences_.span(), chosen_.span(), is_placed_ ? &last_seen : nullptr, configuration_,
                             random_, proposed) &&
-           estimate_at(frame, proposed);
+           estimate_at(frame, proposed, false);
 }
 
 // A lost camera, anywhere in the map: by the words of its picture (relocalisation.hpp).
@@ -382,15 +387,7 @@ bool Tracking::relocalise(const Frame& frame) noexcept {
     local_map_.begin_counting();
     for (const PlaceMatch& match : relocalisation_->matches()) local_map_.count(map_, match.point.slot());
     local_map_.invalidate();
-    const Odometry odometry_before = odometry_;
-    odometry_.jump_to(relocalisation_->world_from_camera(), world_from_camera());
-    if (!estimate_at(frame, relocalisation_->world_from_camera())) {
-        odometry_ = odometry_before;
-        local_map_.invalidate();
-        return false;
-    }
-    relocalisation_->note_success();
-    return true;
+    return estimate_at(frame, relocalisation_->world_from_camera(), true);
 }
 
 // Whether too much of the map would have to be in front of what the depth image shows, or nothing of it is seen there.
@@ -405,7 +402,7 @@ bool Tracking::looks_through(const Frame& frame, const SE3& world_from_camera) n
 }
 
 // A lost camera may be here, unless its depth looks through the map there; estimate() has the last word.
-bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera) noexcept {
+bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, bool is_by_words) noexcept {
     if (looks_through(frame, world_from_camera)) {
         local_map_.invalidate();
         return false;
@@ -413,15 +410,46 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera) noe
     context_.world_from_camera_predicted = world_from_camera;
     context_.prediction_sigma_m = configuration_.recovery.sigma_m;
     context_.prediction_sigma_rad = configuration_.recovery.sigma_rad;
-    const std::int64_t start_before_ns = start_time_ns_;
+    const bool is_unexpected = is_by_words || lost_frames_ > configuration_.pose.lost_frames_max;
+    before_ = {
+        this->world_from_camera(), odometry_, measured_time_ns_, start_time_ns_, lost_frames_, is_placed_, is_by_words};
+    if (is_by_words) odometry_.jump_to(world_from_camera, this->world_from_camera());
+    if (is_unexpected) probation_frames_ = configuration_.recovery.probation_frames;
     if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves
-    if (!estimate(lost_frames_ > configuration_.pose.lost_frames_max ? &frame : nullptr)) {
-        start_time_ns_ = start_before_ns;
+    if (!estimate(is_unexpected ? &frame : nullptr)) {
+        probation_frames_ = 0;
+        odometry_ = before_.odometry;
+        start_time_ns_ = before_.start_time_ns;
+        local_map_.invalidate();
         return false;
     }
-    if (is_placed_) ++recoveries_;
     is_placed_ = true;
+    if (probation_frames_ == 0) believe();
     return true;
+}
+
+// Found again, and all that came since agrees.
+void Tracking::believe() noexcept {
+    if (before_.is_placed) ++recoveries_;
+    if (before_.is_by_words) relocalisation_->note_success();
+}
+
+// A camera found again is not believed at once: a person who stands like one that the map still holds is a place, too,
+// for a frame or two. Meanwhile the map stays as it is and no pose is given out; what fails is undone.
+void Tracking::end_probation(bool is_found) noexcept {
+    if (is_found) {
+        if (probation_frames_ == 0) believe();
+        return;
+    }
+    probation_frames_ = 0;
+    odometry_ = before_.odometry;
+    measured_time_ns_ = before_.measured_time_ns;
+    start_time_ns_ = before_.start_time_ns;
+    lost_frames_ = before_.lost_frames;
+    is_placed_ = before_.is_placed;
+    motion_.move_to(before_.world_from_camera);
+    motion_.set_has_velocity(false);
+    local_map_.invalidate();
 }
 
 // Nothing was measured: what is shown of this frame says so, and for some frames the motion is carried on.
@@ -442,6 +470,10 @@ void Tracking::lose() noexcept {
 }
 
 void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
+    if (probation_frames_ > 0) {
+        state = PoseState::kNone;
+        if (before_.is_placed) ++frames_lost_;
+    }
     pose_.time_ns = time_ns_ - time_shift_ns_;
     pose_.state = state;
     odometry_.split(world_from_camera(), pose_);
@@ -455,7 +487,7 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
 }
 
 void Tracking::end_frame() noexcept {
-    if (!is_frozen_) shutter_.adopt(map_, motion_);
+    if (!keeps_map()) shutter_.adopt(map_, motion_);
     if (has_map_ && frame_ > 0) odometry_.gather_drift(pose_.state, motion_, time_ns_, configuration_.loop);
     motion_.end_frame(time_ns_);
     add_frame({time_ns_, world_from_camera(), pose_, frame_statistics_}, correspondences_.span(), groups_, judge_, map_,

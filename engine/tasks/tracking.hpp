@@ -117,8 +117,12 @@ private:
     // --- a frame without a pose
     [[nodiscard]] bool recover(const Frame& frame) noexcept;
     [[nodiscard]] bool relocalise(const Frame& frame) noexcept;
+    void believe() noexcept;
+    void end_probation(bool is_found) noexcept;
+    // A map that stays as it is: loaded to localise in, or while it is not sure that the camera is here.
+    [[nodiscard]] bool keeps_map() const noexcept { return is_frozen_ || probation_frames_ > 0; }
     [[nodiscard]] bool looks_through(const Frame& frame, const SE3& world_from_camera) noexcept;
-    [[nodiscard]] bool estimate_at(const Frame& frame, const SE3& world_from_camera) noexcept;
+    [[nodiscard]] bool estimate_at(const Frame& frame, const SE3& world_from_camera, bool is_by_words) noexcept;
     void lose() noexcept;
     // --- at the end of each
     void give_out(PoseState state, const Matrix6& information) noexcept;
@@ -169,6 +173,18 @@ private:
     std::uint32_t lost_frames_ = 0;
     bool is_choice_sure_ = true;  // of the last frame
     bool has_map_ = false;
+    // A camera that was found again where nobody expected it, for as long as it is not believed, and what was before.
+    struct Before {
+        SE3 world_from_camera;
+        Odometry odometry;
+        std::int64_t measured_time_ns = 0;
+        std::int64_t start_time_ns = 0;
+        std::uint32_t lost_frames = 0;
+        bool is_placed = true;
+        bool is_by_words = false;
+    };
+    std::uint32_t probation_frames_ = 0;
+    Before before_;
     bool is_frozen_ = false;
     bool is_placed_ = true;  // false: a loaded map, and the camera has not been found in it yet
 
