@@ -201,11 +201,15 @@ bool Tracking::estimate(const Frame* unexpected) noexcept {
     if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
     const bool is_choice_clear =
         choice.margin >= configuration_.region.margin_min && choice.score >= configuration_.region.score_min;
-    // Where nobody expects the camera a few that agree among many that do not are no evidence.
-    if (unexpected != nullptr && (!is_choice_clear || fit.inliers < kPlacedFactor * configuration_.pose.inliers_min ||
-                                  looks_through(*unexpected, fit.world_from_camera))) {
-        noise_.restore(noise_before);
-        return false;
+    // Where nobody expects the camera a few that agree among many that do not are no evidence; after that, as long as
+    // it is on probation, the depth alone must agree.
+    if (unexpected != nullptr) {
+        const bool is_clear =
+            lost_frames_ == 0 || (is_choice_clear && fit.inliers >= kPlacedFactor * configuration_.pose.inliers_min);
+        if (!is_clear || looks_through(*unexpected, fit.world_from_camera)) {
+            noise_.restore(noise_before);
+            return false;
+        }
     }
     match_more(fit);
     const bool is_sure =

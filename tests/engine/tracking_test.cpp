@@ -236,7 +236,7 @@ TEST(Engine, CoveredLensThenRecovery) {
             until_found = i + 1;
         }
     }
-    EXPECT_LE(until_found, 16U) << "one round over the keyframes";
+    EXPECT_LE(until_found, 16U + 8U) << "one round over the keyframes, and the probation";
     EXPECT_EQ(engine->statistics().recoveries, 1U);
     EXPECT_GE(engine->pose().state, PoseState::kUnsure);
 }

@@ -43,7 +43,7 @@ const Visit& empty_room() {
 
 // Another day, other light, people who walk through.
 const Sequence& another_day() {
-    static const Sequence sequence = test::rendered("walking_xyz", 45, kWidth, kHeight, 1, 7);
+    static const Sequence sequence = test::rendered("walking_xyz", 60, kWidth, kHeight, 1, 7);
     return sequence;
 }
 

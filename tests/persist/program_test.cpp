@@ -71,12 +71,12 @@ TEST_F(ProgramMaps, ThereAndBack) {
     ASSERT_TRUE(is_map(at("room.map")));
     const std::string before = text_of(at("room.map"));
     const Answer localised =
-        stillmesh_says("run --simulate static_xyz:1+5 --frames 10 --localize --map-in " + at("room.map"));
+        stillmesh_says("run --simulate static_xyz:1+5 --frames 20 --localize --map-in " + at("room.map"));
     EXPECT_EQ(localised.code, 0) << localised.text;
     EXPECT_NE(localised.text.find("map localised in " + at("room.map")), std::string::npos) << localised.text;
     EXPECT_TRUE(text_of(at("room.map")) == before);
     // On in the same file: what was read is replaced by what has become of it.
-    const Answer gone_on = stillmesh_says("run --simulate static_xyz:1+5 --frames 10 --map-in " + at("room.map") +
+    const Answer gone_on = stillmesh_says("run --simulate static_xyz:1+5 --frames 20 --map-in " + at("room.map") +
                                           " --map-out " + at("more.map"));
     EXPECT_EQ(gone_on.code, 0) << gone_on.text;
     EXPECT_TRUE(is_map(at("more.map")));
@@ -85,14 +85,14 @@ TEST_F(ProgramMaps, ThereAndBack) {
 
 // Promise: a recording of a run that began in a map repeats with the map, and not without.
 TEST_F(ProgramMaps, RecordingsRepeatWithTheirMap) {
-    const Answer run = stillmesh_says("run --simulate static_xyz:1+5 --frames 8 --map-in " + at("room.map") +
+    const Answer run = stillmesh_says("run --simulate static_xyz:1+5 --frames 16 --map-in " + at("room.map") +
                                       " --record " + at("run.rec") + " --record-frames " + at("frames") +
                                       " --map-every 0.1 --map-out " + at("x.map"));
     EXPECT_EQ(run.code, 0) << run.text;
     const std::string rerun = "rerun " + at("run.rec") + " --replay " + at("frames");
     const Answer with = stillmesh_says(rerun + " --map-in " + at("room.map"));
     EXPECT_EQ(with.code, 0) << with.text;
-    EXPECT_NE(with.text.find("8 frames repeated"), std::string::npos) << with.text;
+    EXPECT_NE(with.text.find("16 frames repeated"), std::string::npos) << with.text;
     EXPECT_EQ(stillmesh_says(rerun).code, 1);
     EXPECT_EQ(stillmesh_says(rerun + " --map-in " + at("none.map")).code, 2);
 }
@@ -177,7 +177,7 @@ TEST_F(ProgramMaps, SignalsLeaveAMap) {
             EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 128 + SIGTERM) << status;
         }
         EXPECT_TRUE(is_map(file)) << signal;
-        const Answer answer = stillmesh_says("run --simulate static_xyz:1 --frames 6 --localize --map-in " + file);
+        const Answer answer = stillmesh_says("run --simulate static_xyz:1 --frames 16 --localize --map-in " + file);
         EXPECT_EQ(answer.code, 0) << answer.text;
     }
 }

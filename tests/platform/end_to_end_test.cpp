@@ -379,7 +379,8 @@ TEST(EndToEnd, SaysWhyThereIsNoPose) {
 }
 
 // Promise: after a blink of darkness tracking goes on, and the run is good; dark for more than a second is a failure
-// that says when, and the poses before and after it stay.
+// that says when (the eight frames included until a camera found again is believed), and the poses before and after
+// stay.
 TEST(EndToEnd, GoesOnAfterDarkness) {
     const auto dark = [](std::uint32_t first, std::uint32_t end) {
         return [first, end](Picture& p) {
@@ -395,9 +396,9 @@ TEST(EndToEnd, GoesOnAfterDarkness) {
     const Recording night(90, dark(20, 60));
     const Answer lost = night.run();
     EXPECT_EQ(lost.code, 1);
-    EXPECT_NE(lost.error.find("no pose for 1.4 s"), std::string::npos) << lost.error;
+    EXPECT_NE(lost.error.find("no pose for 1.6 s"), std::string::npos) << lost.error;
     EXPECT_NE(lost.error.find("from second 0.6 on: the images are black"), std::string::npos) << lost.error;
-    EXPECT_GE(poses_in(night.output("t.txt")), 45U);
+    EXPECT_GE(poses_in(night.output("t.txt")), 40U);
     EXPECT_LT(lost.json()["evaluation"]["ate_rmse_m"].get<double>(), 0.03);
 }
 

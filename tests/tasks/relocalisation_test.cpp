@@ -177,12 +177,14 @@ TEST(Relocalisation, BackOnTheMapAfterDarkness) {
             if (lost.engine().pose().state >= PoseState::kUnsure) break;
         }
         ASSERT_GE(lost.engine().pose().state, PoseState::kUnsure);
-        EXPECT_LE(tries, 10U);
+        EXPECT_LE(tries, 18U);
+        EXPECT_GT(tries, Configuration{}.recovery.probation_frames);
         const double off =
             test::metres_off(in_the_map(lost.engine().pose()), home().frames[0].truth, home().frames[i].truth);
         EXPECT_LT(off, 0.05);
         EXPECT_EQ(lost.engine().statistics().loop.relocalisations, 1U);
-        EXPECT_LT(metres_between(lost.engine().pose().odom_from_camera, lost.in_the_dark().odom_from_camera), 0.03);
+        // Odometry goes on from where it was, by what the camera moved in the frames of the probation.
+        EXPECT_LT(metres_between(lost.engine().pose().odom_from_camera, lost.in_the_dark().odom_from_camera), 0.1);
         std::printf("frame %u: back after %u frames, %.3f m off; in the dark it was thought %.3f m away\n", i, tries,
                     off, metres_between(in_the_map(lost.engine().pose()), in_the_map(lost.in_the_dark())));
         for (std::uint32_t k = 1; k < 10; ++k) {

@@ -350,7 +350,7 @@ TEST(Tracking, RecoversNoFartherThanACameraGets) {
         for (int k = 0; k < (has_time ? 60 : 3); ++k) show(0, true);
         ASSERT_EQ(rig->pose().state, PoseState::kNone);
         // Back where it all began, 0.6 m away: in 2 s one can be there, not in 0.1 s.
-        for (int k = 0; k < 4; ++k) show(0, false);
+        for (int k = 0; k < (has_time ? 12 : 4); ++k) show(0, false);
         EngineStatistics statistics;
         rig->fill(statistics);
         if (has_time) {
@@ -393,7 +393,7 @@ TEST(Tracking, RecoversNoFartherThanACameraTurns) {
         for (int k = 0; k < (has_time ? 60 : 3); ++k) show(true);
         ASSERT_EQ(rig->pose().state, PoseState::kNone);
         // Half a turn: in 2 s one can have made it, not in 0.3 s.
-        for (int k = 0; k < 6; ++k) show(false);
+        for (int k = 0; k < (has_time ? 14 : 6); ++k) show(false);
         EngineStatistics statistics;
         rig->fill(statistics);
         const double turned = std::abs(rig->pose().odom_from_camera.rotation_xyzw[2]);  // sin of half the angle
