@@ -13,6 +13,9 @@
 namespace stillmesh {
 namespace {
 
+// A camera found again has so many times the frames of its probation to show what counts.
+constexpr std::uint32_t kPatience = 4;
+
 // How far apart colour and depth were taken. A camera that does not know says the same time twice; one whose times are
 // farther apart than images of one frame can be has two clocks. The frame was validated: its own time is not negative.
 double lag_of(const Frame& frame, double unknown_s) noexcept {
@@ -111,10 +114,14 @@ void Tracking::track(const Frame& frame) noexcept {
     } else {
         predict(frame);
         bool is_found = false;
-        const bool is_on_probation = probation_frames_ > 0;
-        if (is_on_probation) --probation_frames_;
-        if (lost_frames_ <= configuration_.pose.lost_frames_max)
+        bool is_on_probation = probation_frames_ > 0;
+        if (is_on_probation && ++before_.looks > kPatience * configuration_.recovery.probation_frames) {
+            end_probation(false);
+            is_on_probation = false;
+        }
+        if (lost_frames_ <= configuration_.pose.lost_frames_max) {
             is_found = estimate(is_on_probation ? &frame : nullptr);
+        }
         if (is_on_probation) end_probation(is_found);
         if (!is_found && lost_frames_ > 0) is_found = recover(frame);
         if (!is_found && lost_frames_ > 0) is_found = relocalise(frame);
@@ -201,15 +208,16 @@ bool Tracking::estimate(const Frame* unexpected) noexcept {
     if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
     const bool is_choice_clear =
         choice.margin >= configuration_.region.margin_min && choice.score >= configuration_.region.score_min;
-    // Where nobody expects the camera a few that agree among many that do not are no evidence; after that, as long as
-    // it is on probation, the depth alone must agree.
+    // Where nobody expects the camera a few that agree among many that do not are no evidence. On probation such looks
+    // do not count, as long as the depth agrees.
     if (unexpected != nullptr) {
-        const bool is_clear =
-            lost_frames_ == 0 || (is_choice_clear && fit.inliers >= kPlacedFactor * configuration_.pose.inliers_min);
-        if (!is_clear || looks_through(*unexpected, fit.world_from_camera)) {
+        const bool is_on_probation = lost_frames_ == 0;
+        const bool is_evidence = is_choice_clear && fit.inliers >= kPlacedFactor * configuration_.pose.inliers_min;
+        if ((!is_evidence && !is_on_probation) || looks_through(*unexpected, fit.world_from_camera)) {
             noise_.restore(noise_before);
             return false;
         }
+        if (is_evidence && is_on_probation) --probation_frames_;
     }
     match_more(fit);
     const bool is_sure =
@@ -415,8 +423,14 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
     context_.prediction_sigma_m = configuration_.recovery.sigma_m;
     context_.prediction_sigma_rad = configuration_.recovery.sigma_rad;
     const bool is_unexpected = is_by_words || lost_frames_ > configuration_.pose.lost_frames_max;
-    before_ = {
-        this->world_from_camera(), odometry_, measured_time_ns_, start_time_ns_, lost_frames_, is_placed_, is_by_words};
+    before_.world_from_camera = this->world_from_camera();
+    before_.odometry = odometry_;
+    before_.measured_time_ns = measured_time_ns_;
+    before_.start_time_ns = start_time_ns_;
+    before_.lost_frames = lost_frames_;
+    before_.looks = 0;
+    before_.is_placed = is_placed_;
+    before_.is_by_words = is_by_words;
     if (is_by_words) odometry_.jump_to(world_from_camera, this->world_from_camera());
     if (is_unexpected) probation_frames_ = configuration_.recovery.probation_frames;
     if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves

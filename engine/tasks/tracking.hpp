@@ -180,6 +180,7 @@ private:
         std::int64_t measured_time_ns = 0;
         std::int64_t start_time_ns = 0;
         std::uint32_t lost_frames = 0;
+        std::uint32_t looks = 0;  // since then
         bool is_placed = true;
         bool is_by_words = false;
     };
