@@ -307,6 +307,22 @@ struct LoopParameters {
     double correction_min_rad = 0.01;
 };
 
+// Places beyond memory (engine/tasks/map_pager.hpp). Nothing of it without a store.
+struct StoreParameters {
+    std::uint32_t regions_max = 20000;   // full: the ones longest without use go
+    std::uint32_t points_min = 20;       // static ones; a region with fewer is not kept
+    std::uint32_t gap_frames = 150;      // nearer in time is no place that is seen again
+    std::uint32_t pause_frames = 3;      // between two regions that come back
+    std::uint32_t rest_frames = 150;     // a region that came back does not come again sooner
+    std::uint32_t patience_frames = 90;  // then an answer is given up
+    double score_share = 0.5;            // of the least score among neighbours
+    double lost_score_min = 0.01;        // of a lost camera's picture, of 1
+    double twin_m = 0.3;                 // a place that is kept from so near is not kept again
+    double twin_cosine_min = 0.95;       // if it was looked at the same way
+    double moved_m = 0.02;               // a region that moved by so much is kept anew
+    double moved_rad = 0.01;
+};
+
 struct Configuration {
     CameraParameters camera;
     ShutterParameters shutter;
@@ -326,6 +342,7 @@ struct Configuration {
     MapParameters map;
     LocalMapParameters local_map;
     LoopParameters loop;
+    StoreParameters store;
     std::uint64_t seed = 1;  // of RANSAC
 
     [[nodiscard]] static constexpr Configuration indoor() noexcept { return {}; }
@@ -621,6 +638,18 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("loop.drift_lost_m_s", c.loop.drift_lost_m_s, 0.0, 100.0, "m/s", "and so fast while nothing was measured");
     v("loop.correction_min_m", c.loop.correction_min_m, 0.0, 10.0, "m", "a smaller correction is none");
     v("loop.correction_min_rad", c.loop.correction_min_rad, 0.0, 3.0, "rad", "a smaller correction is none");
+    v("store.regions_max", c.store.regions_max, 1.0, 1e6, "", "regions of the map store; full: the longest unused go");
+    v("store.points_min", c.store.points_min, 3.0, 16000.0, "", "static points; a region with fewer is not kept");
+    v("store.gap_frames", c.store.gap_frames, 1.0, 1e6, "frames", "regions nearer in time do not come back");
+    v("store.pause_frames", c.store.pause_frames, 1.0, 1e6, "frames", "between two regions that come back");
+    v("store.rest_frames", c.store.rest_frames, 1.0, 1e6, "frames", "a region that came back does not come sooner");
+    v("store.patience_frames", c.store.patience_frames, 1.0, 1e6, "frames", "then an answer is given up");
+    v("store.score_share", c.store.score_share, 0.0, 1.0, "", "of the least score among neighbours, to come back");
+    v("store.lost_score_min", c.store.lost_score_min, 0.0, 1.0, "", "of a lost camera's picture, to come back");
+    v("store.twin_m", c.store.twin_m, 0.0, 100.0, "m", "a place that is kept from so near is not kept again");
+    v("store.twin_cosine_min", c.store.twin_cosine_min, -1.0, 1.0, "", "if it was looked at the same way");
+    v("store.moved_m", c.store.moved_m, 0.0, 100.0, "m", "a region that moved by so much is kept anew");
+    v("store.moved_rad", c.store.moved_rad, 0.0, 3.2, "rad", "or was turned by so much");
     v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 

@@ -27,6 +27,17 @@ const EngineState& state_of(const Engine* engine) noexcept {
     return *static_cast<const EngineState*>(engine);
 }
 
+bool has_store(const EngineState& state) noexcept {
+    return !state.pager.empty() && state.pager[0].is_on();
+}
+
+// Regions that are there already: the camera has to be found among them first.
+void begin_in_store(EngineState& state) noexcept {
+    if (!has_store(state)) return;
+    const StoreContent content = state.pager[0].content();
+    if (content.regions > 0) state.tracking.begin_in_map(content.ids_end, content.time_ns, false);
+}
+
 // The first parameter out of its range. `visit` is visit_parameters or visit_limits, bound to its object.
 template <typename Visit>
 ConfigurationProblem out_of_range(Visit&& visit) noexcept {
@@ -105,12 +116,13 @@ ConfigurationProblem validate(const Configuration& configuration, const Limits& 
 
 Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits, const Configuration& configuration,
                                const CameraModel& camera, const Kernels& kernels, FeatureExtractor* extractor,
-                               std::span<const std::byte> vocabulary) noexcept {
+                               std::span<const std::byte> vocabulary, MapStore* store) noexcept {
     if (stillmesh::validate(limits).key != nullptr) return Status::kInvalid;
     if (stillmesh::validate(configuration, limits).key != nullptr) return Status::kInvalid;
     if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
     if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
     if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
+    if (store != nullptr && limits.store_features_max == 0) return Status::kInvalid;
     if (block.size() < static_bytes_needed(limits)) return Status::kFull;
     Vocabulary opened;
     const char* sentence = nullptr;
@@ -130,12 +142,20 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
                               state.places);
     state.relocalisation.create(state.tracking.configuration(), state.places);
     if (state.relocalisation.is_on()) state.tracking.set_relocalisation(&state.relocalisation);
+    if (limits.store_features_max > 0) {
+        state.pager = arena.array<MapPager>(1);
+        state.pager[0].create(arena, limits, state.tracking.configuration(), state.tracking, state.places,
+                              state.loop_closing, store);
+    }
     state.scheduler.create(configuration.schedule.slice_units);
+    // First: what it does in a while is bounded by its configuration.
+    if (has_store(state)) state.scheduler.add(state.pager[0]);
     if (configuration.mapping.is_enabled) state.scheduler.add(state.mapping);
     if (state.places.is_on()) state.scheduler.add(state.loop_closing);
     arena.seal();
     state.arena_used_bytes = arena.used_bytes();
     STILLMESH_CHECK(state.arena_used_bytes == static_bytes_needed(limits));
+    begin_in_store(state);
     return static_cast<Engine*>(&state);
 }
 
@@ -178,6 +198,7 @@ EngineStatistics Engine::statistics() const noexcept {
     state.mapping.fill(out);
     state.relocalisation.fill(out);
     state.loop_closing.fill(out);
+    if (has_store(state)) state.pager[0].fill(out);
     out.schedule = state.scheduler.statistics();
     out.frames_refused = state.frames_refused;
     out.arena_used_bytes = state.arena_used_bytes;
@@ -198,6 +219,7 @@ std::uint64_t Engine::state_hash() const noexcept {
     hash.add(state.tracking.state_hash());
     state.scheduler.add_to(hash);
     hash.add(state.tracking.map().changes_hash());
+    if (has_store(state)) hash.add(state.pager[0].state_hash());
     return hash.value();
 }
 Status Engine::begin_map_copy(std::span<std::byte> workspace, std::uint8_t extractor) noexcept {
@@ -222,8 +244,21 @@ Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProb
     STILLMESH_TRY(check_map_file(file, state.limits, origin, state.tracking.map(), info, problem));
     reset();
     restore_map(file, info, state.tracking.map());
-    state.tracking.begin_in_map(info.frames, info.time_ns, use == MapUse::kLocalise);
+    std::uint64_t frames = info.frames;
+    std::int64_t time_ns = info.time_ns;
+    if (has_store(state)) {  // regions kept after the map was saved have later names
+        const StoreContent content = state.pager[0].content();
+        if (content.ids_end > frames) frames = content.ids_end;
+        if (content.time_ns > time_ns) time_ns = content.time_ns;
+    }
+    state.tracking.begin_in_map(frames, time_ns, use == MapUse::kLocalise);
     return Status::kOk;
+}
+Progress Engine::step_store(std::uint32_t units) noexcept {
+    EngineState& state = state_of(this);
+    if (!has_store(state)) return Progress::kIdle;
+    WorkBudget budget(units);
+    return state.pager[0].keep_all(budget);
 }
 std::uint64_t Engine::map_hash() noexcept {
     EngineState& state = state_of(this);
@@ -243,6 +278,8 @@ void Engine::reset() noexcept {
     state.relocalisation.reset();
     state.scheduler.reset();
     state.map_copy.cancel();
+    if (!state.pager.empty()) state.pager[0].reset();
+    begin_in_store(state);
 }
 
 }  // namespace stillmesh

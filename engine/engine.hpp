@@ -20,6 +20,7 @@
 #include "engine/frame/kernels.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/limits.hpp"
+#include "engine/map/map_store.hpp"
 #include "engine/record/map_file.hpp"
 #include "engine/schedule/scheduler.hpp"
 
@@ -121,6 +122,23 @@ struct LoopStatistics {
     std::uint64_t relocalisations = 0;
     std::uint64_t relocalisation_queries = 0, relocalisation_candidates = 0;
 };
+// What went to the map store and what came back (docs/map-store.md).
+struct StoreStatistics {
+    std::uint64_t kept = 0;          // regions given to the store
+    std::uint64_t known = 0;         // keyframes not given: one that was sees the same place
+    std::uint64_t poor = 0;          // likewise: too few static points
+    std::uint64_t refused = 0;       // the store had no room at the moment
+    std::uint64_t asked = 0;         // questions
+    std::uint64_t not_found = 0;     // answers: nothing looks like it
+    std::uint64_t late = 0;          // answers given up, or to another question
+    std::uint64_t damaged = 0;       // answers that were no region for this engine
+    std::uint64_t no_room = 0;       // answers left out: the local map fills the pools
+    std::uint64_t returned = 0;      // regions back in the map
+    std::uint64_t useful = 0;        // of them, seen by tracking since
+    std::uint64_t points_made = 0;   // points that came back with them
+    std::uint64_t points_known = 0;  // and those that were still there
+    std::uint64_t corrections = 0;   // loops that regions outside follow when they come back
+};
 struct EngineStatistics {
     std::uint64_t frames = 0;
     std::uint64_t frames_refused = 0;
@@ -142,6 +160,7 @@ struct EngineStatistics {
     ScheduleStatistics schedule;
     MappingStatistics mapping;
     LoopStatistics loop;
+    StoreStatistics store;
     std::size_t arena_used_bytes = 0;
 };
 
@@ -192,6 +211,8 @@ public:
     // The engine lies inside `block` (at least bytes_needed(limits), aligned to kArenaAlignment), which must outlive
     // it; so must `kernels`, `extractor` (nullptr: the engine's own) and the bytes of `vocabulary` (empty: no place is
     // ever recognised), which are checked here and then used where they lie.
+    // `store`: where places go that memory has no room for (nullptr: nowhere; else limits.store_features_max must not
+    // be 0); it must outlive the engine. One with regions in it is a map to begin in, as with load_map().
     //   kInvalid  camera larger than the limits, below 33x33 px or not usable, or a configuration that validate()
     //             refuses
     //   kCorrupt  no vocabulary that Vocabulary::open() takes, which says why
@@ -199,7 +220,8 @@ public:
     [[nodiscard]] static Result<Engine*> create(std::span<std::byte> block, const Limits& limits,
                                                 const Configuration& configuration, const CameraModel& camera,
                                                 const Kernels& kernels, FeatureExtractor* extractor = nullptr,
-                                                std::span<const std::byte> vocabulary = {}) noexcept;
+                                                std::span<const std::byte> vocabulary = {},
+                                                MapStore* store = nullptr) noexcept;
 
     // Tracks one frame to completion; its pixels are borrowed until the call returns.
     //   kOk       pose() is for this frame, whatever its state
@@ -241,6 +263,9 @@ public:
     //   kOk    kNotFound, kEnd, kInvalid, kCorrupt, kFull (larger than the limits)  `problem` says what is wrong
     [[nodiscard]] Status load_map(std::span<const std::byte> file, MapUse use, MapFileProblem& problem,
                                   std::uint8_t extractor = 0) noexcept;
+    // Gives the store what it has not been given of the map yet, for so many units; at the end of a run.
+    //   kIdle  nothing is left, or there is no store    kWorking  more is waiting, for units or for room in the store
+    Progress step_store(std::uint32_t units) noexcept;
     // The hash of the content that a file of this map would carry. Slow: for checkpoints.
     [[nodiscard]] std::uint64_t map_hash() noexcept;
 

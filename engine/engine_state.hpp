@@ -10,6 +10,7 @@
 #include "engine/record/map_copy.hpp"
 #include "engine/schedule/scheduler.hpp"
 #include "engine/tasks/loop_closing.hpp"
+#include "engine/tasks/map_pager.hpp"
 #include "engine/tasks/mapping.hpp"
 #include "engine/tasks/place_search.hpp"
 #include "engine/tasks/relocalisation.hpp"
@@ -28,7 +29,8 @@ struct EngineState final : Engine {
     PlaceSearch places;
     LoopClosing loop_closing;
     Relocalisation relocalisation;
-    Scheduler scheduler;  // of the background tasks, in the order of add() in create()
+    std::span<MapPager> pager;  // one, if the limits ask for a store
+    Scheduler scheduler;        // of the background tasks, in the order of add() in create()
     std::uint64_t frames_refused = 0;
     std::size_t arena_used_bytes = 0;
     std::int64_t last_time_ns = 0;

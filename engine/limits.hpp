@@ -15,6 +15,7 @@ struct Limits {
     std::uint32_t groups_max = 128;         // of the mesh; smaller ones beyond it stay without a vote
     std::uint32_t local_points_max = 9000;  // that a frame is matched against; farther ones are left out
     std::uint32_t vocabulary_words_max = 10000;  // a larger vocabulary is refused; at most 65535
+    std::uint32_t store_features_max = 0;        // of a region of a map store (docs/map-store.md); 0: no store
 
     // The desk and the robot with memory to spare: at most 48 MiB.
     [[nodiscard]] static constexpr Limits room() noexcept { return {}; }
@@ -38,6 +39,8 @@ constexpr void visit_limits(Limits& l, Visitor&& v) {
     v("limits.groups_max", l.groups_max, 1.0, 65534.0, "", "groups of the mesh");
     v("limits.local_points_max", l.local_points_max, 1.0, 16777215.0, "", "points that a frame is matched against");
     v("limits.vocabulary_words_max", l.vocabulary_words_max, 2.0, 65535.0, "", "words of the vocabulary");
+    v("limits.store_features_max", l.store_features_max, 0.0, 16000.0, "",
+      "features of a region of the map store, 0: no store");
 }
 
 }  // namespace stillmesh

@@ -27,6 +27,10 @@ namespace stillmesh {
     Mapping::plan(plan, limits);
     PlaceSearch::plan(plan, limits);
     LoopClosing::plan(plan, limits);
+    if (limits.store_features_max > 0) {
+        plan.array<MapPager>(1);
+        MapPager::plan(plan, limits);
+    }
     return plan.used_bytes();
 }
 

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "bench/accuracy/runs.hpp"
+#include "bench/accuracy/sources.hpp"
 #include "bench/endurance/heap_count.hpp"
 #include "bench/endurance/render_ahead.hpp"
 #include "engine/engine.hpp"
@@ -27,18 +28,62 @@
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/store/store_service.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 
 namespace stillmesh::endurance {
 namespace {
 
 struct Arguments {
-    std::string scene = "walking_loop", limits = "pocket", json, vocabulary;
+    std::string scene = "walking_loop", limits = "pocket", json, vocabulary, map_store, cache;
     std::uint64_t seed = 1;
-    std::uint32_t frames = 20'000, window = 1000, width = 640, threads = 2;
+    std::uint32_t repeat_after = 1200, frames = 20'000, window = 1000, width = 640, threads = 2;
     std::int64_t units = -1;  // -1: as configured
     std::vector<std::string> set;
     bool is_gate = false, is_latency = false;
+};
+
+// The frames of a folder of rendered ones, again and again, at times that go on: the camera goes round as before,
+// people walk the same ways again.
+class RepeatedFrames {
+public:
+    [[nodiscard]] bool open(const std::string& scene, std::uint64_t seed, const std::string& folder,
+                            std::uint32_t repeat_after, std::uint32_t frames, std::string& message) {
+        input_.scene = scene;
+        input_.seed = seed;
+        options_.cache = folder;
+        repeat_after_ = repeat_after;
+        frames_ = frames;
+        return rewind(message);
+    }
+    [[nodiscard]] const CameraModel& model() const { return source_->model(); }
+    [[nodiscard]] const RenderedFrame* next() {
+        std::string message;
+        if (given_ == frames_) return nullptr;
+        if (at_ == repeat_after_ && !rewind(message)) return nullptr;
+        accuracy::TrueFrame frame;
+        if (source_->next(frame, message) != Status::kOk) return nullptr;
+        ++at_;
+        out_.frame = frame.frame;
+        out_.frame.time_ns = 1'000'000'000 + static_cast<std::int64_t>(given_++) * 33'333'333;
+        out_.frame.depth_time_ns = out_.frame.time_ns;
+        out_.truth.time_ns = out_.frame.time_ns;
+        out_.truth.t = frame.truth.t;
+        out_.truth.q = frame.truth.q;
+        return &out_;
+    }
+
+private:
+    [[nodiscard]] bool rewind(std::string& message) {
+        source_ = accuracy::open_source(input_, options_, message);
+        at_ = 0;
+        return source_ != nullptr;
+    }
+    accuracy::Input input_;
+    accuracy::RunOptions options_;
+    std::unique_ptr<accuracy::Source> source_;
+    std::uint32_t repeat_after_ = 0, frames_ = 0, at_ = 0, given_ = 0;
+    RenderedFrame out_;
 };
 
 double ms_of(clockid_t clock) {
@@ -147,6 +192,7 @@ int run(const Arguments& arguments) {
     configuration.features.count = std::min(configuration.features.count, limits.features_max);
     configuration.features.levels = std::min(configuration.features.levels, limits.pyramid_levels_max);
     configuration.mapping.window_keyframes = std::min(configuration.mapping.window_keyframes, limits.keyframes_max);
+    if (!arguments.map_store.empty()) limits.store_features_max = limits.features_max;
     std::string message;
     for (const std::string& assignment : arguments.set) {
         if (!accuracy::set_parameter(configuration, assignment, message)) return complain(message);
@@ -158,15 +204,33 @@ int run(const Arguments& arguments) {
     options.width = arguments.width;
     options.height = arguments.width * 3 / 4;
     RenderAhead source;
-    if (!source.start(options, arguments.threads, message)) return complain(message);
+    RepeatedFrames repeated;
+    const bool is_repeated = !arguments.cache.empty();
+    if (is_repeated && !repeated.open(arguments.scene, arguments.seed, arguments.cache, arguments.repeat_after,
+                                      arguments.frames, message)) {
+        return complain(message);
+    }
+    if (!is_repeated && !source.start(options, arguments.threads, message)) return complain(message);
+    const std::uint32_t frame_count = is_repeated ? arguments.frames : source.frame_count();
+    const CameraModel model = is_repeated ? repeated.model() : source.model();
     MemoryBlock block;
     if (!block.allocate(bytes_needed(limits))) return complain("not enough memory.");
     VocabularyFile vocabulary;
     if (!arguments.vocabulary.empty() && !vocabulary.open(arguments.vocabulary == "default" ? "" : arguments.vocabulary,
                                                           limits.vocabulary_words_max, message))
         return complain(message);
-    const auto made = Engine::create(block.bytes(), limits, configuration, source.model(), cpu_kernels(), nullptr,
-                                     vocabulary.bytes());
+    StoreService store;
+    if (!arguments.map_store.empty()) {
+        RegionStoreOptions where;
+        where.folder = arguments.map_store;
+        where.regions_max = configuration.store.regions_max;
+        where.twin_m = configuration.store.twin_m;
+        where.twin_cosine_min = configuration.store.twin_cosine_min;
+        const std::size_t body_bytes_max = std::size_t{512} * limits.features_max;
+        if (!store.open(where, StoreService::Mode::kAtOnce, body_bytes_max, message)) return complain(message);
+    }
+    const auto made = Engine::create(block.bytes(), limits, configuration, model, cpu_kernels(), nullptr,
+                                     vocabulary.bytes(), arguments.map_store.empty() ? nullptr : &store);
     if (!made.is_ok()) return complain("the engine refuses limits, configuration or the picture's size.");
     Engine& engine = *made.value();
     const std::uint32_t units =
@@ -174,14 +238,14 @@ int run(const Arguments& arguments) {
     constexpr double kFrameMs = 1000.0 / 30.0;
 
     fmt::print("{} frames of {}:{}, {}x{}, limits {} ({:.2f} MiB); milliseconds are processor time of one thread\n",
-               source.frame_count(), arguments.scene, arguments.seed, options.width, options.height, arguments.limits,
+               frame_count, arguments.scene, arguments.seed, options.width, options.height, arguments.limits,
                static_cast<double>(bytes_needed(limits)) / (1 << 20U));
     print_head();
     const bool is_terminal = isatty(STDERR_FILENO) != 0;
     std::vector<Row> rows;
     std::vector<double> latency_ms, track_ms;
-    track_ms.reserve(source.frame_count());
-    latency_ms.reserve(source.frame_count());
+    track_ms.reserve(frame_count);
+    latency_ms.reserve(frame_count);
     Trajectory truth, estimate;  // of the whole run
     Window window;
     EngineStatistics before;
@@ -190,7 +254,7 @@ int run(const Arguments& arguments) {
     const std::int64_t begin_ns = monotonic_ns();
     std::uint64_t count = 0;
     std::uint64_t refused = 0;
-    while (const RenderedFrame* const rendered = source.next()) {
+    while (const RenderedFrame* const rendered = is_repeated ? repeated.next() : source.next()) {
         is_counting_heap_calls = true;
         const double wall_0 = ms_of(CLOCK_MONOTONIC), cpu_0 = ms_of(CLOCK_THREAD_CPUTIME_ID);
         const Status status = engine.submit(rendered->frame);
@@ -201,6 +265,9 @@ int run(const Arguments& arguments) {
         const double used_ms = arguments.is_latency ? cpu_1 - cpu_0 : wall_1 - wall_0;
         ready_ms = start_ms + used_ms;
         latency_ms.push_back(ready_ms - arrival_ms);
+        is_counting_heap_calls = false;  // the store's own work is the platform's
+        static_cast<void>(store.begin_frame());
+        is_counting_heap_calls = true;
         std::uint32_t left = units;
         const std::uint32_t slice = std::max(configuration.schedule.slice_units, 1U);
         while (left > 0) {
@@ -236,11 +303,11 @@ int run(const Arguments& arguments) {
         ++window.states[static_cast<std::size_t>(pose.state)];
         if (is_terminal && count % 50 == 0) {
             const double seconds = static_cast<double>(monotonic_ns() - begin_ns) * 1e-9;
-            fmt::print(stderr, "\r{} of {} frames, {:.1f} a second, {:.0f} s left ", count, source.frame_count(),
+            fmt::print(stderr, "\r{} of {} frames, {:.1f} a second, {:.0f} s left ", count, frame_count,
                        static_cast<double>(count) / seconds,
-                       seconds / static_cast<double>(count) * static_cast<double>(source.frame_count() - count));
+                       seconds / static_cast<double>(count) * static_cast<double>(frame_count - count));
         }
-        if (window.truth.size() == arguments.window || count == source.frame_count()) {
+        if (window.truth.size() == arguments.window || count == frame_count) {
             const EngineStatistics now = engine.statistics();
             // A short rest at the end is no window.
             if (window.truth.size() == arguments.window || rows.empty()) {
@@ -276,6 +343,19 @@ int run(const Arguments& arguments) {
         end.keyframes_made, end.keyframes_forgotten, end.points_forgotten, end.keyframes.high_water,
         end.keyframes.capacity, end.map_points.high_water, end.map_points.capacity);
     fmt::print("lost          {} frames lost, {} recoveries, {} refused\n", end.frames_lost, end.recoveries, refused);
+    if (!arguments.map_store.empty()) {
+        const StoreStatistics& s = end.store;
+        const std::string problem = store.close();
+        const RegionStoreCounts counts = store.counts();
+        fmt::print(
+            "store         {} regions kept, {} back, {} of them useful; {} asked, {} not found, {} late, {} damaged; "
+            "{} "
+            "known, {} poor, {} refused, {} without room; points {} made, {} known; {} corrections\n",
+            s.kept, s.returned, s.useful, s.asked, s.not_found, s.late, s.damaged, s.known, s.poor, s.refused,
+            s.no_room, s.points_made, s.points_known, s.corrections);
+        fmt::print("on disk       {} regions, {:.1f} MB; {} written, {} known there, {} forgotten {}\n", counts.regions,
+                   static_cast<double>(counts.bytes) * 1e-6, counts.written, counts.known, counts.forgotten, problem);
+    }
     const Spread all = spread_of(track_ms);
     const Spread latency = spread_of(latency_ms);
     fmt::print("tracking ms   median {:.2f}  p99 {:.2f}  p99.9 {:.2f}  max {:.2f}\n", all.median, all.p99, all.p999,
@@ -354,6 +434,10 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_option("--set", arguments.set, "key=value of the engine's configuration");
     app.add_option("--vocabulary", arguments.vocabulary, "file, or default; loops and lost cameras are found with it");
+    app.add_option("--map-store", arguments.map_store, "folder for places that memory has no room for");
+    app.add_option("--cache", arguments.cache, "folder of rendered frames (accuracy --cache): those, again and again");
+    app.add_option("--repeat-after", arguments.repeat_after, "so many of them; where the camera is as it was at first")
+        ->capture_default_str();
     app.add_option("--json", arguments.json, "file for all figures");
     app.add_flag("--latency", arguments.is_latency,
                  "frame to pose by processor time, so that rendering beside it does not count");

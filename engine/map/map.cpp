@@ -257,6 +257,37 @@ void Map::attach(Handle<Keyframe> keyframe) noexcept {
     changes_.add(word_of(Change::kParent, keyframe.slot(), parent.slot()));
 }
 
+void Map::attach_returned(Handle<Keyframe> keyframe) noexcept {
+    Keyframe* const found = keyframes_.find(keyframe);
+    STILLMESH_CHECK(found != nullptr);
+    Handle<Keyframe> parent, root;
+    bool is_oldest = true;
+    const auto gap = [&](std::uint32_t slot) {
+        const std::uint64_t frame = keyframes_.at(slot).frame;
+        return frame > found->frame ? frame - found->frame : found->frame - frame;
+    };
+    for (std::uint32_t other = 0; other < keyframes_.slots_count(); ++other) {
+        if (!keyframes_.is_taken(other) || other == keyframe.slot()) continue;
+        is_oldest = is_oldest && found->frame < keyframes_.at(other).frame;
+        if (keyframes_.at(other).parent.is_null()) root = keyframes_.handle_of(other);
+        if (!parent.is_null()) {
+            const std::uint32_t most = shared(keyframe.slot(), parent.slot());
+            const std::uint32_t here = shared(keyframe.slot(), other);
+            if (here < most || (here == most && gap(other) >= gap(parent.slot()))) continue;
+        }
+        parent = keyframes_.handle_of(other);
+    }
+    found->parent = {};
+    found->parent_from_camera = SE3{};
+    if (parent.is_null()) return;
+    const Handle<Keyframe> child = is_oldest ? root : keyframe;
+    const Handle<Keyframe> above = is_oldest ? keyframe : parent;
+    Keyframe& below = keyframes_.at(child.slot());
+    below.parent = above;
+    below.parent_from_camera = keyframes_.at(above.slot()).world_from_camera.inverse() * below.world_from_camera;
+    changes_.add(word_of(Change::kParent, child.slot(), above.slot()));
+}
+
 bool Map::is_below(std::uint32_t slot, std::uint32_t ancestor) const noexcept {
     // As many steps as there are keyframes at most: the tree has no rings.
     for (std::uint32_t i = 0; i <= keyframes_.slots_count(); ++i) {

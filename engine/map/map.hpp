@@ -157,6 +157,9 @@ public:
     [[nodiscard]] Handle<Keyframe> recent_keyframe(std::uint32_t i) const noexcept;
     // Parent of a new keyframe: of the older ones who shares most with it, the newest of equals.
     void attach(Handle<Keyframe> keyframe) noexcept;
+    // Parent of one that comes back from a store, without children: who shares most with it, the nearest in time of
+    // equals. The oldest of all becomes the root: where it lies is where the map began.
+    void attach_returned(Handle<Keyframe> keyframe) noexcept;
     // Nearly all (redundant_permille) of its static points have enough other observers at the same or a finer scale.
     [[nodiscard]] bool is_redundant(Handle<Keyframe> keyframe) const noexcept;
 

@@ -39,6 +39,9 @@ public:
 
     // Of a keyframe that is in.
     [[nodiscard]] std::span<const WordOfFeature> direct_index(std::uint32_t slot) const noexcept;
+    [[nodiscard]] std::span<const WordWeight> bag(std::uint32_t slot) const noexcept {
+        return entries_[slot].is_in ? bag_of(slot) : std::span<const WordWeight>{};
+    }
     // How alike a keyframe and a bag, or two keyframes, are: bag_score().
     [[nodiscard]] std::uint32_t score(std::uint32_t slot, std::span<const WordWeight> bag) const noexcept;
     [[nodiscard]] std::uint32_t score(std::uint32_t slot_a, std::uint32_t slot_b) const noexcept;

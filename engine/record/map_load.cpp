@@ -3,23 +3,13 @@
 #include <algorithm>
 #include <array>
 
+#include "engine/record/map_checks.hpp"
+
 namespace stillmesh {
 namespace {
 
+using namespace map_checks;
 using namespace map_records;
-
-constexpr std::int64_t kTimeMax_ns = (std::int64_t{1} << 62U) - 1;
-constexpr std::uint64_t kFramesMax = std::uint64_t{1} << 38U;  // 290 years at 30 Hz; keys of ages have one bit more
-constexpr double kFar_m = 1e6;
-constexpr double kFast_s = 1e3;  // m/s, rad/s
-constexpr double kReadoutMax_s = 1.0;
-constexpr double kNotOrthogonal = 1e-6;
-
-// NaN is in no range.
-template <typename T>
-constexpr bool is_in(T value, T low, T high) noexcept {
-    return value >= low && value <= high;
-}
 
 Status fail(MapFileProblem& problem, Status status, MapFault fault, const char* part, double value = 0,
             double limit = 0) noexcept {
@@ -27,46 +17,8 @@ Status fail(MapFileProblem& problem, Status status, MapFault fault, const char* 
     return status;
 }
 
-bool is_pose(const SE3& pose) noexcept {
-    for (int i = 0; i < 3; ++i) {
-        if (!is_in(pose.translation(i), -kFar_m, kFar_m)) return false;
-        for (int k = 0; k < 3; ++k) {
-            double product = i == k ? -1.0 : 0.0;
-            for (int j = 0; j < 3; ++j) product += pose.rotation(i, j) * pose.rotation(k, j);
-            if (!is_in(product, -kNotOrthogonal, kNotOrthogonal)) return false;
-        }
-    }
-    const Vector3 x = pose.rotation.row(0);
-    const Vector3 y = pose.rotation.row(1);
-    const Vector3 z = pose.rotation.row(2);
-    return x.cross(y).dot(z) > 0;  // no mirror
-}
-
-bool is_point(const MapPoint& p, const MapFileInfo& info) noexcept {
-    for (const double w : p.world) {
-        if (!is_in(w, -kFar_m, kFar_m)) return false;
-    }
-    for (const double a : p.anchor) {
-        if (!is_in(a, -kFar_m, kFar_m)) return false;
-    }
-    for (int i = 0; i < 3; ++i) {
-        constexpr auto kMax = static_cast<float>(kFast_s);
-        if (!is_in(p.world_by_readout[i], -kMax, kMax) || !is_in(p.anchor_by_readout[i], -kMax, kMax)) return false;
-    }
-    for (const double v : {p.var_z, p.var_lateral, p.anchor_var_z, p.anchor_var_lateral}) {
-        if (!is_in(v, 0.0, kFar_m)) return false;
-    }
-    return is_in(p.created_ns, std::int64_t{0}, info.time_ns) && is_in(p.anchor_ns, std::int64_t{0}, info.time_ns) &&
-           p.last_seen_frame < info.frames && is_in(p.distance_m, 0.0F, static_cast<float>(kFar_m)) &&
-           is_in(p.angle_rad, -3.15F, 3.15F) && p.level < info.pyramid_levels;
-}
-
-bool is_feature(const Observation& o, const MapFileInfo& info, const CameraModel& camera) noexcept {
-    constexpr float kMax = 1e4F;
-    return is_in(o.x, 0.0F, static_cast<float>(camera.width)) && is_in(o.y, 0.0F, static_cast<float>(camera.height)) &&
-           is_in(o.normalised_x, -kMax, kMax) && is_in(o.normalised_y, -kMax, kMax) && is_in(o.z_m, -kMax, kMax) &&
-           is_in(o.var_z, -1.0F, static_cast<float>(kFar_m)) && is_in(o.angle_rad, -3.15F, 3.15F) &&
-           o.level < info.pyramid_levels;
+MapBounds bounds_of(const MapFileInfo& info) noexcept {
+    return {info.time_ns, info.frames, info.pyramid_levels};
 }
 
 // The n-th record of a section.
@@ -153,7 +105,8 @@ Status check_keyframes(std::span<const std::byte> bytes, const MapFileInfo& info
     for (std::uint32_t i = 0; i < info.points; ++i) {
         MapPoint point;
         std::uint32_t reference = 0;
-        if (!point_at(bytes, info, i, point, reference) || !is_point(point, info) || reference > info.keyframes) {
+        if (!point_at(bytes, info, i, point, reference) || !is_point(point, bounds_of(info)) ||
+            reference > info.keyframes) {
             return impossible("a point");
         }
         marks[i] = std::uint64_t{reference} << 32U;
@@ -168,11 +121,8 @@ Status check_keyframes(std::span<const std::byte> bytes, const MapFileInfo& info
         if (!is_pose(keyframe.world_from_camera) || !is_pose(keyframe.parent_from_camera)) {
             return impossible("the pose of a keyframe");
         }
-        for (int i = 0; i < 6; ++i) {
-            if (!is_in(keyframe.speed(i), -kFast_s, kFast_s) ||
-                !is_in(keyframe.pose_by_readout(i), -kFast_s, kFast_s)) {
-                return impossible("the speed of a keyframe");
-            }
+        if (!is_slow(keyframe.speed) || !is_slow(keyframe.pose_by_readout)) {
+            return impossible("the speed of a keyframe");
         }
         if (!is_in(keyframe.readout_s, -kReadoutMax_s, kReadoutMax_s)) return impossible("the readout of a keyframe");
         if (!is_in(keyframe.time_ns, std::int64_t{0}, info.time_ns) || keyframe.frame >= info.frames ||
@@ -199,7 +149,8 @@ Status check_keyframes(std::span<const std::byte> bytes, const MapFileInfo& info
             ByteReader reader(record_of(bytes, info, Section::kFeatures, i));
             Observation observation;
             Descriptor descriptor;
-            if (!read_feature(reader, observation, descriptor) || !is_feature(observation, info, camera)) {
+            if (!read_feature(reader, observation, descriptor) ||
+                !is_feature(observation, bounds_of(info), camera.width, camera.height)) {
                 return impossible("a feature");
             }
             const std::uint32_t link = link_at(bytes, info, i);

@@ -154,14 +154,22 @@ bool read_frame(ByteReader& reader, RecordedFrame& frame) noexcept {
     frame.hash = reader.u64();
     frame.grant_runs = reader.count(kGrantRunsMax, 8);
     std::uint64_t calls = 0;
+    frame.has_store = false;
     for (std::uint32_t i = 0; i < frame.grant_runs; ++i) {
         frame.grants[i].units = reader.u32();
         frame.grants[i].calls = reader.u32();
         calls += frame.grants[i].calls;
         if (frame.grants[i].calls == 0) return false;
     }
-    return calls <= kGrantCallsMax && reader.is_ok() && status <= static_cast<std::uint8_t>(Status::kEnd) &&
-           frame.pose_state <= 3 && is_keyframe <= 1;
+    std::uint8_t is_accepting = 1;
+    if (reader.is_ok() && reader.remaining() > 0) {
+        frame.has_store = true;
+        frame.store_answered = reader.u64();
+        is_accepting = reader.u8();
+        frame.is_store_accepting = is_accepting == 1;
+    }
+    return calls <= kGrantCallsMax && is_accepting <= 1 && reader.is_ok() &&
+           status <= static_cast<std::uint8_t>(Status::kEnd) && frame.pose_state <= 3 && is_keyframe <= 1;
 }
 
 // 8 bytes of a row, the first byte or value lowest, whatever the processor's order.
@@ -232,6 +240,11 @@ Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::
     body.f64(header.depth_units_per_m);
     body.u8(header.extractor);
     body.u32(header.vocabulary_crc);
+    if (header.limits.store_features_max > 0) {
+        body.u64(header.store_regions);
+        body.u64(header.store_sequence);
+        body.u64(header.store_checksum);
+    }
     const std::size_t size = kPrefixBytes + body.position() + kCrcBytes;
     if (!body.is_ok() || out.size() < size || size > kRecordingHeaderBytesMax) return Status::kFull;
     ByteWriter prefix(out.first(kPrefixBytes));
@@ -262,6 +275,10 @@ Result<std::size_t> encode_frame(const RecordedFrame& frame, std::span<std::byte
     for (std::uint32_t i = 0; i < frame.grant_runs; ++i) {
         body.u32(frame.grants[i].units);
         body.u32(frame.grants[i].calls);
+    }
+    if (frame.has_store) {
+        body.u64(frame.store_answered);
+        body.u8(frame.is_store_accepting ? 1 : 0);
     }
     return finish_entry(out, body);
 }
@@ -301,6 +318,12 @@ Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHea
     header.depth_units_per_m = body.f64();
     header.extractor = body.u8();
     header.vocabulary_crc = body.u32();
+    header.store_regions = header.store_sequence = header.store_checksum = 0;
+    if (header.limits.store_features_max > 0) {
+        header.store_regions = body.u64();
+        header.store_sequence = body.u64();
+        header.store_checksum = body.u64();
+    }
     if (!body.is_ok() || body.remaining() != 0) return Status::kCorrupt;
     return size;
 }

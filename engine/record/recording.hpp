@@ -32,6 +32,8 @@ struct RecordingHeader {
     double depth_units_per_m = 5000.0;
     std::uint8_t extractor = 0;        // 0: the engine's own, 1: cv::ORB; others are for whoever brings one
     std::uint32_t vocabulary_crc = 0;  // of its bytes; 0: none
+    // Of the map store at the begin; only with limits.store_features_max above 0.
+    std::uint64_t store_regions = 0, store_sequence = 0, store_checksum = 0;
 };
 
 // So many calls of Engine::step in a row, each with so many units.
@@ -55,6 +57,9 @@ struct RecordedFrame {
     std::uint64_t hash = 0;          // and after the steps granted behind it
     std::uint32_t grant_runs = 0;
     std::array<GrantRun, kGrantRunsMax> grants;
+    bool has_store = false;            // the two below count
+    std::uint64_t store_answered = 0;  // question whose answer could be polled from here on; 0: none
+    bool is_store_accepting = true;    // regions were taken until the next frame
 
     // One call of Engine::step. False: the record has no room for it, and the call must not be made.
     [[nodiscard]] constexpr bool add_grant(std::uint32_t units) noexcept {

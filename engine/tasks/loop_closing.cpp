@@ -71,6 +71,7 @@ void LoopClosing::reset() noexcept {
     has_closed_ = false;
     rest_ = 0;
     statistics_ = LoopStatistics{};
+    correction_ = {};
 }
 
 void LoopClosing::enter(Stage stage) noexcept {
@@ -426,6 +427,11 @@ std::uint32_t LoopClosing::commit() noexcept {
     statistics_.largest_correction_m = std::max(statistics_.largest_correction_m, statistics_.last_correction_m);
     ++statistics_.closed;
     const Keyframe* const here = keyframes.find(keyframe_);
+    const Keyframe* const there = keyframes.find(found_);
+    correction_ = {};
+    if (here != nullptr && there != nullptr) {
+        correction_ = {there->frame, here->frame, tracking_->world_from_camera() * camera_before.inverse()};
+    }
     if (here != nullptr) {
         closed_frame_ = here->frame;
         has_closed_ = true;

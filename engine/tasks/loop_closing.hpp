@@ -29,6 +29,12 @@
 
 namespace stillmesh {
 
+// What a loop did to the world around the camera.
+struct LoopCorrection {
+    std::uint64_t frame_old = 0, frame_new = 0;  // of the two keyframes: the drift gathered between them
+    SE3 world_from_world;                        // new from old, at the camera
+};
+
 class LoopClosing final : public Task {
 public:
     enum class Stage : std::uint8_t {
@@ -81,6 +87,9 @@ public:
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
     void fill(EngineStatistics& statistics) const noexcept;
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
+    // Of the last loop that was closed, and how many were.
+    [[nodiscard]] const LoopCorrection& correction() const noexcept { return correction_; }
+    [[nodiscard]] std::uint64_t closed() const noexcept { return statistics_.closed; }
 
 private:
     static constexpr std::uint32_t kHistoryMax = 24;    // places of one query that later ones are compared with
@@ -169,6 +178,7 @@ private:
     std::uint32_t rest_ = 0;  // keyframes until a loop is sought again
     std::uint32_t piece_units_max_ = 0;
     LoopStatistics statistics_;
+    LoopCorrection correction_;
 };
 
 }  // namespace stillmesh

@@ -42,10 +42,10 @@ void PlaceSearch::purge(const Map& map) noexcept {
     }
 }
 
-void PlaceSearch::add(Handle<Keyframe> keyframe) noexcept {
+void PlaceSearch::add(Handle<Keyframe> keyframe, const FrameWords& words) noexcept {
     const std::uint32_t slot = keyframe.slot();
     if (!owners_[slot].is_null()) database_.remove(slot);
-    database_.add(slot, words_);
+    database_.add(slot, words);
     owners_[slot] = keyframe;
 }
 

@@ -46,8 +46,9 @@ public:
     // Forgets keyframes that have left the map. To be called before anything is asked of the database.
     void purge(const Map& map) noexcept;
     [[nodiscard]] bool has(Handle<Keyframe> keyframe) const noexcept { return owners_[keyframe.slot()] == keyframe; }
-    // With words() as they are.
-    void add(Handle<Keyframe> keyframe) noexcept;
+    // With words() as they are, or other ones.
+    void add(Handle<Keyframe> keyframe) noexcept { add(keyframe, words_); }
+    void add(Handle<Keyframe> keyframe, const FrameWords& words) noexcept;
     // Where features of a keyframe show points that are known to stand still.
     [[nodiscard]] static bool is_static(const MapPoint* point, const Configuration& configuration) noexcept {
         return point != nullptr && !point->is_suspect && point->weight_tenths >= configuration.weights.eligible;

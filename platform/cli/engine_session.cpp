@@ -18,6 +18,7 @@
 #include "platform/linux/process.hpp"
 #include "platform/record/map_saver.hpp"
 #include "platform/record/recording_writer.hpp"
+#include "platform/store/session_store.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
@@ -87,6 +88,7 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
         source = "--set";
         STILLMESH_TRY(apply_assignment(assignment, source, parameters, message));
     }
+    if (!options.map_store.empty() && limits.store_features_max == 0) limits.store_features_max = limits.features_max;
     // Each value is within its range by now; this is about how they go together.
     ConfigurationProblem problem = validate(limits);
     if (problem.key == nullptr) problem = validate(configuration, limits);
@@ -160,8 +162,14 @@ public:
                                   static_cast<double>(size_bytes) / (1024.0 * 1024.0));
             return Status::kUnavailable;
         }
-        const Result<Engine*> engine = Engine::create(block_.bytes(), limits_, configuration, camera.model,
-                                                      cpu_kernels(), extractor, vocabulary_.bytes());
+        const std::uint8_t extractor_number = options.features == "opencv" ? 1 : 0;
+        if (!options.map_store.empty() &&
+            !open_store(options, configuration, camera.model, extractor_number, message)) {
+            return Status::kUnavailable;
+        }
+        const Result<Engine*> engine =
+            Engine::create(block_.bytes(), limits_, configuration, camera.model, cpu_kernels(), extractor,
+                           vocabulary_.bytes(), store_.is_open() ? &store_ : nullptr);
         if (!engine.is_ok()) {
             message = fmt::format(
                 "the engine refuses this camera ({}x{} pixels, fx {}, fy {}, cx {}, cy {}): its size must be at least "
@@ -172,7 +180,6 @@ public:
             return Status::kInvalid;
         }
         engine_ = engine.value();
-        const std::uint8_t extractor_number = options.features == "opencv" ? 1 : 0;
         if (!options.map_in.empty()) {
             const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
             const std::int64_t begin_ns = monotonic_ns();
@@ -197,10 +204,10 @@ public:
             recording_ = options.record;
             const std::uint8_t extractor_code = options.features == "opencv" ? 1 : 0;
             writer_ = std::make_unique<RecordingWriter>();
-            if (!writer_->open(
-                    recording_,
-                    {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_code, vocabulary_.crc()},
-                    message)) {
+            if (!writer_->open(recording_,
+                               {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_code,
+                                vocabulary_.crc(), store_.counts().regions, store_.sequence(), store_.checksum()},
+                               message)) {
                 return Status::kUnavailable;
             }
         }
@@ -243,6 +250,12 @@ public:
         const std::int64_t begin_ns = monotonic_ns();
         std::int64_t now_ns = begin_ns;
         std::uint64_t spent = engine_->statistics().schedule.units_spent;
+        if (store_.is_open()) {
+            const StoreEvents events = store_.begin_frame();
+            recorded_.has_store = true;
+            recorded_.store_answered = events.answered;
+            recorded_.is_store_accepting = events.is_accepting;
+        }
         std::uint32_t left = units_per_frame_;
         for (std::uint32_t calls = 0;; ++calls) {
             const std::uint32_t units =
@@ -304,6 +317,7 @@ public:
         record.recoveries = statistics.recoveries;
         record.has_vocabulary = has_vocabulary_;
         record.loops = statistics.loop;
+        close_store(record);
         record.keyframes_refused = statistics.keyframes_refused;
         record.keyframe_queue = statistics.keyframe_queue;
         record.schedule = statistics.schedule;
@@ -331,6 +345,40 @@ public:
     }
 
 private:
+    [[nodiscard]] bool open_store(const SessionOptions& options, const Configuration& configuration,
+                                  const CameraModel& camera, std::uint8_t extractor, std::string& message) {
+        if (!has_vocabulary_) {
+            message = "--map-store: places come back by their words: it needs a vocabulary and loop.is_enabled.";
+            return false;
+        }
+        const auto mode = options.can_wait ? StoreService::Mode::kAtOnce : StoreService::Mode::kThread;
+        const RegionStoreOptions where =
+            store_options(options.map_store, configuration, camera, extractor, vocabulary_.crc());
+        if (!store_.open(where, mode, store_body_bytes_max(limits_), message)) return false;
+        if (!message.empty()) store_note_ = message;
+        message.clear();
+        map_store_ = options.map_store;
+        return true;
+    }
+    // What is in memory goes to the store too, so that the next run finds it there.
+    void close_store(RunRecord& record) {
+        if (!store_.is_open()) return;
+        static_cast<void>(store_.begin_frame());
+        while (engine_->step_store(slice_units_) == Progress::kWorking) {
+            static_cast<void>(store_.wait_for_room());
+            if (store_.has_failed()) break;
+        }
+        record.store.engine = engine_->statistics().store;
+        const std::string problem = store_.close();
+        record.store.folder = map_store_;
+        record.store.regions = store_.counts().regions;
+        record.store.bytes = store_.counts().bytes;
+        record.store.written = store_.counts().written;
+        record.store.forgotten = store_.counts().forgotten;
+        record.store.damaged = store_.counts().damaged;
+        if (!store_note_.empty()) record.notes.push_back(store_note_);
+        if (!problem.empty()) record.problems.push_back(problem);
+    }
     [[nodiscard]] static MapRecord map_record(const std::string& file, const MapFileInfo& info, double seconds,
                                               const char* what) {
         return {what, file, info.size_bytes, info.keyframes, info.points, info.hash, seconds, 1};
@@ -385,6 +433,8 @@ private:
     double map_load_s_ = 0;
     bool is_localising_ = false;
     MapSaver map_saver_;
+    StoreService store_;
+    std::string map_store_, store_note_;
     bool can_wait_ = true;
     std::string recording_;
     std::unique_ptr<RecordingWriter> writer_;

@@ -20,6 +20,7 @@ struct SessionOptions {
     std::string record;                    // recording to write; empty: none
     std::string map_in;                    // map to begin in; empty: none
     std::string map_out;                   // map to write at the end; empty: none
+    std::string map_store;                 // folder for places that memory has no room for; empty: none
     double map_every_s = 0;                // and as often while running; 0: not
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised

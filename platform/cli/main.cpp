@@ -23,7 +23,7 @@ namespace stillmesh {
 namespace {
 
 // The switches of design.md that have nothing behind them yet: known, so that the answer is a sentence.
-constexpr const char* kLaterOptions[] = {"--cloud", "--map-store", "--view", "--publish"};
+constexpr const char* kLaterOptions[] = {"--cloud", "--view", "--publish"};
 constexpr const char* kLaterCommands[][2] = {{"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"}};
 
@@ -128,6 +128,12 @@ int program(int argc, char** argv) {
                      "the map, when the run ends; Ctrl-C and SIGTERM end it too. Replaced as a whole or not at all")
         ->type_name("FILE")
         ->group("Map");
+    run_app
+        ->add_option("--map-store", arguments.session.map_store,
+                     "places that memory has no room for go there, and come back when they are seen again, in later "
+                     "runs too")
+        ->type_name("DIR")
+        ->group("Map");
     run_app->add_option("--map-every", arguments.session.map_every_s, "and while it runs, as often")
         ->check(CLI::Range(0.1, 1e6).description(""))
         ->type_name("SECONDS")
@@ -203,6 +209,9 @@ int program(int argc, char** argv) {
         ->required()
         ->type_name("DIR");
     rerun_command->add_option("--map-in", rerun.map_in, "the map that the run began in, if it did")->type_name("FILE");
+    rerun_command
+        ->add_option("--map-store", rerun.map_store, "the map store that the run used, if it held regions before it")
+        ->type_name("DIR");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
     rerun_command
         ->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with, if not the default one")

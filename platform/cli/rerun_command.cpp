@@ -16,6 +16,7 @@
 #include "platform/linux/process.hpp"
 #include "platform/record/map_saver.hpp"
 #include "platform/record/recording_reader.hpp"
+#include "platform/store/session_store.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
@@ -77,7 +78,8 @@ struct Outcome {
     return {};
 }
 
-[[nodiscard]] Status repeat(Engine& engine, ReplayCamera& camera, RecordingReader& reader, Outcome& outcome) {
+[[nodiscard]] Status repeat(Engine& engine, ReplayCamera& camera, RecordingReader& reader, StoreService& store,
+                            Outcome& outcome) {
     RecordedFrame then;
     for (;; ++outcome.frames) {
         const Status status = reader.next(then);
@@ -113,12 +115,16 @@ struct Outcome {
             outcome.difference = difference(then, now);
         }
         if (outcome.difference.empty()) {
+            if (then.has_store && then.status == Status::kOk) {
+                const StoreEvents wanted{then.store_answered, then.is_store_accepting};
+                if (store.begin_frame(wanted) != wanted) outcome.difference = "the map store gave no answer";
+            }
             for (std::uint32_t i = 0; i < then.grant_runs; ++i) {
                 for (std::uint32_t call = 0; call < then.grants[i].calls; ++call) {
                     static_cast<void>(engine.step(then.grants[i].units));
                 }
             }
-            if (engine.state_hash() != then.hash) {
+            if (outcome.difference.empty() && engine.state_hash() != then.hash) {
                 outcome.difference =
                     fmt::format("other bits after its background work (state hash {:016x}, recorded {:016x})",
                                 engine.state_hash(), then.hash);
@@ -180,8 +186,31 @@ int rerun_command(const RerunOptions& options) {
                                       options.recording, vocabulary.name()));
         }
     }
-    const Result<Engine*> engine = Engine::create(block.bytes(), header.limits, header.configuration, header.camera,
-                                                  cpu_kernels(), extractor, vocabulary.bytes());
+    StoreService store;
+    if (header.limits.store_features_max > 0) {
+        if (header.store_regions > 0 && options.map_store.empty()) {
+            return refuse(fmt::format("{}: was made with a map store that held {} regions; name it with --map-store.",
+                                      options.recording, header.store_regions));
+        }
+        RegionStoreOptions where =
+            store_options(header.store_regions > 0 ? options.map_store : std::string(), header.configuration,
+                          header.camera, header.extractor, header.vocabulary_crc);
+        where.is_scratch = true;
+        where.sequence_max = header.store_sequence;
+        if (!store.open(where, StoreService::Mode::kRepeated, store_body_bytes_max(header.limits), sentence)) {
+            return refuse(sentence);
+        }
+        if (store.counts().regions != header.store_regions || store.checksum() != header.store_checksum) {
+            return refuse(fmt::format(
+                "{}: was made with another map store than {}, or what that held then has been replaced since "
+                "({} regions, checksum {:016x}; recorded {}, {:016x}).",
+                options.recording, options.map_store.empty() ? "an empty one" : options.map_store,
+                store.counts().regions, store.checksum(), header.store_regions, header.store_checksum));
+        }
+    }
+    const Result<Engine*> engine =
+        Engine::create(block.bytes(), header.limits, header.configuration, header.camera, cpu_kernels(), extractor,
+                       vocabulary.bytes(), store.is_open() ? &store : nullptr);
     if (!engine.is_ok()) {
         return refuse(fmt::format("{}: the engine refuses its camera ({}x{} pixels).", options.recording,
                                   header.camera.width, header.camera.height));
@@ -197,7 +226,7 @@ int rerun_command(const RerunOptions& options) {
     }
     catch_stop_signals();
     Outcome outcome;
-    if (const Status status = repeat(*engine.value(), camera, reader, outcome); status != Status::kOk) {
+    if (const Status status = repeat(*engine.value(), camera, reader, store, outcome); status != Status::kOk) {
         if (status != Status::kEnd) return refuse(reader.message());
         complain(fmt::format("stopped; {} frames were repeated bit for bit until then.", outcome.frames));
         return 128 + stop_signal();

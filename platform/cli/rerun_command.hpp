@@ -10,7 +10,8 @@ namespace stillmesh {
 struct RerunOptions {
     std::string recording;
     std::string folder;
-    std::string map_in;  // empty: none
+    std::string map_in;     // empty: none
+    std::string map_store;  // empty: none
     bool is_localising = false;
     std::string vocabulary = "default";  // that the recording was made with, if it was made with one
     bool is_json = false;

@@ -329,6 +329,9 @@ int run_command(const RunArguments& arguments, std::int64_t begin_ns) {
     if (session.is_localising && !session.map_out.empty()) {
         return refuse("--localize leaves the map as it is: there is nothing to write to --map-out.");
     }
+    if (session.is_localising && !session.map_store.empty()) {
+        return refuse("--localize leaves the map as it is: nothing goes to --map-store, and nothing comes back.");
+    }
     if (session.map_every_s > 0 && session.map_out.empty()) {
         return refuse("--map-every: needs a file to write the map to: --map-out FILE.");
     }

@@ -128,6 +128,14 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
                             1e3 * map.seconds);
         text += map.times > 1 ? fmt::format(", {} times\n", map.times) : "\n";
     }
+    if (const StoreRecord& s = record.store; !s.folder.empty()) {
+        text += fmt::format(
+            "map store     {}: {} regions, {:.1f} MB; {} written, {} brought back ({} of use), {} asked for; {} "
+            "forgotten, "
+            "{} damaged, {} lost because the disk was too slow\n",
+            s.folder, s.regions, static_cast<double>(s.bytes) * 1e-6, s.written, s.engine.returned, s.engine.useful,
+            s.engine.asked, s.forgotten, s.damaged + s.engine.damaged, s.engine.refused);
+    }
     text += fmt::format("state hash    {:016x}\n", record.state_hash);
     for (const std::string& note : record.notes) text += fmt::format("note          {}\n", note);
     if (!report.empty()) text += fmt::format("report        {}\n", report);
@@ -204,6 +212,25 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                                 {"ms", 1e3 * map.seconds},
                                 {"times", map.times}});
     }
+    const StoreRecord& s = record.store;
+    json["map_store"] = s.folder.empty() ? Json(nullptr)
+                                         : Json{{"folder", s.folder},
+                                                {"regions", s.regions},
+                                                {"bytes", s.bytes},
+                                                {"written", s.written},
+                                                {"forgotten", s.forgotten},
+                                                {"damaged", s.damaged + s.engine.damaged},
+                                                {"kept", s.engine.kept},
+                                                {"known", s.engine.known},
+                                                {"refused", s.engine.refused},
+                                                {"asked", s.engine.asked},
+                                                {"not_found", s.engine.not_found},
+                                                {"late", s.engine.late},
+                                                {"no_room", s.engine.no_room},
+                                                {"returned", s.engine.returned},
+                                                {"useful", s.engine.useful},
+                                                {"points_returned", s.engine.points_made},
+                                                {"corrections", s.engine.corrections}};
     json["keyframe_queue"] = {{"size", record.keyframe_queue.size},
                               {"high_water", record.keyframe_queue.high_water},
                               {"limit", record.keyframe_queue.capacity}};

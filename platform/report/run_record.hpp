@@ -66,6 +66,15 @@ struct MapRecord {
     std::uint64_t times = 1;  // that it was written
 };
 
+// The map store of a run.
+struct StoreRecord {
+    std::string folder;  // empty: none
+    StoreStatistics engine;
+    std::uint64_t regions = 0;  // in it at the end
+    std::uint64_t bytes = 0;
+    std::uint64_t written = 0, forgotten = 0, damaged = 0;  // in this run
+};
+
 // A camera that was plugged in, or an .oni file.
 struct CameraRecord {
     static constexpr std::size_t kEventsMax = 64;
@@ -130,6 +139,7 @@ struct RunRecord {
     std::uint64_t frames_recorded = 0;
     Percentiles record_ms;  // what recording a frame costs the engine's thread
     std::vector<MapRecord> maps;
+    StoreRecord store;
     std::vector<std::string> notes;     // sentences about what was as it should not be, but did no harm
     std::vector<std::string> problems;  // sentences about what makes this a failed run
 
