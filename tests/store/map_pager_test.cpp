@@ -259,6 +259,46 @@ TEST(MapPager, WorkIsBounded) {
     EXPECT_LE(ran.schedule.largest_overdraw_units, 12'000U);
 }
 
+// Promise: a region that was kept is one; cut off anywhere it is none, and with any byte flipped it is refused or every
+// feature of it can still be read: nothing that cannot be gets into the map.
+TEST(MapPager, ARegionIsCheckedBeforeItIsUsed) {
+    MemoryStore store;
+    const Limits limits = small(true);
+    Rig rig(limits, configuration_of(limits), &store);
+    static_cast<void>(rig.run());
+    ASSERT_FALSE(store.regions.empty());
+    const std::vector<std::byte> body = store.regions.begin()->second.body;
+    RegionInfo info;
+    const auto checked = [&](std::span<const std::byte> bytes) { return check_region(bytes, 250, 5, 320, 240, info); };
+    ASSERT_EQ(checked(body), Status::kOk);
+    EXPECT_EQ(info.keyframe.frame, store.regions.begin()->first);
+    EXPECT_EQ(body.size(), region_bytes_max(info.keyframe.observations));
+    EXPECT_EQ(check_region(body, info.keyframe.observations - 1, 5, 320, 240, info), Status::kFull);
+    for (std::size_t size = 0; size < body.size(); size += size < 700 ? 1 : 37) {
+        ASSERT_NE(checked(std::span(body).first(size)), Status::kOk) << size;
+    }
+    std::uint32_t refused = 0;
+    const std::size_t end = kRegionHeadBytes + 2 * kRegionFeatureBytes;
+    for (std::size_t at = 0; at < end; ++at) {
+        std::vector<std::byte> bytes = body;
+        bytes[at] ^= std::byte{0xff};
+        const Status status = checked(bytes);
+        refused += status == Status::kOk ? 0U : 1U;
+        if (at < 4) {
+            EXPECT_EQ(status, Status::kInvalid);
+        }
+        for (std::uint32_t i = 0; status == Status::kOk && i < info.keyframe.observations; ++i) {
+            Observation observation;
+            Descriptor descriptor;
+            MapPoint point;
+            read_region_feature(bytes, i, observation, descriptor, point);
+            ASSERT_LT(point.level, 5U);
+            ASSERT_FALSE(point.is_suspect);
+        }
+    }
+    EXPECT_GT(refused, end / 8);
+}
+
 // Promise: with hardly any room for points or keyframes, whatever comes back, the map stays right.
 TEST(MapPager, EveryPoolMayBeFull) {
     for (const std::uint32_t points : {250U, 300U, 400U}) {

@@ -5,8 +5,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <map>
-#include <set>
+#include <sstream>
 
 #include "tests/store/store_rig.hpp"
 
@@ -346,6 +347,38 @@ TEST(RegionStore, RefusesWithASentence) {
     test::write_file(only_segment(place), other_version);
     EXPECT_NE(refusal(test::options_in(place)).find("version 2"), std::string::npos);
     EXPECT_EQ(test::bytes_of_file(only_segment(place)), other_version);
+}
+
+// Promise: the example in docs/SPEC-map-store.md is what is written, byte for byte.
+TEST(RegionStore, SpecIsTrue) {
+    std::ifstream page(STILLMESH_SPEC);
+    ASSERT_TRUE(page.is_open());
+    std::vector<std::byte> wanted;
+    for (std::string line; std::getline(page, line);) {
+        unsigned at = 0;
+        if (line.size() < 8 || std::sscanf(line.c_str(), "%4x  ", &at) != 1 || at != wanted.size()) continue;
+        if (line[4] != ' ' || line[5] != ' ') continue;
+        std::istringstream numbers(line.substr(6));
+        for (unsigned byte = 0; numbers >> std::hex >> byte;) wanted.push_back(static_cast<std::byte>(byte));
+    }
+    ASSERT_EQ(wanted.size(), 168U);
+    const test::TemporaryFolder folder;
+    RegionStore store;
+    open(store, test::options_in(folder.path() + "/store"));
+    const std::vector<WordWeight> words = {{5, 7}, {1000, 300}};
+    const std::vector<std::byte> body = {std::byte{'b'}, std::byte{'o'}, std::byte{'d'}, std::byte{'y'}};
+    LeavingRegion region;
+    region.id = 42;
+    region.time_ns = 42'000;
+    region.position_m[0] = 1;
+    region.position_m[1] = 2;
+    region.position_m[2] = 3;
+    region.axis[2] = 1;
+    region.words = words;
+    region.body = body;
+    ASSERT_TRUE(store.keep(region));
+    store.close();
+    EXPECT_EQ(test::bytes_of_file(only_segment(folder.path() + "/store")), wanted);
 }
 
 // Promise: in scratch a store answers and takes regions as ever, and not a byte of the folder changes; as of an earlier
