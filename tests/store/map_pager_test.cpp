@@ -115,6 +115,7 @@ Configuration configuration_of(const Limits& limits) {
     out.store.gap_frames = 20;
     out.store.rest_frames = 20;
     out.store.points_min = 10;
+    out.loop.settle_s = 0;  // keyframes of pools as small do not grow old
     out.local_map.near_keyframes = 2;
     out.local_map.sharing_keyframes = 2;
     return out;
