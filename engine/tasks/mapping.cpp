@@ -30,7 +30,7 @@ SE3 transform_between(const SE3& now, const SE3& before) noexcept {
 
 void Mapping::create(Arena& arena, const Limits& limits, const Configuration& configuration, const CameraModel& camera,
                      Tracking& tracking) noexcept {
-    configuration_ = configuration;
+    configuration_ = &tracking.configuration();
     camera_ = camera;
     limits_ = limits;
     tracking_ = &tracking;
@@ -147,7 +147,7 @@ std::uint32_t Mapping::cull() noexcept {
 
 void Mapping::find_neighbours() noexcept {
     std::uint32_t best[kNeighboursMax] = {};
-    neighbour_count_ = map_->best_covisible(keyframe_.slot(), best, configuration_.mapping.shared_min);
+    neighbour_count_ = map_->best_covisible(keyframe_.slot(), best, configuration_->mapping.shared_min);
     for (std::uint32_t i = 0; i < neighbour_count_; ++i) neighbours_[i] = map_->keyframes().handle_of(best[i]);
 }
 
@@ -156,7 +156,7 @@ std::uint32_t Mapping::triangulate() noexcept {
     const std::span<const Observation> here = map_->observations(keyframe_);
     std::uint32_t passed = 0;
     const std::uint32_t with =
-        configuration_.mapping.is_triangulating ? configuration_.mapping.triangulation_keyframes : 0U;
+        configuration_->mapping.is_triangulating ? configuration_->mapping.triangulation_keyframes : 0U;
     while (other_ < std::min(neighbour_count_, with)) {
         const Handle<Keyframe> other = neighbours_[other_];
         if (map_->keyframes().find(other) != nullptr) {
@@ -189,7 +189,7 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
     // Most are passed over at the first look: 32 of them take a unit's time (bench_slices --all-stages).
     const auto units = static_cast<std::uint32_t>(there.size() / 32);
     if (!(length2 > kBaselineMin2)) return units;
-    std::uint32_t best = configuration_.matching.hamming_wide_max + 1;
+    std::uint32_t best = configuration_->matching.hamming_wide_max + 1;
     std::uint32_t second = 257;
     std::uint32_t best_feature = kNone;
     std::uint32_t compared = 0;
@@ -199,7 +199,7 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
         if (o.level + 1 < mine.level || mine.level + 1 < o.level) continue;
         const double off =
             line.x() * static_cast<double>(o.normalised_x) + line.y() * static_cast<double>(o.normalised_y) + line.z();
-        if (off * off > configuration_.mapping.triangulation_chi2_max * var_pixel(o.level) * length2) continue;
+        if (off * off > configuration_->mapping.triangulation_chi2_max * var_pixel(o.level) * length2) continue;
         const std::uint32_t distance = hamming_distance(descriptor, descriptors[i]);
         ++compared;
         if (distance < best) {
@@ -211,11 +211,11 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
         }
     }
     const std::uint32_t spent = units + compared / 32;
-    if (best_feature == kNone || static_cast<double>(best) > configuration_.matching.ratio_max * second) return spent;
+    if (best_feature == kNone || static_cast<double>(best) > configuration_->matching.ratio_max * second) return spent;
     const Observation& theirs = there[best_feature];
     const Vector3 ray_there(static_cast<double>(theirs.normalised_x), static_cast<double>(theirs.normalised_y), 1.0);
     const double cosine = turned.dot(ray_there) / std::sqrt(turned.squaredNorm() * ray_there.squaredNorm());
-    if (!(cosine > 0.0 && cosine < configuration_.mapping.parallax_cosine_max)) return spent;
+    if (!(cosine > 0.0 && cosine < configuration_->mapping.parallax_cosine_max)) return spent;
     // Depths a, b with a turned + t = b ray_there, by least squares.
     const Vector3 t = other_from_here.translation;
     const double uu = turned.squaredNorm();
@@ -227,17 +227,17 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
     const double vt = ray_there.dot(t);
     const double a = (uv * vt - vv * ut) / determinant;
     const double b = (uu * vt - uv * ut) / determinant;
-    if (!(a > configuration_.depth.z_min_m && b > configuration_.depth.z_min_m && a < kFarthest_m)) return spent;
+    if (!(a > configuration_->depth.z_min_m && b > configuration_->depth.z_min_m && a < kFarthest_m)) return spent;
     const Vector3 in_here = ray * a;
     const Vector3 in_other = other_from_here * in_here;
-    if (in_other.z() < configuration_.depth.z_min_m) return spent;
+    if (in_other.z() < configuration_->depth.z_min_m) return spent;
     const double dx = in_other.x() / in_other.z() - ray_there.x();
     const double dy = in_other.y() / in_other.z() - ray_there.y();
-    if (dx * dx + dy * dy > configuration_.mapping.chi2_max_pixel * var_pixel(theirs.level)) return spent;
+    if (dx * dx + dy * dy > configuration_->mapping.chi2_max_pixel * var_pixel(theirs.level)) return spent;
     // Depth from the parallax: sigma_z = z sigma sqrt(2) / sin(parallax).
     const double variance = var_pixel(std::max(mine.level, theirs.level));
     const double var_z = 2.0 * a * a * variance / (1.0 - cosine * cosine);
-    const double sigma_max = configuration_.mapping.triangulation_sigma_factor * configuration_.depth.sigma_max_m;
+    const double sigma_max = configuration_->mapping.triangulation_sigma_factor * configuration_->depth.sigma_max_m;
     if (var_z > sigma_max * sigma_max) return spent;
     const Result<Handle<MapPoint>> taken = map_->add_point();
     if (!taken.is_ok()) return spent;
@@ -255,8 +255,8 @@ std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyfram
     point.last_seen_frame = keyframe.frame;
     point.distance_m = static_cast<float>(a);
     point.level = mine.level;
-    point.weight_tenths = static_cast<std::uint8_t>(configuration_.weights.start);
-    point.is_suspect = configuration_.weights.start < configuration_.weights.eligible;
+    point.weight_tenths = static_cast<std::uint8_t>(configuration_->weights.start);
+    point.is_suspect = configuration_->weights.start < configuration_->weights.eligible;
     point.seen = static_cast<std::uint16_t>(map_->parameters().seen_min);  // two pictures agree on it
     static_cast<void>(map_->link(keyframe_, feature, taken.value()));
     static_cast<void>(map_->link(other, best_feature, taken.value()));
@@ -281,7 +281,7 @@ void Mapping::build_grid(Handle<Keyframe> keyframe) noexcept {
 std::uint32_t Mapping::fuse() noexcept {
     // Pairs: the neighbours' points into the new keyframe, then its points into theirs.
     const std::uint32_t with =
-        configuration_.mapping.is_fusing ? std::min(neighbour_count_, configuration_.mapping.fusion_keyframes) : 0U;
+        configuration_->mapping.is_fusing ? std::min(neighbour_count_, configuration_->mapping.fusion_keyframes) : 0U;
     while (other_ < 2 * with) {
         const Handle<Keyframe> neighbour = neighbours_[other_ % with];
         const Handle<Keyframe> source = other_ < with ? neighbour : keyframe_;
@@ -311,7 +311,7 @@ std::uint32_t Mapping::fuse_point(Handle<MapPoint> handle, Handle<Keyframe> targ
     if (point == nullptr || point->is_suspect || map_->is_observed_by(handle.slot(), target.slot())) return 0;
     const SE3 camera_from_world = map_->keyframes().find(target)->world_from_camera.inverse();
     const Vector3 q = camera_from_world * vector_of(point->world);
-    if (q.z() < configuration_.depth.z_min_m) return 0;
+    if (q.z() < configuration_->depth.z_min_m) return 0;
     const Vector2 n(q.x() / q.z(), q.y() / q.z());
     if (n.squaredNorm() > kTangentMax2) return 0;
     const Vector2 pixel = distort_to_pixel(camera_, n);
@@ -319,7 +319,7 @@ std::uint32_t Mapping::fuse_point(Handle<MapPoint> handle, Handle<Keyframe> targ
     const std::span<const Observation> there = map_->observations(target);
     const std::span<const Descriptor> descriptors = map_->descriptors(target);
     const double noise_z = tracking_->noise_depth();
-    const MappingParameters& p = configuration_.mapping;
+    const MappingParameters& p = configuration_->mapping;
     std::uint32_t best = p.fusion_hamming_max + 1;
     std::uint32_t best_feature = kNone;
     const double ratio = static_cast<double>(point->distance_m) / q.z() * pixel_noise_.scale(point->level);
@@ -351,13 +351,13 @@ std::uint32_t Mapping::fuse_point(Handle<MapPoint> handle, Handle<Keyframe> targ
     if (other->is_suspect) return 2;
     // The same place, as far as the two are known?
     const Vector3 there_q = camera_from_world * vector_of(other->world);
-    if (there_q.z() < configuration_.depth.z_min_m) return 2;
+    if (there_q.z() < configuration_->depth.z_min_m) return 2;
     const double dz = there_q.z() - q.z();
     const double dx = (there_q.x() / there_q.z() - n.x()) * q.z();
     const double dy = (there_q.y() / there_q.z() - n.y()) * q.z();
     const double var_z = noise_z * (point->var_z + other->var_z) + kVarianceMin_m2;
     const double var_lateral = point->var_lateral + other->var_lateral;
-    if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > configuration_.region.point_chi2_max) return 2;
+    if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > configuration_->region.point_chi2_max) return 2;
     const bool is_older = point->observers > other->observers ||
                           (point->observers == other->observers && point->created_ns <= other->created_ns);
     const Handle<MapPoint> kept = is_older ? handle : rival;
@@ -374,7 +374,7 @@ std::uint32_t Mapping::choose_window() noexcept {
     adjustment_.begin();
     problem_keyframe_count_ = problem_point_count_ = problem_observation_count_ = 0;
     const AdjustmentSizes limits = sizes(limits_);
-    const std::uint32_t free_max = std::min(limits.free_keyframes_max, configuration_.mapping.window_keyframes);
+    const std::uint32_t free_max = std::min(limits.free_keyframes_max, configuration_->mapping.window_keyframes);
     std::uint32_t units = 0;
     readout_s_ = map_->readout_s();
     const auto take_in = [&](Handle<Keyframe> handle, bool is_fixed) {
@@ -415,7 +415,7 @@ std::uint32_t Mapping::choose_window() noexcept {
         for (std::uint32_t slot = 1; slot < counts_.size(); ++slot) {
             if (counts_[slot] > counts_[best]) best = slot;
         }
-        if (counts_[best] < configuration_.mapping.fixed_shared_min) break;
+        if (counts_[best] < configuration_->mapping.fixed_shared_min) break;
         counts_[best] = 0;
         take_in(map_->keyframes().handle_of(best), true);
     }
@@ -430,8 +430,8 @@ std::uint32_t Mapping::choose_window() noexcept {
         }
         problem_keyframes_[oldest].is_fixed = true;
     }
-    const bool is_worth_it = configuration_.mapping.is_adjusting && problem_keyframe_count_ >= 2 &&
-                             problem_point_count_ >= configuration_.mapping.adjusted_points_min;
+    const bool is_worth_it = configuration_->mapping.is_adjusting && problem_keyframe_count_ >= 2 &&
+                             problem_point_count_ >= configuration_->mapping.adjusted_points_min;
     enter(is_worth_it ? Stage::kCollect : Stage::kRedundant);
     if (!is_worth_it) {
         for (std::uint32_t i = 0; i < problem_point_count_; ++i) {
@@ -464,7 +464,7 @@ std::uint32_t Mapping::collect() noexcept {
         const Keyframe* const keyframe = map_->keyframes().find(handle);
         const double turn_rad_s = keyframe != nullptr ? std::sqrt(keyframe->speed.tail<3>().squaredNorm()) : 0.0;
         const double slip_per_m =
-            turn_rad_s * configuration_.region.colour_depth_lag_s * configuration_.prediction.slip_share;
+            turn_rad_s * configuration_->region.colour_depth_lag_s * configuration_->prediction.slip_share;
         for (std::uint32_t i = 0; i < seen.size(); ++i) {
             const Observation& o = seen[i];
             const MapPoint* const point = map_->points().find(o.point);
@@ -490,10 +490,10 @@ std::uint32_t Mapping::collect() noexcept {
         return 1 + static_cast<std::uint32_t>(seen.size()) / 4;
     }
     AdjustmentOptions options;
-    options.chi2_max_pixel = configuration_.mapping.chi2_max_pixel;
-    options.chi2_max_depth = configuration_.mapping.chi2_max_depth;
-    options.iterations_max[0] = configuration_.mapping.first_iterations_max;
-    options.iterations_max[1] = configuration_.mapping.second_iterations_max;
+    options.chi2_max_pixel = configuration_->mapping.chi2_max_pixel;
+    options.chi2_max_depth = configuration_->mapping.chi2_max_depth;
+    options.iterations_max[0] = configuration_->mapping.first_iterations_max;
+    options.iterations_max[1] = configuration_->mapping.second_iterations_max;
     adjustment_.start(options);
     ++statistics_.adjustments;
     enter(Stage::kAdjust);
@@ -595,8 +595,8 @@ std::uint32_t Mapping::drop_redundant() noexcept {
     // One neighbour a piece; the newest keyframes have not had the time to prove themselves. While the pool is roomy
     // nobody goes: more looks at a place make it surer (measured, docs/mapping.md).
     const Pool<Keyframe>& pool = map_->keyframes();
-    const bool is_roomy = pool.size() * 1000 <= pool.capacity() * std::size_t{configuration_.mapping.roomy_permille};
-    if (cursor_ >= neighbour_count_ || is_roomy || !configuration_.mapping.is_culling) {
+    const bool is_roomy = pool.size() * 1000 <= pool.capacity() * std::size_t{configuration_->mapping.roomy_permille};
+    if (cursor_ >= neighbour_count_ || is_roomy || !configuration_->mapping.is_culling) {
         enter(Stage::kEvict);
         return 1;
     }
@@ -612,7 +612,7 @@ std::uint32_t Mapping::evict() noexcept {
     const Pool<Keyframe>& keyframes = map_->keyframes();
     const Pool<MapPoint>& points = map_->points();
     const std::size_t keyframes_spare =
-        std::max<std::size_t>(1, keyframes.capacity() * configuration_.mapping.spare_keyframes_permille / 1000);
+        std::max<std::size_t>(1, keyframes.capacity() * configuration_->mapping.spare_keyframes_permille / 1000);
     if (keyframes.capacity() - keyframes.size() < keyframes_spare && cursor_ < keyframes_spare) {
         ++cursor_;
         if (map_->evict_keyframe(tracking_->local_map().keyframes())) {
@@ -620,7 +620,7 @@ std::uint32_t Mapping::evict() noexcept {
         }
     }
     const std::size_t points_spare = std::min<std::size_t>(
-        limits_.features_max, static_cast<std::size_t>(std::uint64_t{configuration_.mapping.spare_points_permille} *
+        limits_.features_max, static_cast<std::size_t>(std::uint64_t{configuration_->mapping.spare_points_permille} *
                                                        points.capacity() / 1000));
     const std::size_t free = points.capacity() - points.size();
     stage_ = Stage::kIdle;

@@ -124,7 +124,7 @@ private:
     void correct_points() noexcept;
     void drop_outliers() noexcept;
 
-    Configuration configuration_;
+    const Configuration* configuration_ = nullptr;  // that of tracking
     CameraModel camera_;
     Limits limits_;
     Tracking* tracking_ = nullptr;
