@@ -20,9 +20,7 @@ namespace {
 
 using test::CameraRig;
 
-// OpenNI2's compression of depth is not quite without loss: with some images, and always the same, it changes two
-// pixels.
-constexpr long kDepthPixelsLost = 4;
+using test::kDepthPixelsLost;
 
 // What our own recording never asks for: streams alone, of different sizes, lossy. Width 0: not that stream.
 struct Wanted {
