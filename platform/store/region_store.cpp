@@ -239,6 +239,7 @@ bool RegionStore::scan(std::uint64_t number, Segment& segment, bool is_last, std
                 }
             }
             segment.size = kSegmentHeaderBytes;
+            counts_.bytes += segment.size;
             return true;
         }
     }
