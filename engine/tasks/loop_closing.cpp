@@ -8,9 +8,9 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kSharedMin = 15;   // points: neighbours in the covisibility graph
-constexpr std::uint32_t kNeighbours = 10;  // whose scores say what alike means
-constexpr std::uint32_t kStrong = 6;       // covisible keyframes of each that become edges
+constexpr std::uint32_t kSharedMin = PlaceSearch::kSharedMin;
+constexpr std::uint32_t kNeighbours = PlaceSearch::kNeighbours;
+constexpr std::uint32_t kStrong = 6;  // covisible keyframes of each that become edges
 constexpr std::uint32_t kFusePiece = 32;
 // What one edge of odometry is worth, with kSharedUsual points shared; a loop has been measured with care.
 constexpr double kEdge_m = 0.01;
@@ -158,19 +158,13 @@ Progress LoopClosing::step(WorkBudget& budget) noexcept {
 // --- search ----------------------------------------------------------------------------------------------------------
 
 std::uint32_t LoopClosing::find_words() noexcept {
-    const std::span<const Observation> seen = map_->observations(keyframe_);
-    const std::span<std::uint8_t> eligible = places_->eligible().first(seen.size());
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-        eligible[i] = PlaceSearch::is_static(map_->points().find(seen[i].point), *configuration_) ? 1 : 0;
-    }
     FrameWords& words = places_->words();
-    words.find(places_->vocabulary(), map_->descriptors(keyframe_));
-    words.weigh(places_->vocabulary(), eligible);
+    places_->find_words(*map_, keyframe_, *configuration_, words);
     places_->purge(*map_);
     places_->query().begin(places_->database(), words.bag());
     places_->add(keyframe_);
     next_frame_ = map_->keyframes().find(keyframe_)->frame + 1;
-    const std::uint32_t units = places_->find_units(seen.size());
+    const std::uint32_t units = places_->find_units(map_->observations(keyframe_).size());
     if (tracking_->is_frozen() || moved_.empty()) {  // a map that stays as it is, or is small
         finish();
         return units;
@@ -197,15 +191,7 @@ bool LoopClosing::agrees(const Places& places, Handle<Keyframe> candidate) const
 std::uint32_t LoopClosing::choose() noexcept {
     places_->purge(*map_);
     const KeyframeDatabase& database = places_->database();
-    std::uint32_t neighbours[kNeighbours] = {};
-    const std::uint32_t count = map_->best_covisible(keyframe_.slot(), neighbours, kSharedMin);
-    std::uint32_t score_min = 0;
-    std::uint32_t scored = 0;
-    for (std::uint32_t i = 0; i < count; ++i) {
-        if (!database.has(neighbours[i])) continue;
-        const std::uint32_t score = database.score(keyframe_.slot(), neighbours[i]);
-        if (scored++ == 0 || score < score_min) score_min = score;
-    }
+    const auto [count, scored, score_min] = places_->neighbourhood(*map_, keyframe_.slot());
     Places now;
     candidates_count_ = 0;
     const double share = configuration_->loop.score_share;

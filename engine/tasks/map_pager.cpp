@@ -8,8 +8,7 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kSharedMin = 15;    // points: neighbours in the covisibility graph
-constexpr std::uint32_t kNeighbours = 10;   // whose scores say what alike means
+constexpr std::uint32_t kNeighbours = PlaceSearch::kNeighbours;
 constexpr std::uint32_t kMatchChunk = 256;  // slots in a piece
 // Two points of one name that lie so far apart are two points.
 constexpr double kSamePoint_m = 0.5;
@@ -31,7 +30,6 @@ void MapPager::create(Arena& arena, const Limits& limits, const Configuration& c
     known_ = arena.array<Known>(limits.keyframes_max);
     without_ = arena.array<std::uint64_t>(limits.keyframes_max + kRestMax);
     words_.create(arena, limits.features_max);
-    eligible_ = arena.array<std::uint8_t>(limits.features_max);
     resting_.create(arena, kRestMax);
     corrections_.create(arena, kCorrectionsMax);
     const std::uint32_t words = places.is_on() ? places.find_units(limits.features_max) : 1U;
@@ -186,16 +184,9 @@ bool MapPager::has_kept_twin(std::uint32_t slot) const noexcept {
 }
 
 std::uint32_t MapPager::least_score(std::uint32_t slot, std::uint32_t& units) const noexcept {
-    std::uint32_t neighbours[kNeighbours] = {};
-    const std::uint32_t count = map_->best_covisible(slot, neighbours, kSharedMin);
-    std::uint32_t least = 0;
-    for (std::uint32_t i = 0; i < count; ++i) {
-        if (!places_->database().has(neighbours[i])) continue;
-        const std::uint32_t score = places_->database().score(slot, neighbours[i]);
-        if (least == 0 || score < least) least = score;
-    }
-    units += count * limits_.features_max / 32;
-    return least;
+    const PlaceSearch::Neighbourhood around = places_->neighbourhood(*map_, slot);
+    units += around.neighbours * limits_.features_max / 32;
+    return around.score_min;
 }
 
 // The oldest keyframe that waits for it.
@@ -242,14 +233,9 @@ std::uint32_t MapPager::keep(std::uint32_t slot) noexcept {
     }
     leaving.words = places_->has(k.handle) ? places_->database().bag(slot) : std::span<const WordWeight>{};
     if (leaving.words.empty()) {  // at the end: nobody has looked it up yet
-        const std::span<const Observation> seen = map_->observations(k.handle);
-        for (std::size_t i = 0; i < seen.size(); ++i) {
-            eligible_[i] = PlaceSearch::is_static(map_->points().find(seen[i].point), *configuration_) ? 1 : 0;
-        }
-        words_.find(places_->vocabulary(), map_->descriptors(k.handle));
-        words_.weigh(places_->vocabulary(), eligible_.first(seen.size()));
+        places_->find_words(*map_, k.handle, *configuration_, words_);
         leaving.words = words_.bag();
-        units += places_->find_units(seen.size());
+        units += places_->find_units(map_->observations(k.handle).size());
     } else {
         leaving.alike_score = least_score(slot, units);
     }
@@ -293,22 +279,22 @@ std::uint32_t MapPager::ask() noexcept {
     }
     // The newest keyframe that can be looked up.
     const Pool<Keyframe>& keyframes = map_->keyframes();
-    std::uint32_t newest = keyframes.slots_count();
+    std::uint32_t next = keyframes.slots_count();
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
         if (!keyframes.is_taken(slot) || keyframes.at(slot).frame < asked_keyframe_) continue;
         if (!places_->has(keyframes.handle_of(slot))) continue;
-        if (newest < keyframes.slots_count() && keyframes.at(slot).frame < keyframes.at(newest).frame) continue;
-        newest = slot;
+        if (next < keyframes.slots_count() && keyframes.at(slot).frame < keyframes.at(next).frame) continue;
+        next = slot;
     }
-    if (newest == keyframes.slots_count()) return 0;
-    const Keyframe& keyframe = keyframes.at(newest);
+    if (next == keyframes.slots_count()) return 0;
+    const Keyframe& keyframe = keyframes.at(next);
     asked_keyframe_ = keyframe.frame + 1;
     std::uint32_t units = 1 + 2 * limits_.keyframes_max;
-    const std::uint32_t least = least_score(newest, units);
+    const std::uint32_t least = least_score(next, units);
     const std::uint64_t gap = configuration_->store.gap_frames;
     if (least == 0 || keyframe.frame < gap) return units;
     const double score_min = configuration_->store.score_share * static_cast<double>(least);
-    put(places_->database().bag(newest), keyframe.frame - gap, static_cast<std::uint32_t>(score_min));
+    put(places_->database().bag(next), keyframe.frame - gap, static_cast<std::uint32_t>(score_min));
     return units + limits_.features_max / 8;
 }
 
@@ -539,9 +525,10 @@ std::uint32_t MapPager::find_words() noexcept {
     incoming_bytes_ = 0;
     if (map_->keyframes().find(keyframe_) == nullptr) return 1;
     const std::span<const Descriptor> descriptors = map_->descriptors(keyframe_);
-    std::fill_n(eligible_.begin(), descriptors.size(), std::uint8_t{1});
+    const std::span<std::uint8_t> eligible = places_->eligible().first(descriptors.size());
+    std::fill(eligible.begin(), eligible.end(), std::uint8_t{1});  // a region has no others
     words_.find(places_->vocabulary(), descriptors);
-    words_.weigh(places_->vocabulary(), eligible_.first(descriptors.size()));
+    words_.weigh(places_->vocabulary(), eligible);
     places_->purge(*map_);
     places_->add(keyframe_, words_);
     return places_->find_units(descriptors.size());

@@ -3,7 +3,7 @@
 //   keep     a keyframe that is known by its words and no longer part of the local map is given to the store, once,
 //            unless one that sees the same place was; once more when the map has moved it. Who makes room in the map
 //            afterwards (engine/map/map.hpp) takes nothing that is not kept.
-//   ask      with the words of the newest keyframe that has some, or of a lost camera's picture; one question at a time
+//   ask      with the words of each keyframe once it has some, or of a lost camera's picture; one question at a time
 //   check    every number of the region that comes back
 //   match    its points with those of the map, by name: what is still there is not made twice
 //   insert   room by the usual policy, never from the local map; then in one step keyframe, points and links, where the
@@ -46,7 +46,6 @@ public:
         arena.array<Known>(limits.keyframes_max);
         arena.array<std::uint64_t>(limits.keyframes_max + kRestMax);
         FrameWords::plan(arena, limits.features_max);
-        arena.array<std::uint8_t>(limits.features_max);
         Ring<Rest>::plan(arena, kRestMax);
         Ring<Correction>::plan(arena, kCorrectionsMax);
     }
@@ -140,7 +139,6 @@ private:
     std::span<Known> known_;  // by keyframe slot
     std::span<std::uint64_t> without_;
     FrameWords words_;
-    std::span<std::uint8_t> eligible_;
     Ring<Rest> resting_;
     Ring<Correction> corrections_;    // the last of them
     std::uint64_t loops_closed_ = 0;  // that were noted

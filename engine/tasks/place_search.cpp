@@ -49,4 +49,27 @@ void PlaceSearch::add(Handle<Keyframe> keyframe, const FrameWords& words) noexce
     owners_[slot] = keyframe;
 }
 
+void PlaceSearch::find_words(const Map& map, Handle<Keyframe> keyframe, const Configuration& configuration,
+                             FrameWords& out) noexcept {
+    const std::span<const Observation> seen = map.observations(keyframe);
+    const std::span<std::uint8_t> eligible = eligible_.first(seen.size());
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        eligible[i] = is_static(map.points().find(seen[i].point), configuration) ? 1 : 0;
+    }
+    out.find(*vocabulary_, map.descriptors(keyframe));
+    out.weigh(*vocabulary_, eligible);
+}
+
+PlaceSearch::Neighbourhood PlaceSearch::neighbourhood(const Map& map, std::uint32_t slot) const noexcept {
+    Neighbourhood out;
+    std::uint32_t neighbours[kNeighbours] = {};
+    out.neighbours = map.best_covisible(slot, neighbours, kSharedMin);
+    for (std::uint32_t i = 0; i < out.neighbours; ++i) {
+        if (!database_.has(neighbours[i])) continue;
+        const std::uint32_t score = database_.score(slot, neighbours[i]);
+        if (out.scored++ == 0 || score < out.score_min) out.score_min = score;
+    }
+    return out;
+}
+
 }  // namespace stillmesh

@@ -15,6 +15,9 @@ class PlaceSearch {
 public:
     enum class User : std::uint8_t { kNobody, kLoopClosing, kRelocalisation };
 
+    static constexpr std::uint32_t kSharedMin = 15;   // points: neighbours in the covisibility graph
+    static constexpr std::uint32_t kNeighbours = 10;  // whose scores say what alike means
+
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         KeyframeDatabase::plan(arena, limits);
         arena.array<Handle<Keyframe>>(limits.keyframes_max);
@@ -49,6 +52,16 @@ public:
     // With words() as they are, or other ones.
     void add(Handle<Keyframe> keyframe) noexcept { add(keyframe, words_); }
     void add(Handle<Keyframe> keyframe, const FrameWords& words) noexcept;
+    // Words and bag of a keyframe, by the features whose points stand still.
+    void find_words(const Map& map, Handle<Keyframe> keyframe, const Configuration& configuration,
+                    FrameWords& out) noexcept;
+    // What "alike" means where a keyframe stands: the least score among the keyframes that share most points with it.
+    struct Neighbourhood {
+        std::uint32_t neighbours = 0;  // looked at
+        std::uint32_t scored = 0;      // of them, in the database
+        std::uint32_t score_min = 0;
+    };
+    [[nodiscard]] Neighbourhood neighbourhood(const Map& map, std::uint32_t slot) const noexcept;
     // Where features of a keyframe show points that are known to stand still.
     [[nodiscard]] static bool is_static(const MapPoint* point, const Configuration& configuration) noexcept {
         return point != nullptr && !point->is_suspect && point->weight_tenths >= configuration.weights.eligible;

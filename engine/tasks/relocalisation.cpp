@@ -1,11 +1,6 @@
 #include "engine/tasks/relocalisation.hpp"
 
 namespace stillmesh {
-namespace {
-
-constexpr std::uint32_t kSharedMin = 15;  // points: neighbours in the covisibility graph
-
-}  // namespace
 
 void Relocalisation::create(const Configuration& configuration, PlaceSearch& places) noexcept {
     configuration_ = &configuration;
@@ -55,7 +50,7 @@ bool Relocalisation::find(const Map& map, std::span<const Descriptor> descriptor
         if (!places_->has(handle)) continue;
         bool is_new = true;
         for (std::uint32_t i = 0; i < groups && is_new; ++i) {
-            is_new = map.shared(tried[i].slot(), handle.slot()) < kSharedMin;
+            is_new = map.shared(tried[i].slot(), handle.slot()) < PlaceSearch::kSharedMin;
         }
         if (!is_new) continue;
         tried[groups++] = handle;

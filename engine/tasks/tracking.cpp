@@ -325,7 +325,7 @@ void Tracking::accept(const PoseFit& fit, bool is_sure) noexcept {
     const bool is_on_track = lost_frames_ == 0;
     if (is_on_track && motion_.time_ns() == start_time_ns_) shutter_.backdate(map_, start_time_ns_);
     shutter_.learn(measured_, map_, correspondences_.span(), chosen_.span(), fit.world_from_camera,
-                   configuration_.region.point_chi2_max, is_sure && is_on_track);
+                   configuration_.region.point_chi2_max, is_sure && is_on_track && probation_frames_ == 0);
     if (has_prior() && !is_sure) confidence_.doubt_jump(time_ns_, prior(), fit.world_from_camera);
     motion_.move_to(fit.world_from_camera);
     motion_.set_has_velocity(is_on_track);  // the jump back of one that was lost is not a motion
@@ -425,6 +425,7 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
     const bool is_unexpected = is_by_words || lost_frames_ > configuration_.pose.lost_frames_max;
     before_.world_from_camera = this->world_from_camera();
     before_.odometry = odometry_;
+    before_.noise = noise_.factors();
     before_.measured_time_ns = measured_time_ns_;
     before_.start_time_ns = start_time_ns_;
     before_.lost_frames = lost_frames_;
@@ -461,6 +462,7 @@ void Tracking::end_probation(bool is_found) noexcept {
     }
     probation_frames_ = 0;
     odometry_ = before_.odometry;
+    noise_.restore(before_.noise);
     measured_time_ns_ = before_.measured_time_ns;
     start_time_ns_ = before_.start_time_ns;
     lost_frames_ = before_.lost_frames;

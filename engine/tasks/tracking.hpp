@@ -177,6 +177,7 @@ private:
     struct Before {
         SE3 world_from_camera;
         Odometry odometry;
+        NoiseScale::Factors noise;
         std::int64_t measured_time_ns = 0;
         std::int64_t start_time_ns = 0;
         std::uint32_t lost_frames = 0;
