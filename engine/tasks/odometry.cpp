@@ -29,6 +29,7 @@ void Odometry::split(const SE3& world_from_camera, PoseEstimate& pose) const noe
         pose.odom_from_camera = transform_of(map_from_odom_.inverse() * world_from_camera);
         pose.map_from_odom = transform_of(map_from_odom_);
     } else {
+        pose.map_from_odom = RigidTransform{};  // a jump may have been taken back
         pose.odom_from_camera = transform_of(world_from_camera);
     }
 }
