@@ -15,6 +15,7 @@ add_library(stillmesh_contract INTERFACE)
 target_include_directories(stillmesh_contract INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 target_compile_options(stillmesh_contract INTERFACE
     -Wall -Wextra -Wpedantic -Werror -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor
+    -Wunused-const-variable
     -Wno-unknown-warning-option
     $<$<BOOL:${CMAKE_CROSSCOMPILING}>:-Wno-psabi>  # gcc 10 mended how ARM passes pairs; nothing here is older
     # Same bits everywhere: no fused multiply-add behind our back, no reassociation; errno is not worth a libm call for

@@ -9,7 +9,6 @@ namespace stillmesh {
 namespace {
 
 constexpr std::uint32_t kSharedMin = PlaceSearch::kSharedMin;
-constexpr std::uint32_t kNeighbours = PlaceSearch::kNeighbours;
 constexpr std::uint32_t kStrong = 6;  // covisible keyframes of each that become edges
 constexpr std::uint32_t kFusePiece = 32;
 // What one edge of odometry is worth, with kSharedUsual points shared; a loop has been measured with care.

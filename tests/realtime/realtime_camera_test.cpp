@@ -120,7 +120,6 @@ TEST(RealtimeCamera, LateFramesAreDropped) {
     int last = 0;
     ASSERT_EQ(next(camera), 0);
     for (const int now : {1, 3, 4, 12, 13, 29}) {
-        Frame held;
         clock.now_ns = begin_ns + now * kPeriod_ns + 1000;
         ASSERT_EQ(next(camera), now);
         dropped += static_cast<std::uint64_t>(now - last - 1);
