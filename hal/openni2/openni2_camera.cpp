@@ -83,6 +83,7 @@ Status OpenNi2Camera::open() noexcept {
     const auto session = std::make_shared<Session>();
     session->is_file = is_file_;
     session->identity = {.uri = uri_, .serial = serial_};
+    if (first_width_ != 0) session->streams.width_first = first_width_;
     if (!openni2::run_parked([session, options = options_] { session->serve(options); })) {
         message_ = "the system has no thread left for the camera.";
         return Status::kUnavailable;
@@ -113,6 +114,7 @@ Status OpenNi2Camera::open() noexcept {
     info_ = {};
     info_.model.width = static_cast<std::uint32_t>(session->streams.colour_mode.getResolutionX());
     info_.model.height = static_cast<std::uint32_t>(session->streams.colour_mode.getResolutionY());
+    if (first_width_ == 0) first_width_ = session->streams.colour_mode.getResolutionX();
     info_.frames_per_s = std::max(session->streams.colour_mode.getFps(), 1);
     info_.depth_units_per_m =
         session->streams.depth_mode.getPixelFormat() == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10000.0 : 1000.0;

@@ -67,7 +67,8 @@ public:
     OpenNi2Camera& operator=(const OpenNi2Camera&) = delete;
 
     // kOk; kUnavailable: no such device (now), or it does not answer; kInvalid: it cannot be used: message() says why.
-    // Opened again, it is the camera of before or none, also where it has another address on the bus now.
+    // Opened again, it is the camera of before or none, also where it has another address on the bus now; in the size
+    // of its first opening, if it still offers that.
     [[nodiscard]] Status open() noexcept override;
     [[nodiscard]] const CameraInfo& info() const noexcept override { return info_; }
     // As the port says. kEnd: the file has ended.
@@ -106,6 +107,7 @@ private:
     bool has_calibration_ = false;
     std::string message_, device_, uri_, serial_, calibration_source_;
     std::vector<std::string> notes_;
+    int first_width_ = 0;  // px, of the first opening
     std::uint64_t frames_expected_ = 0;
     std::int64_t due_ns_ = 0;
     std::int64_t poll_cpu_ns_ = 0;

@@ -193,17 +193,19 @@ Status Streams::start(openni::Device& device, bool is_file, const std::string& d
     struct Size {
         int width, height;
     };
-    constexpr std::array<Size, 2> kSizes = {Size{640, 480}, Size{320, 240}};
+    constexpr Size kLarge{640, 480};
+    constexpr Size kSmall{320, 240};
+    const auto sizes = width_first == kSmall.width ? std::array{kSmall, kLarge} : std::array{kLarge, kSmall};
     Status last_status = Status::kInvalid;
     // The same size for both; then, where there is none, whatever goes together.
     for (const bool is_mixed : {false, true}) {
-        for (const Size& size : kSizes) {
+        for (const Size& size : sizes) {
             if (size.width > static_cast<int>(options.width_max) ||
                 size.height > static_cast<int>(options.height_max)) {
                 continue;
             }
             const auto colour_best = best_mode(colour.getSensorInfo(), size.width, size.height, colour_rank);
-            for (const Size& depth_size : kSizes) {
+            for (const Size& depth_size : sizes) {
                 if ((depth_size.width == size.width) == is_mixed) continue;
                 const auto depth_best =
                     best_mode(depth.getSensorInfo(), depth_size.width, depth_size.height, depth_rank);

@@ -1,6 +1,7 @@
-// Both streams of a device, in a mode that the engine can use: 640x480 at 30 images/s, else 320x240, the same for both,
-// else any two of these that exist; upright where the device can, depth registered to colour by the device where it can
-// (read back), exposure as asked for. A file's streams are as they were recorded. What was found is told, not assumed.
+// Both streams of a device, in a mode that the engine can use: 640x480 at 30 images/s, else 320x240 (the other way
+// round where it had that before), the same for both, else any two of these that exist; upright where the device can,
+// depth registered to colour by the device where it can (read back), exposure as asked for. A file's streams are as
+// they were recorded. What was found is told, not assumed.
 #pragma once
 
 #include <OpenNI.h>
@@ -26,6 +27,7 @@ struct Streams {
     double fov_x = 0, depth_fov_x = 0;        // radians; as the device says, which may be nonsense
     int colour_images = 0, depth_images = 0;  // of a file
     std::int64_t period_us = 33'333;          // for pairing: images are no further apart
+    int width_first = 640;                    // px: the size of live images that is asked for first
     std::vector<std::string> notes;           // for the user
 
     // kOk: both run. kUnavailable: they do not start; kInvalid: no mode of theirs can be used. `message` says why, with

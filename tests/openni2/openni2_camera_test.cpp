@@ -156,6 +156,27 @@ TEST(OpenNi2Camera, ComesBackAsItself) {
     }
 }
 
+// Promise: opened again, a camera is asked for the size it had, though it offers a larger one now; where that is gone
+// it says what it found instead.
+TEST(OpenNi2Camera, ComesBackInItsSize) {
+    CameraRig rig(STILLMESH_LARGE_FRAMES);
+    rig.camera().is_plugged = 1;
+    OpenNi2Camera camera({});
+    struct Case {
+        std::uint32_t modes, width;
+    };
+    for (const Case& c : {Case{2, 320}, Case{3, 320}, Case{1, 640}, Case{3, 320}, Case{2, 320}}) {
+        rig.camera().modes = c.modes;
+        ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << camera.message();
+        EXPECT_EQ(camera.info().model.width, c.width) << c.modes;
+        EXPECT_EQ(camera.info().model.height, c.width * 3 / 4);
+        Frame frame;
+        EXPECT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kOk; }));
+        EXPECT_EQ(frame.depth.width, c.width);
+        camera.close();
+    }
+}
+
 // Promise: a camera that is never polled in time costs the newest frame nothing: it is there, the ones before it are
 // dropped and counted, and the frame in use is not touched.
 TEST(OpenNi2Camera, NewestWinsAndDropsAreCounted) {

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "platform/evaluation/evaluation.hpp"
@@ -180,6 +181,91 @@ TEST_F(LiveProgram, ExposureHuntsAndStreamsEnd) {
     }
     run.signal(SIGINT);
     EXPECT_EQ(run.wait(20'000), 130) << run.err();
+}
+
+// Promise: a camera whose clock steps back and leaps forward is tracked on, without being called gone; one that comes
+// back in another size is not used, which is said, and one that can do both sizes is asked for that of before.
+TEST_F(LiveProgram, ClocksAndModesChange) {
+    rig.camera().is_plugged = 1;
+    Program run = start("run --camera auto --json --trajectory " + scratch.path("path.txt"));
+    const auto has_more_poses = [&](std::size_t count) {
+        const std::size_t before = poses("path.txt");
+        return within(30'000, [&] { return poses("path.txt") >= before + count; });
+    };
+    ASSERT_TRUE(has_more_poses(10)) << run.err();
+    for (const std::int64_t offset_us : {-1'000'000'000LL, 5'000'000'000LL}) {
+        rig.camera().stamp_offset_us = offset_us;
+        ASSERT_TRUE(has_more_poses(10)) << run.err();
+    }
+    EXPECT_EQ(run.err().find("the camera is gone"), std::string::npos) << run.err();
+    const auto comes_back = [this](std::uint32_t modes) {
+        const std::uint32_t opens = rig.camera().opens;
+        rig.camera().is_plugged = 0;
+        EXPECT_TRUE(within(10'000, [&] { return rig.camera().opens == rig.camera().closes; }));
+        rig.camera().modes = modes;
+        rig.camera().is_plugged = 1;
+        EXPECT_TRUE(within(10'000, [&] { return rig.camera().opens > opens; }));
+    };
+    comes_back(1);
+    ASSERT_TRUE(within(10'000, [&] {
+        return run.err().find("not as before (640x480 instead of 320x240") != std::string::npos;
+    })) << run.err();
+    const std::size_t without = poses("path.txt");
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    EXPECT_EQ(poses("path.txt"), without);
+    comes_back(3);
+    ASSERT_TRUE(has_more_poses(10)) << run.err();
+    run.signal(SIGINT);
+    EXPECT_EQ(run.wait(20'000), 130) << run.err();
+    const nlohmann::json json = json_of(run);
+    EXPECT_GE(json["life"]["clock_restarts"], 2) << json["life"];
+    EXPECT_EQ(json["life"]["unplugs"], 1) << json["life"];
+}
+
+// Promise: a capture that is ended by a signal, by one during a stall, or by the plug, has written what came before,
+// playable; a folder goes on when the camera is back.
+TEST_F(LiveProgram, CapturesKeepWhatTheyHave) {
+    const auto started = [this](const std::string& out) {
+        rig.camera().is_plugged = 1;
+        rig.camera().is_stalled = 0;
+        rig.camera().log_count = 0;
+        auto capture = std::make_unique<Program>(STILLMESH_PROGRAM, STILLMESH_PRIVATE_OPENNI2,
+                                                 "capture --camera auto --json --out " + out, scratch);
+        EXPECT_TRUE(within(20'000, [this] { return rig.camera().log_count >= 30; })) << capture->err();
+        return capture;
+    };
+    const auto frames_of = [this](const std::string& arguments) {
+        Program run = start("run --json " + arguments);
+        EXPECT_EQ(run.wait(60'000), 0) << run.err();
+        return json_of(run)["frames"].get<int>();
+    };
+    for (const char* const end : {"signal", "stall", "plug"}) {
+        SCOPED_TRACE(end);
+        const std::string file = scratch.path(std::string(end) + ".oni");
+        const std::unique_ptr<Program> capture = started(file);
+        if (*end == 'p') {
+            rig.camera().is_plugged = 0;
+        } else {
+            rig.camera().is_stalled = std::string(end) == "stall" ? 1 : 0;
+            std::this_thread::sleep_for(std::chrono::milliseconds(300));
+            capture->signal(SIGINT);
+        }
+        EXPECT_EQ(capture->wait(20'000), *end == 'p' ? 1 : 130) << capture->err();
+        EXPECT_EQ(capture->err().find("the recording ends here") != std::string::npos, *end == 'p') << capture->err();
+        EXPECT_GE(frames_of("--camera openni2:" + file), 10);
+    }
+    const std::unique_ptr<Program> folder = started(scratch.path("desk"));
+    rig.camera().is_plugged = 0;
+    ASSERT_TRUE(within(10'000, [&] { return folder->err().find("is gone (unplugged)") != std::string::npos; }));
+    const std::uint32_t before = rig.camera().log_count;
+    rig.camera().is_plugged = 1;
+    ASSERT_TRUE(within(10'000, [&] { return folder->err().find("is back after") != std::string::npos; }));
+    ASSERT_TRUE(within(10'000, [&] { return rig.camera().log_count >= before + 30; }));
+    folder->signal(SIGTERM);
+    EXPECT_EQ(folder->wait(20'000), 143) << folder->err();
+    const int written = json_of(*folder)["frames"];
+    EXPECT_GE(written, 20);
+    EXPECT_EQ(frames_of("--replay " + scratch.path("desk")), written);
 }
 
 // Promise: SIGTERM during a stall ends the program within two seconds, everything written; so does Ctrl-C while it
