@@ -1,6 +1,9 @@
 // bench_camera [SECONDS]: the whole program on the test driver at 640x480 and 30 frames/s for a minute, frames rendered
 // beforehand: frames lost, latency from the driver's stamp (before it copies a pixel) to the pose, processor time of
 // the camera layer, error of the path. The driver's own time, which copies and colours the images, is told apart.
+// Then another run whose camera is unplugged and plugged in again, stalls and speaks again: how long until it has
+// poses.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -12,6 +15,45 @@
 
 namespace stillmesh {
 namespace {
+
+// Lines of a trajectory that are poses.
+[[nodiscard]] std::size_t poses_in(const std::string& file) {
+    std::istringstream lines(test::text_of(file));
+    std::size_t count = 0;
+    for (std::string line; std::getline(lines, line);) count += !line.empty() && line[0] != '#' ? 1U : 0U;
+    return count;
+}
+
+// How long after each return of the camera there is a pose. False: there was none.
+[[nodiscard]] bool bench_returns(test::CameraRig& rig) {
+    constexpr int kReturns = 10;
+    const test::TemporaryFolder scratch;
+    const std::string path = scratch.path("path.txt");
+    test::Program run(STILLMESH_PROGRAM, STILLMESH_PRIVATE_OPENNI2, "run --camera auto --json --trajectory " + path,
+                      scratch);
+    for (const bool is_unplug : {true, false}) {
+        std::vector<double> seconds;
+        for (int i = 0; i < kReturns; ++i) {
+            const std::size_t before = poses_in(path);
+            if (!test::within(30'000, [&] { return poses_in(path) >= before + 30; })) return false;
+            std::atomic<std::uint32_t>& cause = is_unplug ? rig.camera().is_plugged : rig.camera().is_stalled;
+            cause = is_unplug ? 0 : 1;
+            // Of any length: what the program does just then differs.
+            std::this_thread::sleep_for(std::chrono::milliseconds(400 + 370 * i));
+            const std::size_t without = poses_in(path);
+            cause = is_unplug ? 1 : 0;
+            const std::int64_t back_ns = test::now_ns();
+            if (!test::within(30'000, [&] { return poses_in(path) > without; })) return false;
+            seconds.push_back(static_cast<double>(test::now_ns() - back_ns) * 1e-9);
+        }
+        std::sort(seconds.begin(), seconds.end());
+        std::printf("%s %d times, for 0.4 to %.1f s: a pose %.2f s after its return at the median, %.2f s at most\n",
+                    is_unplug ? "unplugged" : "stalled", kReturns, 0.4 + 0.37 * (kReturns - 1),
+                    seconds[seconds.size() / 2], seconds.back());
+    }
+    run.signal(SIGINT);
+    return run.wait(20'000) == 130;
+}
 
 int bench(int seconds) {
     const std::string frames_file = STILLMESH_BENCH_FRAMES;
@@ -66,7 +108,8 @@ int bench(int seconds) {
                 static_cast<double>(rig.camera().driver_cpu_ns) * 1e-6 / rig.camera().log_count,
                 1e3 * json["cpu_s"].get<double>() / count);
     if (evaluation) std::printf("ATE %.4f m over %zu poses\n", evaluation->ate_rmse_m, evaluation->pairs.size());
-    return code;
+    if (code != 0) return code;
+    return bench_returns(rig) ? 0 : 1;
 }
 
 }  // namespace

@@ -119,6 +119,9 @@ Status OpenNi2Camera::open() noexcept {
     info_.depth_units_per_m =
         session->streams.depth_mode.getPixelFormat() == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10000.0 : 1000.0;
     if (const Status status = calibrate(session->streams.fov_x); status != Status::kOk) return status;
+    if (const std::string why = session->is_file ? why_nothing_comes() : std::string(); !why.empty()) {
+        return refuse(Status::kInvalid, session->description + ": " + why);
+    }
     conversion_ = std::make_unique<openni2::ImageConversion>(session->streams, info_, options_.baseline_m);
     if (!session->streams.is_registered) {
         char text[160];
@@ -135,6 +138,17 @@ Status OpenNi2Camera::open() noexcept {
                    : "registered here");
     due_ns_ = clock_ns(CLOCK_MONOTONIC);
     return Status::kOk;
+}
+
+std::string OpenNi2Camera::why_nothing_comes() {
+    Session& session = *session_;
+    std::unique_lock lock(session.mutex);
+    static_cast<void>(session.changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
+                                               [&session] { return session.slot.is_full || session.has_ended; }));
+    if (session.slot.is_full) return {};
+    return "OpenNI2's player gives " + std::to_string(session.counts.images_colour) + " colour and " +
+           std::to_string(session.counts.images_depth) +
+           " depth images of it, and no two of the same time; record it again, with 'stillmesh capture' or NiViewer.";
 }
 
 Status OpenNi2Camera::calibrate(double fov_x) {

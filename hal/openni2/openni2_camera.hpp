@@ -99,6 +99,8 @@ public:
 private:
     [[nodiscard]] Status refuse(Status status, std::string why);
     [[nodiscard]] Status calibrate(double fov_x);
+    // Of a file that has just been opened: why it gives no pair; empty: the first is there.
+    [[nodiscard]] std::string why_nothing_comes();
 
     OpenNi2Options options_;
     bool is_file_;

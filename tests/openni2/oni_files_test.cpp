@@ -258,6 +258,41 @@ TEST_F(OniFiles, RegistrationIsNotRecorded) {
     EXPECT_GT(best, 0.95);
 }
 
+// Promise: a recording of a camera that mirrored, as most recording programs leave it, is turned round; one that knows
+// no field of view gets that of its kind, and says so.
+TEST_F(OniFiles, MirroredAndWithoutFieldOfView) {
+    rig.camera().modes = 1;
+    rig.camera().can_unmirror = 0;
+    rig.camera().has_no_fov = 1;
+    ASSERT_TRUE(record_raw(file, {}));
+    OpenNi2Camera camera({.device = file});
+    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+    EXPECT_EQ(camera.info().model.fx, 525.0);
+    EXPECT_NE(camera.calibration_source().find("no field of view given"), std::string::npos)
+        << camera.calibration_source();
+    camera.close();
+    const Played played = play(file);
+    EXPECT_GE(played.times_ns.size(), 3U);
+    EXPECT_TRUE(played.is_right());
+    EXPECT_EQ(std::count(played.colour_error.begin(), played.colour_error.end(), 0),
+              static_cast<long>(played.times_ns.size()));
+}
+
+// Promise: a recording that OpenNI2's player shows no image of, as of a camera whose driver knows no cropping, is
+// refused with the reason, by the program too.
+TEST_F(OniFiles, NothingComes) {
+    rig.camera().modes = 2;
+    rig.camera().has_no_cropping = 1;
+    ASSERT_TRUE(record_raw(file, {.colour_width = 320, .depth_width = 320}));
+    const std::string reason = file + ": OpenNI2's player gives 0 colour and 0 depth images of it";
+    const Played played = play(file);
+    EXPECT_EQ(played.opened, Status::kInvalid);
+    EXPECT_NE(played.message.find(reason), std::string::npos) << played.message;
+    test::Program run = start("run --camera openni2:" + file);
+    EXPECT_EQ(run.wait(60'000), 2);
+    EXPECT_NE(run.err().find(reason), std::string::npos) << run.err();
+}
+
 // Promise: lossy colour, depth in tenths of millimetres, and depth of another size than colour are played.
 TEST_F(OniFiles, LossyFineAndMixed) {
     rig.camera().modes = 1;

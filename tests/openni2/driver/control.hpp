@@ -34,14 +34,15 @@ struct CameraControl {
     std::atomic<std::uint32_t> colour_fps, depth_fps;  // that the modes say; 0: 30
     std::atomic<std::uint32_t> can_register;
     std::atomic<std::uint32_t> can_unmirror;
-    std::atomic<std::uint32_t> emits_wrong_size;  // images of 160x120 whatever the mode
-    std::atomic<std::uint32_t> is_frozen;         // the same image again and again
-    std::atomic<std::uint32_t> hang_ms;           // closing takes so long
-    std::atomic<std::int32_t> depth_lag_us;       // depth after colour
-    std::atomic<std::uint32_t> period_us;         // of the camera's own clock, which is steady whoever is late
-    std::atomic<std::int64_t> stamp_offset_us;    // of stamps to the host's monotonic clock
-    std::atomic<std::uint32_t> jitter_us;         // colour stamps, in turn
-    std::atomic<std::uint32_t> exposure_swing;    // percent: the exposure hunts, darker and brighter by so much
+    std::atomic<std::uint32_t> has_no_fov, has_no_cropping;  // properties that it does not know
+    std::atomic<std::uint32_t> emits_wrong_size;             // images of 160x120 whatever the mode
+    std::atomic<std::uint32_t> is_frozen;                    // the same image again and again
+    std::atomic<std::uint32_t> hang_ms;                      // closing takes so long
+    std::atomic<std::int32_t> depth_lag_us;                  // depth after colour
+    std::atomic<std::uint32_t> period_us;       // of the camera's own clock, which is steady whoever is late
+    std::atomic<std::int64_t> stamp_offset_us;  // of stamps to the host's monotonic clock
+    std::atomic<std::uint32_t> jitter_us;       // colour stamps, in turn
+    std::atomic<std::uint32_t> exposure_swing;  // percent: the exposure hunts, darker and brighter by so much
 
     std::atomic<std::uint32_t> next_frame;  // goes on while it is plugged and not stalled
     std::atomic<std::uint32_t> opens, closes;

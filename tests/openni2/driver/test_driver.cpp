@@ -131,6 +131,7 @@ public:
     }
     void stop() override { is_running_ = false; }
     OniStatus getProperty(int id, void* data, int* size) override {
+        if (is_unknown(id)) return ONI_STATUS_NOT_SUPPORTED;
         switch (id) {
             case ONI_STREAM_PROPERTY_VIDEO_MODE: return put(data, size, mode_);
             case ONI_STREAM_PROPERTY_HORIZONTAL_FOV: return put(data, size, fov(shared_.frames->width));
@@ -181,6 +182,7 @@ public:
         return ONI_STATUS_OK;
     }
     OniBool isPropertySupported(int id) override {
+        if (is_unknown(id)) return FALSE;
         switch (id) {
             case ONI_STREAM_PROPERTY_VIDEO_MODE:
             case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
@@ -197,10 +199,12 @@ public:
     }
     void notifyAllProperties() override {  // what a recording will know
         raisePropertyChanged(ONI_STREAM_PROPERTY_VIDEO_MODE, &mode_, sizeof(mode_));
-        const float x = fov(shared_.frames->width);
-        const float y = fov(shared_.frames->height);
-        raisePropertyChanged(ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &x, sizeof(x));
-        raisePropertyChanged(ONI_STREAM_PROPERTY_VERTICAL_FOV, &y, sizeof(y));
+        if (!is_unknown(ONI_STREAM_PROPERTY_HORIZONTAL_FOV)) {
+            const float x = fov(shared_.frames->width);
+            const float y = fov(shared_.frames->height);
+            raisePropertyChanged(ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &x, sizeof(x));
+            raisePropertyChanged(ONI_STREAM_PROPERTY_VERTICAL_FOV, &y, sizeof(y));
+        }
         raisePropertyChanged(ONI_STREAM_PROPERTY_MIRRORING, &is_mirroring_, sizeof(is_mirroring_));
         if (type_ == ONI_SENSOR_DEPTH) {
             const int max = depth_max();
@@ -240,6 +244,11 @@ public:
     }
 
 private:
+    [[nodiscard]] bool is_unknown(int property) const {
+        return (property == ONI_STREAM_PROPERTY_CROPPING && control_.has_no_cropping != 0) ||
+               ((property == ONI_STREAM_PROPERTY_HORIZONTAL_FOV || property == ONI_STREAM_PROPERTY_VERTICAL_FOV) &&
+                control_.has_no_fov != 0);
+    }
     [[nodiscard]] int bytes() const { return mode_.pixelFormat == ONI_PIXEL_FORMAT_RGB888 ? 3 : 2; }
     [[nodiscard]] int depth_max() const {
         return mode_.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM ? static_cast<int>(kDepthMax) : 10000;
