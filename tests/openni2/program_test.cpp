@@ -298,6 +298,22 @@ TEST_F(LiveProgram, EndsCleanlyDuringAStall) {
     EXPECT_EQ(json_of(patient)["frames"], 5);
 }
 
+// Promise: where the stalled camera's driver hangs when it is closed, for longer than anybody waits, Ctrl-C ends the
+// program all the same, everything written.
+TEST_F(LiveProgram, EndsBesideAHangingDriver) {
+    rig.camera().is_plugged = 1;
+    Program run = start("run --camera auto --json --trajectory " + scratch.path("path.txt") + " --trajectory-final " +
+                        scratch.path("final.txt"));
+    ASSERT_TRUE(within(30'000, [&] { return poses("path.txt") >= 10; })) << run.err();
+    rig.camera().hang_ms = 120'000;
+    rig.camera().is_stalled = 1;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));  // it is being closed
+    run.signal(SIGINT);
+    EXPECT_EQ(run.wait(20'000), 130) << run.err();
+    EXPECT_EQ(json_of(run)["exit_code"], 130);
+    EXPECT_EQ(poses("final.txt"), poses("path.txt"));
+}
+
 // Promise: an .oni recording is tracked twice with the same bits, and its frames, written as a folder, once more; a
 // folder captured from the camera replays too.
 TEST_F(LiveProgram, RecordingsAreTrackedAgain) {

@@ -37,6 +37,7 @@ struct CameraControl {
     std::atomic<std::uint32_t> has_no_fov, has_no_cropping;  // properties that it does not know
     std::atomic<std::uint32_t> emits_wrong_size;             // images of 160x120 whatever the mode
     std::atomic<std::uint32_t> is_frozen;                    // the same image again and again
+    std::atomic<std::uint32_t> open_hang_ms;                 // opening takes so long
     std::atomic<std::uint32_t> hang_ms;                      // closing takes so long
     std::atomic<std::int32_t> depth_lag_us;                  // depth after colour
     std::atomic<std::uint32_t> period_us;       // of the camera's own clock, which is steady whoever is late

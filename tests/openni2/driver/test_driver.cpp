@@ -460,6 +460,7 @@ public:
         for (std::uint32_t i = 0; shared_.control != nullptr && i < kCamerasMax; ++i) {
             const CameraControl& camera = shared_.control->cameras[i];
             if (std::strcmp(uri, uri_of(i, camera.address).text) != 0 || camera.is_plugged == 0) continue;
+            std::this_thread::sleep_for(std::chrono::milliseconds(camera.open_hang_ms));
             if (camera.does_open_fail != 0) {
                 getServices().errorLoggerAppend("test driver: permission denied");
                 return nullptr;
