@@ -223,7 +223,8 @@ Status OpenNi2Camera::poll(Frame& frame) noexcept {
                    std::int64_t{image.getStrideInBytes()} * (image.getHeight() - 1) + image.getWidth() * bytes;
     };
     if (!has_form(given.colour, session.streams.colour_mode) || !has_form(given.depth, session.streams.depth_mode)) {
-        message_ = "an image of another size or format than " + mode_text(session.streams.colour_mode) + ".";
+        message_ = "an image that is damaged, or of another size or format than " +
+                   mode_text(session.streams.colour_mode) + ".";
         const std::lock_guard lock(session.mutex);
         ++session.counts.wrong_form;
         session.wrong_form_ns = session.given.complete_ns;
