@@ -244,7 +244,8 @@ std::uint32_t LoopClosing::ask() noexcept {
     verifier.end_query(places_->database().direct_index(keyframe_.slot()));
     const auto units = static_cast<std::uint32_t>(seen.size() / 4) + 1;
     const PlaceVerifier::Noise noise{std::max(1.0, tracking_->noise_pixel()), std::max(1.0, tracking_->noise_depth())};
-    verifier.start(*map_, candidates_[cursor_], noise);
+    verifier.start(*map_, candidates_[cursor_], noise,
+                   {configuration_->loop.matches_min, configuration_->loop.inliers_min});
     ++statistics_.candidates;
     stage_ = Stage::kVerify;  // the cursor stays
     return units;

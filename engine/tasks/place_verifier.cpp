@@ -74,11 +74,49 @@ void PlaceVerifier::end_query(std::span<const WordOfFeature> by_word) noexcept {
     }
 }
 
-void PlaceVerifier::start(const Map& map, Handle<Keyframe> candidate, const Noise& noise) noexcept {
+std::uint32_t PlaceVerifier::count_alike(const Map& map, const Vocabulary& vocabulary, Handle<Keyframe> keyframe,
+                                         std::span<const WordOfFeature> there) const noexcept {
+    const std::span<const Observation> observations = map.observations(keyframe);
+    const std::span<const Descriptor> descriptors = map.descriptors(keyframe);
+    std::uint32_t turns[kTurnBins] = {};
+    const auto look = [&](std::span<const WordOfFeature> mine, std::span<const WordOfFeature> theirs) {
+        for (const WordOfFeature a : mine) {
+            if (query_[a.feature].level == 0xff) continue;
+            std::uint32_t best = configuration_->loop.hamming_max + 1;
+            std::uint32_t second = kNoDistance;
+            std::uint32_t feature = 0;
+            for (const WordOfFeature b : theirs) {
+                if (b.feature >= observations.size()) continue;
+                const std::uint32_t distance = hamming_distance(descriptors_[a.feature], descriptors[b.feature]);
+                if (distance < best) {
+                    second = best;
+                    best = distance;
+                    feature = b.feature;
+                } else {
+                    second = std::min(second, distance);
+                }
+            }
+            if (best > configuration_->loop.hamming_max) continue;
+            if (static_cast<double>(best) > configuration_->loop.ratio_max * static_cast<double>(second)) continue;
+            if (!is_static(map.points().find(observations[feature].point))) continue;  // people look alike everywhere
+            ++turns[turn_bin(observations[feature].angle_rad, query_[a.feature].angle_rad)];
+        }
+    };
+    visit_common_nodes(vocabulary, std::min(kLookLevel, vocabulary.info().levels), by_word_.span(), there, look);
+    std::uint32_t alike = 0;
+    for (std::uint32_t i = 0; i < kTurnBins; ++i) {
+        alike = std::max(alike, turns[i] + turns[(i + 1) % kTurnBins] + turns[(i + 2) % kTurnBins]);
+    }
+    return alike;
+}
+
+void PlaceVerifier::start(const Map& map, Handle<Keyframe> candidate, const Noise& noise,
+                          const Demands& demands) noexcept {
     stage_ = Stage::kMatch;
     refusal_ = Refusal::kNone;
     candidate_ = candidate;
     noise_ = noise;
+    demands_ = demands;
     a_ = b_ = b_end_ = 0;
     node_end_ = 0;
     cursor_ = source_ = 0;
@@ -261,7 +299,7 @@ std::uint32_t PlaceVerifier::gather(const Map& map) noexcept {
     collect(map);
     matched_ = static_cast<std::uint32_t>(pairs_.size());
     const std::uint32_t units = 1 + matched_ * matched_ / 64 + static_cast<std::uint32_t>(query_.size()) / 4;
-    if (matched_ < configuration_->loop.matches_min) {
+    if (matched_ < demands_.matches_min) {
         refuse(Refusal::kFewMatches);
         return units;
     }
@@ -387,7 +425,7 @@ std::uint32_t PlaceVerifier::judge(const Map& map) noexcept {
     const std::uint32_t units = static_cast<std::uint32_t>(11 * chosen_.size()) + 1 +
                                 static_cast<std::uint32_t>(pairs_.size() * pairs_.size() / 64 + query_.size() / 4);
     fit_ = optimise_pose(pairs_.span(), chosen_.span(), fit_.world_from_camera, chi2_max, 10);
-    if (!fit_.is_valid || fit_.inliers < configuration_->loop.inliers_min) {
+    if (!fit_.is_valid || fit_.inliers < demands_.inliers_min) {
         refuse(Refusal::kFewInliers);
         return units;
     }

@@ -77,11 +77,21 @@ public:
     // The direct index of all features added.
     void end_query(std::span<const WordOfFeature> by_word) noexcept;
 
+    // A first look, some ten times cheaper than verification: how many features of a keyframe have one of the query
+    // that is alike, under nodes of level kLookLevel, and turned as most are. `there`: the keyframe's direct index.
+    static constexpr std::uint32_t kLookLevel = 2;
+    [[nodiscard]] std::uint32_t count_alike(const Map& map, const Vocabulary& vocabulary, Handle<Keyframe> keyframe,
+                                            std::span<const WordOfFeature> there) const noexcept;
+
     struct Noise {
         double pixel = 1, depth = 1;  // factors of the variances
     };
+    // What is asked of it: pairs by descriptor, and of those and their neighbours that agree on the pose in the end.
+    struct Demands {
+        std::uint32_t matches_min = 0, inliers_min = 0;
+    };
     // One candidate for the query at hand.
-    void start(const Map& map, Handle<Keyframe> candidate, const Noise& noise) noexcept;
+    void start(const Map& map, Handle<Keyframe> candidate, const Noise& noise, const Demands& demands) noexcept;
     // `candidate_words`: its direct index.
     [[nodiscard]] Progress step(const Map& map, const Vocabulary& vocabulary,
                                 std::span<const WordOfFeature> candidate_words, WorkBudget& budget) noexcept;
@@ -141,6 +151,7 @@ private:
     std::uint32_t source_count_ = 0;
     std::uint32_t source_ = 0;
     Noise noise_;
+    Demands demands_;
     std::size_t a_ = 0, b_ = 0, b_end_ = 0;  // in the direct indices
     std::uint32_t node_end_ = 0;
     std::uint32_t cursor_ = 0;

@@ -1,15 +1,21 @@
 #include "engine/tasks/relocalisation.hpp"
 
+#include <utility>
+
+#include "engine/tasks/recovery.hpp"
+
 namespace stillmesh {
 
 void Relocalisation::create(const Configuration& configuration, PlaceSearch& places) noexcept {
     configuration_ = &configuration;
     places_ = &places;
+    STILLMESH_CHECK(places.database().slots_count() <= kSlotsMax);
     reset();
 }
 
 void Relocalisation::reset() noexcept {
-    turn_ = 0;
+    dismissed_.reset();
+    tried_.reset();
     queries_ = candidates_ = successes_ = 0;
 }
 
@@ -39,33 +45,46 @@ bool Relocalisation::find(const Map& map, std::span<const Descriptor> descriptor
     places_->query().begin(places_->database(), words.bag());
     static_cast<void>(places_->query().step(places_->database(), unlimited));
     ++queries_;
-    // Groups of places, the best of each: two in this frame, the next two in the next.
-    Handle<Keyframe> tried[kTriesPerFrame * kTurns];
-    std::uint32_t groups = 0;
-    const std::uint32_t first = kTriesPerFrame * (turn_++ % kTurns);
+    // Less than of a loop, which nothing else is asked about: tracking has the last word here, and a probation follows.
+    const PlaceVerifier::Demands demands{configuration_->loop.first_inliers_min,
+                                         kPlacedFactor * configuration_->pose.inliers_min};
+    struct Place {
+        Handle<Keyframe> keyframe;
+        std::uint32_t worth = 0;  // features alike, half of them when it has been tried
+    };
+    Place best[kTriesPerFrame];  // the worthiest first
+    std::uint32_t looks = 0;
     for (const PlaceCandidate& place : places_->query().candidates()) {
-        if (groups == first + kTriesPerFrame) break;
-        if (!map.keyframes().is_taken(place.keyframe_slot)) continue;
-        const Handle<Keyframe> handle = map.keyframes().handle_of(place.keyframe_slot);
-        if (!places_->has(handle)) continue;
-        bool is_new = true;
-        for (std::uint32_t i = 0; i < groups && is_new; ++i) {
-            is_new = map.shared(tried[i].slot(), handle.slot()) < PlaceSearch::kSharedMin;
+        const std::uint32_t slot = place.keyframe_slot;
+        if (looks == kLooksPerFrame) break;
+        if (dismissed_[slot] || !map.keyframes().is_taken(slot)) continue;
+        Place look{map.keyframes().handle_of(slot)};
+        if (!places_->has(look.keyframe)) continue;
+        ++looks;
+        const std::uint32_t alike =
+            verifier.count_alike(map, places_->vocabulary(), look.keyframe, places_->database().direct_index(slot));
+        dismissed_[slot] = alike < kAlikeMin;
+        if (alike < kAlikeMin) continue;
+        look.worth = tried_[slot] ? alike / 2 : alike;
+        for (Place& other : best) {
+            if (look.worth > other.worth) std::swap(look, other);
         }
-        if (!is_new) continue;
-        tried[groups++] = handle;
-        if (groups <= first) continue;
+    }
+    const bool is_all = looks < kLooksPerFrame;
+    if (is_all) dismissed_.reset();  // begin again
+    bool is_found = false;
+    for (const Place& place : best) {
+        if (place.worth == 0 || is_found) break;
         ++candidates_;
-        verifier.start(map, handle, noise);
+        tried_[place.keyframe.slot()] = true;
+        verifier.start(map, place.keyframe, noise, demands);
         WorkBudget budget(UINT32_MAX);
         static_cast<void>(
-            verifier.step(map, places_->vocabulary(), places_->database().direct_index(place.keyframe_slot), budget));
-        if (!verifier.is_accepted()) continue;
-        turn_ = 0;
-        return true;
+            verifier.step(map, places_->vocabulary(), places_->database().direct_index(place.keyframe.slot()), budget));
+        is_found = verifier.is_accepted();
     }
-    if (groups <= first) turn_ = 0;  // there were no more: begin again with the best
-    return false;
+    if (is_all && !is_found) tried_.reset();
+    return is_found;
 }
 
 void Relocalisation::fill(EngineStatistics& statistics) const noexcept {
