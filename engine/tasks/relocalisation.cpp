@@ -14,8 +14,7 @@ void Relocalisation::create(const Configuration& configuration, PlaceSearch& pla
 }
 
 void Relocalisation::reset() noexcept {
-    dismissed_.reset();
-    tried_.reset();
+    forget(kDismissed | kTried);
     queries_ = candidates_ = successes_ = 0;
 }
 
@@ -57,33 +56,35 @@ bool Relocalisation::find(const Map& map, std::span<const Descriptor> descriptor
     for (const PlaceCandidate& place : places_->query().candidates()) {
         const std::uint32_t slot = place.keyframe_slot;
         if (looks == kLooksPerFrame) break;
-        if (dismissed_[slot] || !map.keyframes().is_taken(slot)) continue;
+        if ((marks_[slot] & kDismissed) != 0 || !map.keyframes().is_taken(slot)) continue;
         Place look{map.keyframes().handle_of(slot)};
         if (!places_->has(look.keyframe)) continue;
         ++looks;
         const std::uint32_t alike =
             verifier.count_alike(map, places_->vocabulary(), look.keyframe, places_->database().direct_index(slot));
-        dismissed_[slot] = alike < kAlikeMin;
-        if (alike < kAlikeMin) continue;
-        look.worth = tried_[slot] ? alike / 2 : alike;
+        if (alike < kAlikeMin) {
+            marks_[slot] |= kDismissed;
+            continue;
+        }
+        look.worth = (marks_[slot] & kTried) != 0 ? alike / 2 : alike;
         for (Place& other : best) {
             if (look.worth > other.worth) std::swap(look, other);
         }
     }
     const bool is_all = looks < kLooksPerFrame;
-    if (is_all) dismissed_.reset();  // begin again
+    if (is_all) forget(kDismissed);  // begin again
     bool is_found = false;
     for (const Place& place : best) {
         if (place.worth == 0 || is_found) break;
         ++candidates_;
-        tried_[place.keyframe.slot()] = true;
+        marks_[place.keyframe.slot()] |= kTried;
         verifier.start(map, place.keyframe, noise, demands);
         WorkBudget budget(UINT32_MAX);
         static_cast<void>(
             verifier.step(map, places_->vocabulary(), places_->database().direct_index(place.keyframe.slot()), budget));
         is_found = verifier.is_accepted();
     }
-    if (is_all && !is_found) tried_.reset();
+    if (is_all && !is_found) forget(kTried);
     return is_found;
 }
 

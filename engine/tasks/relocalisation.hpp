@@ -8,7 +8,6 @@
 // (some 0.05 ms each) and kTriesPerFrame verifications.
 #pragma once
 
-#include <bitset>
 #include <cstdint>
 #include <span>
 
@@ -40,15 +39,19 @@ public:
 
     void note_success() noexcept {
         ++successes_;
-        dismissed_.reset();
-        tried_.reset();
+        forget(kDismissed | kTried);
     }
     void fill(EngineStatistics& statistics) const noexcept;
 
 private:
+    static constexpr std::uint8_t kDismissed = 1, kTried = 2;
+    void forget(std::uint8_t marks) noexcept {
+        for (std::uint8_t& mark : marks_) mark = static_cast<std::uint8_t>(mark & ~marks);
+    }
+
     const Configuration* configuration_ = nullptr;  // outlives it
     PlaceSearch* places_ = nullptr;
-    std::bitset<kSlotsMax> dismissed_, tried_;  // by slot, in this round
+    std::uint8_t marks_[kSlotsMax] = {};  // by slot, in this round
     std::uint64_t queries_ = 0, candidates_ = 0, successes_ = 0;
 };
 
