@@ -393,7 +393,7 @@ bool RegionStore::append(RecordHead& head, std::span<const WordWeight> words, st
     Segment& segment = segments_.rbegin()->second;
     if (const int error = write_at(segment.descriptor, record_, segment.size); error != 0) {
         // What was begun is taken back; if that fails too, the next opening cuts it off.
-        static_cast<void>(::ftruncate(segment.descriptor, static_cast<off_t>(segment.size)));
+        [[maybe_unused]] const int cut = ::ftruncate(segment.descriptor, static_cast<off_t>(segment.size));
         return fail("cannot be written", error);
     }
     segment.size += record_.size();
