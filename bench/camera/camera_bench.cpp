@@ -109,6 +109,7 @@ int bench(int seconds) {
                 1e3 * json["cpu_s"].get<double>() / count);
     if (evaluation) std::printf("ATE %.4f m over %zu poses\n", evaluation->ate_rmse_m, evaluation->pairs.size());
     if (code != 0) return code;
+    static_cast<void>(std::fflush(stdout));
     return bench_returns(rig) ? 0 : 1;
 }
 
