@@ -2,13 +2,13 @@
 // is played whole, or refused with the reason. Made here, through the real OpenNI2's recorder.
 #include <OpenNI.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
-#include <condition_variable>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "hal/openni2/openni2_camera.hpp"
@@ -71,20 +71,13 @@ struct Wanted {
     return is_well;
 }
 
+// In a process of its own: OpenNI2 remembers threads that it wrote an error for, its recorder's too, which end, and
+// asks glibc about them later.
 [[nodiscard]] bool record_raw(const std::string& file, const Wanted& wanted) {
-    std::mutex mutex;
-    std::condition_variable changed;
-    bool is_done = false, is_well = false;
-    const bool runs = openni2::run_parked([&] {
-        const bool recorded = record_streams(file, wanted);
-        const std::lock_guard lock(mutex);
-        is_well = recorded;
-        is_done = true;
-        changed.notify_all();
-    });
-    std::unique_lock lock(mutex);
-    changed.wait(lock, [&] { return is_done || !runs; });
-    return is_well;
+    const pid_t child = fork();
+    if (child == 0) _exit(record_streams(file, wanted) ? 0 : 1);
+    int status = 0;
+    return child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
 // With `stillmesh capture`'s means. The recorder begins somewhat after the streams, later still on a busy machine.
