@@ -446,7 +446,7 @@ struct TimeChart {
 
 [[nodiscard]] std::string frame_figure(const RunRecord& run, const MeshSnapshot& snapshot) {
     constexpr std::array<const char*, 8> kGroups = {"#ffb000", "#ff5fd2", "#b388ff", "#ff8a5c",
-                                                    "#ffe45c", "#7fe3ff", "#c8ff6b", "#ff9db0"};
+                                                    "#ffe45c", "#d2691e", "#c8ff6b", "#ff9db0"};
     std::string kept;
     std::string cut;
     std::size_t kept_count = 0;
