@@ -173,6 +173,7 @@ struct PredictionParameters {
     std::uint32_t fading_frames_max = 20;
     double fading_unsure = 0.7;
     double jump_sigmas = 2.0;
+    double leap_sigmas = 20.0;
 };
 
 // Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can.
@@ -204,11 +205,11 @@ struct EmptinessParameters {
 struct KeyframeParameters {
     double tracked_share_max = 0.8;
     std::uint32_t new_points_min = 40;
-    std::uint32_t gap_min = 8;           // frames
-    double tracked_share_urgent = 0.4;   // below: the gap does not count
-    std::uint32_t tracked_urgent = 120;  // static points, below: the gap does not count
-    std::uint32_t gap_urgent = 2;        // frames, even so
-    std::uint32_t new_per_tracked = 2;   // new points that count as one tracked
+    std::uint32_t gap_min = 8;                    // frames
+    double tracked_share_urgent = 0.4;            // below: the gap does not count
+    std::uint32_t tracked_urgent_permille = 120;  // static points, of the features; below: the gap does not count
+    std::uint32_t gap_urgent = 2;                 // frames, even so
+    std::uint32_t new_per_tracked = 2;            // new points that count as one tracked
 };
 
 // Background work in work units (engine/schedule/task.hpp).
@@ -223,7 +224,8 @@ struct MappingParameters {
     bool is_adjusting = true;  // local bundle adjustment
     bool is_fusing = false;
     bool is_triangulating = false;
-    bool is_culling = true;               // redundant keyframes
+    bool is_culling = true;  // redundant keyframes
+    double settled_s = 60.0;
     std::uint32_t window_keyframes = 10;  // free ones of an adjustment, the new one included
     std::uint32_t shared_min = 15;
     std::uint32_t fixed_shared_min = 3;
@@ -250,8 +252,8 @@ struct MappingParameters {
 struct MapParameters {
     std::uint32_t cull_after_frames = 30;
     std::uint32_t seen_min = 3;
-    double twin_m = 0.5;
-    double twin_cosine_min = 0.87;
+    double crowded_m = 2.0;  // viewpoints farther from all others go by age alone
+    double turn_m2 = 4.0;
     std::uint32_t redundant_observers = 3;
     std::uint32_t redundant_permille = 900;
     double redundant_scale_factor = 1.1;
@@ -520,6 +522,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
       "what is left of the sliding after an unsure frame");
     v("prediction.jump_sigmas", c.prediction.jump_sigmas, 0.0, 100.0, "",
       "an unsure pose farther off is doubted by the rest");
+    v("prediction.leap_sigmas", c.prediction.leap_sigmas, 1.0, 1e6, "",
+      "an unsure pose farther than so many from the one expected is refused");
     v("recovery.keyframes_max", c.recovery.keyframes_max, 1.0, 1000.0, "", "recent ones tried in turn");
     v("recovery.matches_min", c.recovery.matches_min, 3.0, 4000.0, "", "fewer matches recover nothing");
     v("recovery.inliers_start", c.recovery.inliers_start, 0.05, 1.0, "", "share of inliers expected");
@@ -544,7 +548,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("keyframes.new_points_min", c.keyframes.new_points_min, 1.0, 4000.0, "", "a new keyframe adds at least so many");
     v("keyframes.gap_min", c.keyframes.gap_min, 1.0, 300.0, "frames", "from one keyframe to the next");
     v("keyframes.tracked_share_urgent", c.keyframes.tracked_share_urgent, 0.0, 1.0, "", "below: the gap is ignored");
-    v("keyframes.tracked_urgent", c.keyframes.tracked_urgent, 0.0, 4000.0, "", "below: the gap is ignored");
+    v("keyframes.tracked_urgent_permille", c.keyframes.tracked_urgent_permille, 0.0, 1000.0, "",
+      "static points, of features.count; below: the gap is ignored");
     v("keyframes.gap_urgent", c.keyframes.gap_urgent, 1.0, 300.0, "frames", "the gap when it is ignored");
     v("keyframes.new_per_tracked", c.keyframes.new_per_tracked, 1.0, 100.0, "", "new points that count as one tracked");
     v("schedule.units_per_frame", c.schedule.units_per_frame, 1.0, 1e9, "units", "background work after each frame");
@@ -554,6 +559,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("mapping.is_fusing", c.mapping.is_fusing, 0.0, 1.0, "", "fuse duplicates with neighbours");
     v("mapping.is_triangulating", c.mapping.is_triangulating, 0.0, 1.0, "", "points for features without depth");
     v("mapping.is_culling", c.mapping.is_culling, 0.0, 1.0, "", "forget redundant keyframes");
+    v("mapping.settled_s", c.mapping.settled_s, 0.0, 1e9, "s",
+      "keyframes older than a new one by so much are not moved by its adjustment");
     v("mapping.window_keyframes", c.mapping.window_keyframes, 2.0, 12.0, "", "free keyframes of an adjustment");
     v("mapping.shared_min", c.mapping.shared_min, 1.0, 4000.0, "", "points a neighbour shares");
     v("mapping.fixed_shared_min", c.mapping.fixed_shared_min, 1.0, 4000.0, "",
@@ -587,8 +594,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
       "of the points, kept free ahead of need");
     v("map.cull_after_frames", c.map.cull_after_frames, 1.0, 1e6, "frames", "weak points unseen for so long go");
     v("map.seen_min", c.map.seen_min, 1.0, 65535.0, "frames", "points seen in fewer are weak");
-    v("map.twin_m", c.map.twin_m, 0.0, 100.0, "m", "keyframes as near as this know the same place");
-    v("map.twin_cosine_min", c.map.twin_cosine_min, -1.0, 1.0, "", "if they look the same way");
+    v("map.crowded_m", c.map.crowded_m, 0.0, 100.0, "m", "keyframes with one as near go first");
+    v("map.turn_m2", c.map.turn_m2, 0.0, 100.0, "m^2", "a turn is as far as its root: times 1 - cosine");
     v("map.redundant_observers", c.map.redundant_observers, 1.0, 1000.0, "", "others that see a point well enough");
     v("map.redundant_permille", c.map.redundant_permille, 1.0, 1000.0, "1/1000",
       "such points make a keyframe redundant");

@@ -120,6 +120,7 @@ struct LoopStatistics {
     double largest_correction_m = 0;                                                    // of the camera
     double last_correction_m = 0;
     std::uint64_t relocalisations = 0;
+    std::uint64_t matched_by_words = 0;  // keyframes that frames of a lost camera were matched with by words
     std::uint64_t relocalisation_queries = 0, relocalisation_candidates = 0;
 };
 // What went to the map store and what came back (docs/map-store.md).

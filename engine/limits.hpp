@@ -20,7 +20,7 @@ struct Limits {
     // The desk and the robot with memory to spare: at most 48 MiB.
     [[nodiscard]] static constexpr Limits room() noexcept { return {}; }
     // A small board: at most 8 MiB.
-    [[nodiscard]] static constexpr Limits pocket() noexcept { return {640, 480, 8, 500, 32, 4000, 64, 2500, 10000}; }
+    [[nodiscard]] static constexpr Limits pocket() noexcept { return {640, 480, 8, 500, 40, 5500, 64, 3000, 10000}; }
     // For tests: every full pool happens within seconds; at most 512 KiB.
     [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 300, 16, 200, 300}; }
 };

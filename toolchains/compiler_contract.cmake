@@ -23,6 +23,9 @@ target_compile_options(stillmesh_contract INTERFACE
     -fno-fast-math -fno-math-errno -ffp-contract=off
     # What a failed check prints is a path inside the project.
     -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
+if(CMAKE_SIZEOF_VOID_P EQUAL 4)  # files above 2 GB, and folders of file systems that number their files with 64 bits
+    target_compile_definitions(stillmesh_contract INTERFACE _FILE_OFFSET_BITS=64)
+endif()
 if(STILLMESH_SANITIZE)
     target_compile_options(stillmesh_contract INTERFACE -fsanitize=address,undefined -fno-sanitize-recover=all
         -fno-sanitize=vptr  # would need RTTI of the engine

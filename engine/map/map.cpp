@@ -14,9 +14,9 @@ constexpr std::uint64_t word_of(Change change, std::uint64_t a, std::uint64_t b 
     return static_cast<std::uint64_t>(change) << 56U | a << 28U | b;
 }
 
-// 1 for points with two observers or more: they go last. 39 bits of frame (centuries at 30 Hz), 24 bits of slot.
-constexpr std::uint64_t age_of(bool is_shared, std::uint64_t frame, std::uint32_t slot) noexcept {
-    return static_cast<std::uint64_t>(is_shared) << 63U | frame << 24U | slot;
+// 1 for proven points: they go last. 39 bits of frame (centuries at 30 Hz), 24 bits of slot.
+constexpr std::uint64_t age_of(bool is_proven, std::uint64_t frame, std::uint32_t slot) noexcept {
+    return static_cast<std::uint64_t>(is_proven) << 63U | frame << 24U | slot;
 }
 
 }  // namespace
@@ -77,10 +77,11 @@ std::uint32_t Map::make_room_for_points(std::uint32_t count, std::uint64_t frame
     STILLMESH_CHECK(points_.slots_count() < (1U << 24U) && frame < (std::uint64_t{1} << 39U));
     std::size_t candidates = 0;
     for (std::uint32_t slot = 0; slot < points_.slots_count(); ++slot) {
-        if (!points_.is_taken(slot) || spared.has(slot)) continue;
+        if (!points_.is_taken(slot)) continue;
         const MapPoint& point = points_.at(slot);
-        if (point.last_seen_frame >= frame) continue;
-        by_age_[candidates++] = age_of(point.observers > 1, point.last_seen_frame, slot);
+        const bool is_proven = !is_weak(point);
+        if (point.last_seen_frame >= frame || (is_proven && spared.has(slot))) continue;
+        by_age_[candidates++] = age_of(is_proven, point.last_seen_frame, slot);
     }
     const std::size_t going = std::min<std::size_t>(count, candidates);
     const auto begin = by_age_.begin();
@@ -101,7 +102,7 @@ std::uint32_t Map::cull_points(std::uint64_t frame, std::uint32_t first, std::ui
         if (!points_.is_taken(slot)) continue;
         const MapPoint& point = points_.at(slot);
         if (point.last_seen_frame + parameters_.cull_after_frames >= frame) continue;
-        if (!point.is_suspect && point.seen >= parameters_.seen_min) continue;
+        if (!is_weak(point)) continue;
         release_point(points_.handle_of(slot));
         ++statistics_.points_culled;
     }
@@ -345,19 +346,20 @@ void Map::release_redundant(Handle<Keyframe> keyframe) noexcept {
     ++statistics_.keyframes_redundant;
 }
 
-// A near twin sees the same place from about the same side.
-bool Map::has_twin(std::uint32_t slot) const noexcept {
-    const double reach_m2 = parameters_.twin_m * parameters_.twin_m;
+double Map::apart_m2(std::uint32_t slot, std::uint32_t other) const noexcept {
     const SE3& here = keyframes_.at(slot).world_from_camera;
-    for (std::uint32_t other = 0; other < keyframes_.slots_count(); ++other) {
-        if (other == slot || !keyframes_.is_taken(other)) continue;
-        const SE3& there = keyframes_.at(other).world_from_camera;
-        if ((there.translation - here.translation).squaredNorm() > reach_m2) continue;
-        const Vector3 axis_here = here.rotation.col(2);
-        const Vector3 axis_there = there.rotation.col(2);
-        if (axis_here.dot(axis_there) > parameters_.twin_cosine_min) return true;
+    const SE3& there = keyframes_.at(other).world_from_camera;
+    const double cosine = here.rotation.col(2).dot(there.rotation.col(2));
+    return (there.translation - here.translation).squaredNorm() + parameters_.turn_m2 * (1.0 - cosine);
+}
+
+std::uint32_t Map::proven_points(std::uint32_t slot) const noexcept {
+    std::uint32_t count = 0;
+    for (const Observation& observation : observations(keyframes_.handle_of(slot))) {
+        const MapPoint* const point = points_.find(observation.point);
+        count += point != nullptr && !is_weak(*point) ? 1U : 0U;
     }
-    return false;
+    return count;
 }
 
 bool Map::evict_keyframe(std::span<const std::uint8_t> spared) noexcept {
@@ -365,7 +367,7 @@ bool Map::evict_keyframe(std::span<const std::uint8_t> spared) noexcept {
         std::uint64_t useful = 0;
         std::uint32_t slot = 0;
     };
-    Candidate oldest[kTwinCandidates];  // least recently useful first; ties: the lower slot
+    Candidate oldest[kCrowdedCandidates];  // least recently useful first; ties: the lower slot
     std::uint32_t count = 0;
     const Handle<Keyframe> newest = recent_keyframe(0);
     for (std::uint32_t slot = 0; slot < keyframes_.slots_count(); ++slot) {
@@ -374,18 +376,29 @@ bool Map::evict_keyframe(std::span<const std::uint8_t> spared) noexcept {
         const std::uint64_t useful = keyframes_.at(slot).last_useful_frame;
         std::uint32_t at = count;
         while (at > 0 && oldest[at - 1].useful > useful) --at;
-        if (at >= kTwinCandidates) continue;
-        if (count < kTwinCandidates) ++count;
+        if (at >= kCrowdedCandidates) continue;
+        if (count < kCrowdedCandidates) ++count;
         for (std::uint32_t i = count - 1; i > at; --i) oldest[i] = oldest[i - 1];
         oldest[at] = {useful, slot};
     }
     if (count == 0) return false;
+    // Of the two nearest to each other the newer goes, so that a way is thinned out evenly and the map keeps what it
+    // was built on; but not for one whose points are mostly gone. Spared ones are nobody's neighbour: beside them
+    // whatever has just left the local map would go, and the places it shows be forgotten.
     std::uint32_t going = oldest[0].slot;
-    for (std::uint32_t i = 0; i < count; ++i) {
-        if (!has_twin(oldest[i].slot)) continue;
-        going = oldest[i].slot;
-        break;
+    std::uint32_t staying = going;
+    double least_m2 = parameters_.crowded_m * parameters_.crowded_m;
+    for (std::uint32_t i = 1; i < count; ++i) {
+        for (std::uint32_t k = 0; k < i; ++k) {
+            const double between_m2 = apart_m2(oldest[i].slot, oldest[k].slot);
+            if (between_m2 >= least_m2) continue;
+            least_m2 = between_m2;
+            going = oldest[i].slot;
+            staying = oldest[k].slot;
+        }
     }
+    if (keyframes_.at(going).frame < keyframes_.at(staying).frame) std::swap(going, staying);
+    if (going != staying && 2 * proven_points(staying) < proven_points(going)) going = staying;
     release_keyframe(keyframes_.handle_of(going));
     ++statistics_.keyframes_evicted;
     return true;

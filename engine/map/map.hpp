@@ -105,7 +105,7 @@ struct MapStatistics {
 
 class Map {
 public:
-    static constexpr std::uint32_t kTwinCandidates = 16;
+    static constexpr std::uint32_t kCrowdedCandidates = 64;
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         Pool<MapPoint>::plan(arena, limits.map_points_max);
@@ -125,9 +125,10 @@ public:
     [[nodiscard]] Result<Handle<MapPoint>> add_point() noexcept;
     // The handle must be alive. Observations of it become stale. Cost: observers^2.
     void release_point(Handle<MapPoint> point) noexcept;
-    // Forgets the `count` points least recently seen (ties: the lower slot), those that one keyframe or none observes
-    // first. Those seen in `frame` or later stay, and the spared ones.
-    // Returns how many went.
+    // Forgets `count` points: first what moves or has hardly ever been seen, spared or not, then the others that are
+    // not spared; the least recently seen first (ties: the lower slot). Those seen in `frame` or later stay. Among
+    // people most of what a keyframe adds is theirs: left in as long as the rest, it would turn the pool over within
+    // seconds. Returns how many went.
     std::uint32_t make_room_for_points(std::uint32_t count, std::uint64_t frame, const SparedPoints& spared) noexcept;
     // Forgets what is not worth keeping: unseen for some frames, and moving or hardly ever seen before. Slots from
     // `first`, at most `count`; returns the slot to go on with, 0 when the pool is through.
@@ -147,9 +148,10 @@ public:
     void release_keyframe(Handle<Keyframe> keyframe) noexcept;
     // As a redundant one, counted so.
     void release_redundant(Handle<Keyframe> keyframe) noexcept;
-    // Makes room for one keyframe: of those that are not `spared` (by slot; may be empty) nor the newest, the least
-    // recently useful; among the kTwinCandidates least useful one with a near twin first (the place stays known).
-    // False: there is none.
+    // Makes room for one keyframe, of those that are neither `spared` (by slot; may be empty) nor the newest: among the
+    // kCrowdedCandidates least recently useful the newer of the two nearest to each other, so that the places of a long
+    // way stay known, ever farther apart; if all are far apart, the least recently useful. False: there is none.
+    // Cost: kCrowdedCandidates^2 / 2 distances, the features of two keyframes, and release_keyframe().
     [[nodiscard]] bool evict_keyframe(std::span<const std::uint8_t> spared) noexcept;
     // The oldest goes (sliding set).
     void evict_oldest() noexcept;
@@ -237,8 +239,14 @@ private:
     }
     void share(std::uint32_t slot_a, std::uint32_t slot_b, std::int32_t change) noexcept;
     void forget_observer(std::uint32_t point_slot, std::uint32_t keyframe_slot) noexcept;
+    // Seen to move, or hardly ever seen.
+    [[nodiscard]] bool is_weak(const MapPoint& point) const noexcept {
+        return point.is_suspect || point.seen < parameters_.seen_min;
+    }
     [[nodiscard]] bool is_below(std::uint32_t slot, std::uint32_t ancestor) const noexcept;
-    [[nodiscard]] bool has_twin(std::uint32_t slot) const noexcept;
+    // Between two viewpoints; a turn counts as a distance.
+    [[nodiscard]] double apart_m2(std::uint32_t slot, std::uint32_t other) const noexcept;
+    [[nodiscard]] std::uint32_t proven_points(std::uint32_t keyframe_slot) const noexcept;
 
     Pool<MapPoint> points_;
     Pool<Keyframe> keyframes_;

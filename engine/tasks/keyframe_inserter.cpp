@@ -6,6 +6,7 @@ namespace stillmesh {
 
 void KeyframeInserter::create(Arena& arena, const Configuration& configuration) noexcept {
     parameters_ = configuration.keyframes;
+    tracked_urgent_ = parameters_.tracked_urgent_permille * configuration.features.count / 1000;
     weights_ = configuration.weights;
     is_region_enabled_ = configuration.region.is_enabled;
     is_mapping_ = configuration.mapping.is_enabled;
@@ -37,7 +38,7 @@ bool KeyframeInserter::wants(std::uint64_t number, std::uint32_t static_count,
     const KeyframeParameters& k = parameters_;
     const double share = tracked_ > 0 ? static_cast<double>(static_count) / static_cast<double>(tracked_) : 0.0;
     if (new_points_possible < k.new_points_min) return false;
-    if (share < k.tracked_share_urgent || static_count < k.tracked_urgent) return number - frame_ >= k.gap_urgent;
+    if (share < k.tracked_share_urgent || static_count < tracked_urgent_) return number - frame_ >= k.gap_urgent;
     return share < k.tracked_share_max && number - frame_ >= k.gap_min;
 }
 

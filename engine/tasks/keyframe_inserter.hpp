@@ -63,6 +63,7 @@ private:
                    Map& map, LocalMap& local_map) const noexcept;
 
     KeyframeParameters parameters_;
+    std::uint32_t tracked_urgent_ = 0;
     WeightParameters weights_;
     bool is_region_enabled_ = true;
     bool is_mapping_ = true;

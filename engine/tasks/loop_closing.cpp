@@ -689,6 +689,7 @@ void LoopClosing::fill(EngineStatistics& statistics) const noexcept {
     statistics.loop.relocalisations = before.relocalisations;
     statistics.loop.relocalisation_queries = before.relocalisation_queries;
     statistics.loop.relocalisation_candidates = before.relocalisation_candidates;
+    statistics.loop.matched_by_words = before.matched_by_words;
 }
 
 }  // namespace stillmesh

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/base/numbers.hpp"
+#include "engine/base/time.hpp"
 #include "engine/features/hamming.hpp"
 
 namespace stillmesh {
@@ -388,8 +389,13 @@ std::uint32_t Mapping::choose_window() noexcept {
         ++problem_keyframe_count_;
     };
     take_in(keyframe_, false);
+    const std::int64_t settled_ns = map_->keyframes().find(keyframe_)->time_ns -
+                                    static_cast<std::int64_t>(configuration_->mapping.settled_s * kSecond_ns);
     for (std::uint32_t i = 0; i < neighbour_count_ && problem_keyframe_count_ < free_max; ++i) {
-        if (map_->keyframes().find(neighbours_[i]) != nullptr) take_in(neighbours_[i], false);
+        const Keyframe* const neighbour = map_->keyframes().find(neighbours_[i]);
+        // Those of an earlier visit hold still: adjusted to every later one the map would wander off with the years.
+        if (neighbour == nullptr || neighbour->time_ns < settled_ns) continue;
+        take_in(neighbours_[i], false);
     }
     free_count_ = problem_keyframe_count_;
     // Points of the free keyframes that two of all keyframes see, newest keyframe first; who else sees them.
@@ -616,7 +622,8 @@ std::uint32_t Mapping::evict() noexcept {
     if (keyframes.capacity() - keyframes.size() < keyframes_spare && cursor_ < keyframes_spare) {
         ++cursor_;
         if (map_->evict_keyframe(tracking_->local_map().keyframes())) {
-            return 1 + limits_.features_max / 4 + 2 * limits_.keyframes_max;
+            const std::uint32_t compared = std::min(limits_.keyframes_max, Map::kCrowdedCandidates);
+            return 1 + limits_.features_max / 2 + 2 * limits_.keyframes_max + compared * compared / 4;
         }
     }
     const std::size_t points_spare = std::min<std::size_t>(

@@ -15,7 +15,19 @@ void Relocalisation::create(const Configuration& configuration, PlaceSearch& pla
 
 void Relocalisation::reset() noexcept {
     forget(kDismissed | kTried);
-    queries_ = candidates_ = successes_ = 0;
+    matched_ = queries_ = candidates_ = successes_ = 0;
+}
+
+bool Relocalisation::match(const Map& map, Handle<Keyframe> keyframe, std::span<const Descriptor> descriptors,
+                           MapMatcher& matcher) noexcept {
+    if (!is_on() || !places_->has(keyframe)) return false;
+    places_->take(PlaceSearch::User::kRelocalisation);
+    FrameWords& words = places_->words();
+    words.find(places_->vocabulary(), descriptors);
+    matcher.by_words(map, keyframe, places_->vocabulary(), configuration_->loop.nodes_level, words.by_word(),
+                     places_->database().direct_index(keyframe.slot()));
+    ++matched_;
+    return true;
 }
 
 void Relocalisation::begin(std::span<const Descriptor> descriptors) noexcept {
@@ -90,6 +102,7 @@ bool Relocalisation::find(const Map& map, std::span<const Descriptor> descriptor
 
 void Relocalisation::fill(EngineStatistics& statistics) const noexcept {
     statistics.loop.relocalisations = successes_;
+    statistics.loop.matched_by_words = matched_;
     statistics.loop.relocalisation_queries = queries_;
     statistics.loop.relocalisation_candidates = candidates_;
 }

@@ -13,6 +13,7 @@
 
 #include "engine/configuration.hpp"
 #include "engine/engine.hpp"
+#include "engine/matching/map_matcher.hpp"
 #include "engine/tasks/place_search.hpp"
 
 namespace stillmesh {
@@ -28,6 +29,11 @@ public:
     void reset() noexcept;
 
     [[nodiscard]] bool is_on() const noexcept { return places_->is_on() && configuration_->loop.is_relocalising; }
+    // Matches the frame with a keyframe through the direct index (method.md 2): as many matches as all pairs give, in a
+    // ninth of the time (docs/places.md). False: nothing was done, since the keyframe's words are not known (yet).
+    [[nodiscard]] bool match(const Map& map, Handle<Keyframe> keyframe, std::span<const Descriptor> descriptors,
+                             MapMatcher& matcher) noexcept;
+
     // Begins with a new frame; then its features one by one.
     void begin(std::span<const Descriptor> descriptors) noexcept;
     void add_feature(const Observation& observation) noexcept;
@@ -52,7 +58,7 @@ private:
     const Configuration* configuration_ = nullptr;  // outlives it
     PlaceSearch* places_ = nullptr;
     std::uint8_t marks_[kSlotsMax] = {};  // by slot, in this round
-    std::uint64_t queries_ = 0, candidates_ = 0, successes_ = 0;
+    std::uint64_t matched_ = 0, queries_ = 0, candidates_ = 0, successes_ = 0;
 };
 
 }  // namespace stillmesh

@@ -197,6 +197,7 @@ void Tracking::predict(const Frame& frame) noexcept {
 }
 
 bool Tracking::estimate(const Frame* unexpected) noexcept {
+    const RegionContext expected = context_;  // matching widens it where it has to search farther
     match();
     const NoiseScale::Factors noise_before = noise_.factors();
     const RegionChoice choice = choose_region();
@@ -208,6 +209,11 @@ bool Tracking::estimate(const Frame* unexpected) noexcept {
     if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
     const bool is_choice_clear =
         choice.margin >= configuration_.region.margin_min && choice.score >= configuration_.region.score_min;
+    const std::uint32_t sure_inliers = configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
+    if ((!is_choice_clear || fit.inliers < sure_inliers) && leaps(expected, fit.world_from_camera)) {
+        noise_.restore(noise_before);
+        return false;
+    }
     // Where nobody expects the camera a few that agree among many that do not are no evidence. On probation such looks
     // do not count, as long as the depth agrees.
     if (unexpected != nullptr) {
@@ -220,10 +226,18 @@ bool Tracking::estimate(const Frame* unexpected) noexcept {
         if (is_evidence && is_on_probation) --probation_frames_;
     }
     match_more(fit);
-    const bool is_sure =
-        is_choice_clear && fit.inliers >= configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
-    accept(fit, is_sure);
+    const bool is_sure = is_choice_clear && fit.inliers >= sure_inliers;
+    accept(fit, is_sure, is_choice_clear);
     return true;
+}
+
+// Farther from where the camera is expected than it can have got: what is not sure either is somebody else's motion.
+bool Tracking::leaps(const RegionContext& expected, const SE3& world_from_camera) const noexcept {
+    const SE3 off = expected.world_from_camera_predicted.inverse() * world_from_camera;
+    const double sigmas = configuration_.prediction.leap_sigmas * (1.0 + static_cast<double>(lost_frames_));
+    const double reach_m = sigmas * expected.prediction_sigma_m;
+    return off.translation.squaredNorm() > reach_m * reach_m ||
+           rotation_angle(off.rotation) > sigmas * expected.prediction_sigma_rad;
 }
 
 void Tracking::match() noexcept {
@@ -320,7 +334,7 @@ void Tracking::match_more(PoseFit& fit) noexcept {
     observe(Stage::kLocalMap, false);
 }
 
-void Tracking::accept(const PoseFit& fit, bool is_sure) noexcept {
+void Tracking::accept(const PoseFit& fit, bool is_sure, bool is_choice_clear) noexcept {
     observe(Stage::kMapUpdate, true);
     const bool is_on_track = lost_frames_ == 0;
     if (is_on_track && motion_.time_ns() == start_time_ns_) shutter_.backdate(map_, start_time_ns_);
@@ -357,7 +371,8 @@ void Tracking::accept(const PoseFit& fit, bool is_sure) noexcept {
             keyframe_looks_.look(correspondences_.span(), chosen_.span(), fit.world_from_camera, map_);
         }
     }
-    if (!keeps_map() &&
+    // Where it is not clear who stands still, the map learns nothing: a keyframe that follows somebody would stay.
+    if (!keeps_map() && is_choice_clear &&
         keyframe_inserter_.wants(frame_, still, KeyframeInserter::new_points_possible(measured_, matcher_))) {
         make_keyframe();
     }
@@ -378,8 +393,12 @@ void Tracking::make_keyframe() noexcept {
 // A lost camera, near where it was lost: by the descriptors of a keyframe (recovery.hpp).
 bool Tracking::recover(const Frame& frame) noexcept {
     if (map_.keyframes().size() == 0) return false;
-    matcher_.by_descriptor(map_, recovery_candidate(map_, is_placed_, is_placed_ ? lost_frames_ : frame_ - first_frame_,
-                                                    configuration_.recovery.keyframes_max));
+    const Handle<Keyframe> candidate = recovery_candidate(
+        map_, is_placed_, is_placed_ ? lost_frames_ : frame_ - first_frame_, configuration_.recovery.keyframes_max);
+    if (relocalisation_ == nullptr ||
+        !relocalisation_->match(map_, candidate, measured_.features().descriptors.span(), matcher_)) {
+        matcher_.by_descriptor(map_, candidate);
+    }
     gather();
     choose_voters(correspondences_.span(), chosen_);
     const LastSeen last_seen{world_from_camera(), seconds_between(measured_time_ns_, time_ns_)};

@@ -107,12 +107,13 @@ private:
     // changed. `unexpected`: where nothing foretells the camera it has to be sure, and the depth of this frame to
     // agree.
     [[nodiscard]] bool estimate(const Frame* unexpected) noexcept;
+    [[nodiscard]] bool leaps(const RegionContext& expected, const SE3& world_from_camera) const noexcept;
     void match() noexcept;
     [[nodiscard]] RegionChoice choose_region() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
     [[nodiscard]] PoseFit fit_pose(const RegionChoice& choice) noexcept;
     void match_more(PoseFit& fit) noexcept;
-    void accept(const PoseFit& fit, bool is_sure) noexcept;
+    void accept(const PoseFit& fit, bool is_sure, bool is_choice_clear) noexcept;
     void make_keyframe() noexcept;
     // --- a frame without a pose
     [[nodiscard]] bool recover(const Frame& frame) noexcept;

@@ -189,7 +189,8 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                                                  {"largest_correction_m", l.largest_correction_m},
                                                  {"relocalisations", l.relocalisations},
                                                  {"relocalisation_queries", l.relocalisation_queries},
-                                                 {"relocalisation_candidates", l.relocalisation_candidates}}
+                                                 {"relocalisation_candidates", l.relocalisation_candidates},
+                                                 {"matched_by_words", l.matched_by_words}}
                                           : Json(nullptr);
     Json stages = Json::object();
     for (const StageRecord& stage : record.stages) {

@@ -187,13 +187,24 @@ bool RegionStore::open_segments(std::string& message) {
     }
     std::vector<std::uint64_t> numbers;
     bool is_strange = false;
-    while (const dirent* const found = ::readdir(folder)) {
+    int error = 0;
+    for (;;) {
+        errno = 0;
+        const dirent* const found = ::readdir(folder);
+        if (found == nullptr) {
+            error = errno;  // a folder half read must not pass for a smaller store
+            break;
+        }
         const std::string name = found->d_name;
         const std::uint64_t number = number_of(name);
         if (number != 0) numbers.push_back(number);
         is_strange = is_strange || (number == 0 && name != "." && name != ".." && name != "lock");
     }
     static_cast<void>(::closedir(folder));
+    if (error != 0) {
+        message = options_.folder + ": cannot be read: " + std::strerror(error) + ".";
+        return false;
+    }
     if (numbers.empty() && is_strange) {
         message = options_.folder + ": holds other files and no map store; choose another place for it.";
         if (!options_.is_scratch) static_cast<void>(::unlink((options_.folder + "/lock").c_str()));

@@ -53,7 +53,10 @@ TEST(Map, ForgetsTheLeastRecentlySeen) {
     ASSERT_EQ(map.used_bytes(), map.planned_bytes());
     std::vector<Handle<MapPoint>> handles;
     const std::uint64_t seen[10] = {5, 3, 3, 9, 1, 9, 3, 7, 2, 9};
-    for (const std::uint64_t frame : seen) handles.push_back(add_point(*map, frame));
+    for (const std::uint64_t frame : seen) {
+        handles.push_back(add_point(*map, frame));
+        map->points().find(handles.back())->seen = 9;
+    }
     const std::uint64_t hash = map->changes_hash();
     EXPECT_EQ(map->add_point().status(), Status::kFull);
     EXPECT_EQ(map->changes_hash(), hash);
@@ -77,14 +80,37 @@ TEST(Map, ForgetsTheLeastRecentlySeen) {
     EXPECT_EQ(alive(), (std::vector<int>{3, 5, 9}));
     EXPECT_EQ(map->points_forgotten(), 7U);
     EXPECT_EQ(map->statistics().points_evicted, 7U);
-    // What was seen later than the frame asked about stays as well, and shared points outlive those of one keyframe.
+    // What was seen later than the frame asked about stays as well.
     map->points().at(handles[3].slot()).last_seen_frame = 12;
-    for (int i = 0; i < 2; ++i) {
-        map->add_observation(add_keyframe(*map, static_cast<std::uint64_t>(i) + 1), observation_of(handles[5]));
+    EXPECT_EQ(map->make_room_for_points(100, 11, {}), 2U);
+    EXPECT_EQ(alive(), (std::vector<int>{3}));
+}
+
+// Promise: points that move or that hardly anybody has seen go before those that were seen long ago, spared or not, but
+// not what was seen in the frame at hand.
+TEST(Map, ForgetsWeakPointsFirst) {
+    MapInMemory map(small(4, 6, 8));
+    std::vector<Handle<MapPoint>> handles;
+    const std::uint64_t last_seen[6] = {1, 8, 7, 6, 2, 9};
+    const std::uint16_t seen[6] = {9, 2, 9, 2, 9, 1};
+    for (std::size_t i = 0; i < 6; ++i) {
+        handles.push_back(add_point(*map, last_seen[i]));
+        map->points().find(handles[i])->seen = seen[i];
     }
-    map->points().at(handles[9].slot()).last_seen_frame = 10;
-    EXPECT_EQ(map->make_room_for_points(1, 11, {}), 1U);
-    EXPECT_EQ(alive(), (std::vector<int>{3, 5})) << "9 was seen later than 5, but by nobody else";
+    map->points().find(handles[2])->is_suspect = true;
+    const std::vector<std::uint32_t> marks{0, 7, 7, 0, 7, 7};
+    std::vector<int> order;
+    for (int round = 0; round < 6; ++round) {
+        const std::uint32_t went = map->make_room_for_points(1, 9, {marks, 7});
+        for (int i = 0; i < 6; ++i) {
+            if (map->points().find(handles[static_cast<std::size_t>(i)]) == nullptr &&
+                std::find(order.begin(), order.end(), i) == order.end()) {
+                order.push_back(i);
+            }
+        }
+        if (went == 0) break;
+    }
+    EXPECT_EQ(order, (std::vector<int>{3, 2, 1, 0})) << "weak ones by age, then 0; 4 is spared, 5 of this frame";
 }
 
 // Promise: culling takes what is unseen for a second and weak, in any slices the same.
@@ -107,44 +133,86 @@ TEST(Map, CullsInSlices) {
     }
 }
 
-// Promise: a full pool of keyframes says so and changes nothing; the policy forgets the least recently useful, one with
-// a near twin first, never the newest nor the spared; what nobody else observes goes with it.
+// Promise: a full pool of keyframes says so and changes nothing; the policy forgets the newer of two neighbours, unless
+// nothing is left of what the older one saw, then the least recently useful, never the newest nor the spared, who are
+// nobody's neighbours; what nobody else observes goes with it.
 TEST(Map, EvictsByPolicy) {
-    MapInMemory map(small(5, 20, 5));
-    std::vector<Handle<Keyframe>> keyframes;
-    std::vector<Handle<MapPoint>> points;
-    for (std::uint64_t i = 0; i < 5; ++i) {
-        keyframes.push_back(add_keyframe(*map, 10 * i + 1));
-        Keyframe& keyframe = *map->keyframes().find(keyframes.back());
-        keyframe.world_from_camera.translation.x() = i == 3 ? 20.1 : 10.0 * static_cast<double>(i);  // 2 and 3: twins
-        points.push_back(add_point(*map));
-        map->add_observation(keyframes.back(), observation_of(points.back()));
-        if (i > 0) map->add_observation(keyframes.back(), observation_of(points[0]));
-        map->attach(keyframes.back());
+    for (const bool is_older_empty : {false, true}) {
+        MapInMemory map(small(6, 20, 5));
+        std::vector<Handle<Keyframe>> keyframes;
+        std::vector<Handle<MapPoint>> points;
+        for (std::uint64_t i = 0; i < 6; ++i) {
+            keyframes.push_back(add_keyframe(*map, 10 * i + 1));
+            Keyframe& keyframe = *map->keyframes().find(keyframes.back());
+            // 2 and 3 are neighbours, and nearer ones are 0 and 1, one of which is spared.
+            keyframe.world_from_camera.translation.x() = i == 3 ? 20.5 : i == 1 ? 0.2 : 10.0 * static_cast<double>(i);
+            points.push_back(add_point(*map));
+            map->points().find(points.back())->seen = 9;
+            map->points().find(points.back())->is_suspect = is_older_empty && i == 2;
+            map->add_observation(keyframes.back(), observation_of(points.back()));
+            map->attach(keyframes.back());
+        }
+        ASSERT_EQ(map->find_fault(), nullptr);
+        const std::uint64_t hash = map->changes_hash();
+        EXPECT_TRUE(map->add_keyframe().is_null());
+        EXPECT_EQ(map->changes_hash(), hash);
+        std::vector<std::uint8_t> spared(6, 0);
+        spared[0] = 1;
+        ASSERT_TRUE(map->evict_keyframe(spared));
+        const std::size_t gone = is_older_empty ? 2 : 3;
+        EXPECT_EQ(map->keyframes().find(keyframes[gone]), nullptr);
+        EXPECT_EQ(map->points().find(points[gone]), nullptr);
+        ASSERT_EQ(map->find_fault(), nullptr);
+        map->keyframes().find(keyframes[1])->last_useful_frame = 1000;
+        ASSERT_TRUE(map->evict_keyframe(spared));
+        EXPECT_EQ(map->keyframes().find(keyframes[is_older_empty ? 3 : 2]), nullptr) << "the least recently useful";
+        ASSERT_TRUE(map->evict_keyframe({}));
+        EXPECT_EQ(map->keyframes().find(keyframes[1]), nullptr) << "nobody is spared: the newer of two neighbours";
+        ASSERT_TRUE(map->evict_keyframe({}));
+        EXPECT_EQ(map->keyframes().find(keyframes[0]), nullptr);
+        ASSERT_TRUE(map->evict_keyframe({}));
+        EXPECT_FALSE(map->evict_keyframe({})) << "the newest stays";
+        EXPECT_NE(map->keyframes().find(keyframes[5]), nullptr);
+        EXPECT_EQ(map->points().size(), 1U);
+        EXPECT_EQ(map->statistics().keyframes_evicted, 5U);
+        EXPECT_EQ(map->statistics().points_evicted, 5U);
     }
-    ASSERT_EQ(map->find_fault(), nullptr);
-    const std::uint64_t hash = map->changes_hash();
-    EXPECT_TRUE(map->add_keyframe().is_null());
-    EXPECT_EQ(map->changes_hash(), hash);
-    std::vector<std::uint8_t> spared(5, 0);
-    spared[2] = 1;
-    ASSERT_TRUE(map->evict_keyframe(spared));
-    EXPECT_EQ(map->keyframes().find(keyframes[3]), nullptr) << "the twin that is not spared";
-    EXPECT_EQ(map->points().find(points[3]), nullptr);
-    EXPECT_NE(map->points().find(points[0]), nullptr);
-    ASSERT_EQ(map->find_fault(), nullptr);
-    ASSERT_TRUE(map->evict_keyframe(spared));
-    EXPECT_EQ(map->keyframes().find(keyframes[0]), nullptr) << "no twin: the least recently useful";
-    ASSERT_EQ(map->find_fault(), nullptr);
-    map->keyframes().find(keyframes[1])->last_useful_frame = 1000;
-    ASSERT_TRUE(map->evict_keyframe({}));
-    EXPECT_EQ(map->keyframes().find(keyframes[2]), nullptr);
-    ASSERT_TRUE(map->evict_keyframe({}));
-    EXPECT_EQ(map->keyframes().find(keyframes[1]), nullptr);
-    EXPECT_FALSE(map->evict_keyframe({})) << "the newest stays";
-    EXPECT_EQ(map->points().size(), 2U);
-    EXPECT_EQ(map->statistics().keyframes_evicted, 4U);
-    EXPECT_EQ(map->statistics().points_evicted, 3U);
+}
+
+// Promise: a way longer than the pool is thinned from all of its length; neither its beginning nor its middle is
+// forgotten, and the gaps stay even. Turning on the spot counts as a way, too.
+TEST(Map, ThinsAWayOut) {
+    for (const bool is_turn : {false, true}) {
+        MapInMemory map(small(12, 20, 5));
+        std::vector<std::uint8_t> spared(12, 0);
+        const double length = is_turn ? 3.0 : 6.0;  // rad or m
+        constexpr std::uint64_t kSteps = 120;
+        for (std::uint64_t i = 0; i <= kSteps; ++i) {
+            std::fill(spared.begin(), spared.end(), std::uint8_t{0});
+            for (std::uint32_t k = 0; k < 3; ++k) {
+                if (const Handle<Keyframe> recent = map->recent_keyframe(k); !recent.is_null()) {
+                    spared[recent.slot()] = 1;
+                }
+            }
+            if (map->keyframes().is_full()) {
+                ASSERT_TRUE(map->evict_keyframe(spared));
+            }
+            Keyframe& keyframe = *map->keyframes().find(add_keyframe(*map, i + 1));
+            const double at = length * static_cast<double>(i) / static_cast<double>(kSteps);
+            if (is_turn) {
+                keyframe.world_from_camera = se3_exp((Vector6() << 0, 0, 0, 0, at, 0).finished());
+            } else {
+                keyframe.world_from_camera.translation.x() = at;
+            }
+        }
+        std::vector<std::uint64_t> left;
+        for (std::uint32_t i = 12; i-- > 0;) left.push_back(map->keyframes().find(map->recent_keyframe(i))->frame);
+        left.push_back(kSteps + 1);
+        EXPECT_LE(left[0], kSteps / 8) << is_turn;
+        for (std::size_t i = 1; i < left.size(); ++i) {
+            EXPECT_LE(left[i] - left[i - 1], kSteps / 4) << is_turn << " after " << left[i - 1];
+        }
+    }
 }
 
 // Promise: fusing moves observations over, joins covisibility, and the longer past has the say about the weight.

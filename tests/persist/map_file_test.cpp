@@ -20,9 +20,11 @@ const Sequence& tiny_sequence() {
 // Promise: a map that was saved and loaded has the hash of the map that was saved, whatever slots its objects had; all
 // that is kept incrementally is right; saved again, it gives the same bytes.
 TEST(MapFile, RoundTripKeepsEveryBit) {
-    const Sequence& sequence = tiny_sequence();
-    EngineRig first(Limits::tiny(), sequence.camera);
-    EngineRig second(Limits::tiny(), sequence.camera);
+    const Sequence sequence = test::rendered("static_halfsphere", 90, 160, 120, 3);
+    Configuration configuration = test::fitting(Limits::tiny());
+    configuration.keyframes.tracked_urgent_permille = 600;  // more keyframes than there is room for
+    EngineRig first(Limits::tiny(), sequence.camera, configuration);
+    EngineRig second(Limits::tiny(), sequence.camera, configuration);
     std::uint64_t evicted = 0;
     for (const std::size_t frames : {3U, 20U, 50U, 90U}) {
         first->reset();

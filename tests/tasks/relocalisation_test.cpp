@@ -103,14 +103,15 @@ const test::Sequence& home() {
     return kept;
 }
 
-// An engine that has seen the first frames of home, and then nothing for two seconds.
+// An engine that has seen the first frames of home, and then nothing for some frames (two seconds).
 class Lost {
 public:
-    explicit Lost(bool has_vocabulary, std::uint32_t frames = 90)
+    explicit Lost(bool has_vocabulary, std::uint32_t frames = 90,
+                  const Configuration& configuration = configuration_of_test(), int dark_frames = 60)
         : memory_(bytes_needed(limits_of_test())), bytes_(vocabulary_of(home())) {
         const auto made =
-            Engine::create(memory_.span(), limits_of_test(), configuration_of_test(), home().camera, cpu_kernels(),
-                           nullptr, has_vocabulary ? std::span<const std::byte>(bytes_) : std::span<const std::byte>{});
+            Engine::create(memory_.span(), limits_of_test(), configuration, home().camera, cpu_kernels(), nullptr,
+                           has_vocabulary ? std::span<const std::byte>(bytes_) : std::span<const std::byte>{});
         EXPECT_TRUE(made.is_ok());
         engine_ = made.value();
         for (std::uint32_t i = 0; i < frames; ++i) show(home().frames[i]);
@@ -119,11 +120,11 @@ public:
         std::fill(dark.colour.begin(), dark.colour.end(), std::uint8_t{0});
         std::fill(dark.depth.begin(), dark.depth.end(), std::uint16_t{0});
         before_ = engine_->pose();
-        for (int i = 0; i < 60; ++i) {
+        for (int i = 0; i < dark_frames; ++i) {
             show(dark);
             EXPECT_LT(engine_->pose().state, PoseState::kUnsure);
         }
-        EXPECT_EQ(engine_->pose().state, PoseState::kNone);
+        EXPECT_EQ(engine_->pose().state, dark_frames > 30 ? PoseState::kNone : PoseState::kPredicted);
         dark_ = engine_->pose();
     }
     void show(const test::KeptFrame& kept) {
@@ -204,6 +205,28 @@ TEST(Relocalisation, BackOnTheMapAfterDarkness) {
     Lost lost(false);
     for (std::uint32_t i = 20; i < 50; ++i) lost.show(home().frames[i]);
     EXPECT_EQ(lost.engine().pose().state, PoseState::kNone);
+}
+
+// Promise: a camera that was lost for a second is matched with the keyframes around it through the direct index of a
+// vocabulary, and is back where it truly is, as it is without one.
+TEST(Relocalisation, FoundAgainNearby) {
+    for (const bool has_vocabulary : {true, false}) {
+        Configuration configuration = configuration_of_test();
+        configuration.recovery.matches_min = Configuration{}.recovery.matches_min;
+        configuration.loop.inliers_min = 4000;  // no place is found anywhere
+        Lost lost(has_vocabulary, 90, configuration, 40);
+        std::uint32_t i = 90;
+        for (; i < 130; ++i) {
+            lost.show(home().frames[i]);
+            if (lost.engine().pose().state >= PoseState::kUnsure) break;
+        }
+        ASSERT_GE(lost.engine().pose().state, PoseState::kUnsure);
+        EXPECT_EQ(lost.engine().statistics().recoveries, 1U);
+        EXPECT_EQ(lost.engine().statistics().loop.relocalisations, 0U);
+        EXPECT_EQ(lost.engine().statistics().loop.matched_by_words > 0, has_vocabulary);
+        EXPECT_LT(test::metres_off(in_the_map(lost.engine().pose()), home().frames[0].truth, home().frames[i].truth),
+                  0.05);
+    }
 }
 
 // Promise: a room that is not in the map is not recognised.

@@ -78,6 +78,7 @@ TEST(Tracking, WeightsRiseAndFall) {
         Configuration configuration = fitting();
         configuration.weights.step = step;
         configuration.weights.max = max;
+        configuration.keyframes.tracked_urgent_permille = 300;  // what comes into view is followed soon
         Rig rig(scene.camera(), configuration);
         std::map<std::uint32_t, Seen> before;
         std::uint32_t rises = 0, falls = 0;
@@ -136,7 +137,7 @@ TEST(Tracking, UnsureFramesChangeNoWeight) {
     for (const bool is_enabled : {true, false}) {
         Configuration configuration = fitting();
         configuration.region.is_enabled = is_enabled;
-        if (is_enabled) configuration.region.score_min = 1.0;  // nothing is ever sure
+        if (is_enabled) configuration.pose.sure_inliers_factor = 100;  // nothing is ever sure
         Rig rig(scene.camera(), configuration);
         for (std::uint32_t i = 0; i < 30; ++i) {
             const KeptFrame kept = scene.draw(i);
@@ -263,7 +264,7 @@ TEST(Tracking, KeyframesKeepTheirConditions) {
     scene.has_board = false;
     Configuration configuration = fitting();
     configuration.keyframes.tracked_share_urgent = 0;
-    configuration.keyframes.tracked_urgent = 0;
+    configuration.keyframes.tracked_urgent_permille = 0;
     configuration.keyframes.tracked_share_max = 1.0;
     configuration.keyframes.new_points_min = 1;
     for (const std::uint32_t gap : {3U, 10U}) {
@@ -277,7 +278,7 @@ TEST(Tracking, KeyframesKeepTheirConditions) {
     EXPECT_EQ(log_of(scene, configuration, 20).frames.size(), 1U) << "nothing is ever too little";
     configuration.keyframes.tracked_share_max = 1.0;
     configuration.keyframes.new_points_min = 4000;
-    configuration.keyframes.tracked_urgent = 4000;
+    configuration.keyframes.tracked_urgent_permille = 1000;
     EXPECT_EQ(log_of(scene, configuration, 20).frames.size(), 1U) << "never so many new points";
     configuration.keyframes.new_points_min = 0;
     configuration.keyframes.gap_min = 300;
@@ -483,6 +484,7 @@ TEST(Tracking, AnUnsureJumpIsDoubtedForASecond) {
             scene.has_board = false;
             Configuration configuration = fitting();
             configuration.pose.sure_inliers_factor = 12;  // what a third of the picture does not give
+            configuration.prediction.leap_sigmas = 1e6;   // LeapsAreRefused
             Rig rig(scene.camera(), configuration);
             for (std::uint32_t i = 0; i < kJump + 50; ++i) {
                 const std::uint32_t drawn = is_jumping && i >= kJump ? i + jump_px : i;
@@ -504,6 +506,42 @@ TEST(Tracking, AnUnsureJumpIsDoubtedForASecond) {
                 EXPECT_EQ(rig->pose().state, is_doubted ? PoseState::kUnsure : PoseState::kTracked)
                     << "frame " << i << (is_jumping ? ", jump" : "") << (is_poor ? ", poor" : "") << ", score "
                     << rig->frame_statistics().region_score << ", static " << rig->frame_statistics().static_matches;
+            }
+        }
+    }
+}
+
+// Promise: an unsure pose farther from where the motion led than a camera gets is not given out, changes nothing, and
+// the frames after it, which are sure, are believed at once; a near one is given out as unsure.
+TEST(Tracking, LeapsAreRefused) {
+    constexpr std::uint32_t kJump = 40;
+    for (const std::uint32_t jump_px : {0U, 16U}) {
+        DrawnScene scene;
+        scene.has_board = false;
+        Configuration configuration = fitting();
+        configuration.pose.sure_inliers_factor = 12;
+        Rig rig(scene.camera(), configuration);
+        for (std::uint32_t i = 0; i < kJump + 20; ++i) {
+            const std::uint32_t drawn = i >= kJump ? i + jump_px : i;
+            KeptFrame kept = scene.draw(drawn);
+            kept.time_ns = std::int64_t{i} * test::kFrameGap_ns;
+            if (i == kJump) {  // Only the left third shows anything.
+                for (std::size_t at = 0; at < kept.colour.size(); ++at) {
+                    if (at % kept.width > kept.width / 3) kept.colour[at] = 128;
+                }
+            }
+            const std::uint64_t changes = rig.map().changes_hash();
+            rig->track(kept.frame());
+            if (i == kJump) {
+                EXPECT_EQ(rig->pose().state, jump_px == 16 ? PoseState::kPredicted : PoseState::kUnsure);
+                if (jump_px == 16) {
+                    EXPECT_EQ(rig.map().changes_hash(), changes);
+                    // Where it was led to, not where the picture says.
+                    EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[0], scene.travelled_m(kJump), 0.02);
+                }
+            } else if (i > kJump + 1) {
+                EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[0], scene.travelled_m(drawn), 0.015) << i;
+                EXPECT_EQ(rig->pose().state, PoseState::kTracked) << i;
             }
         }
     }
