@@ -196,8 +196,8 @@ EngineStatistics Engine::statistics() const noexcept {
     const EngineState& state = state_of(this);
     state.tracking.fill(out);
     state.mapping.fill(out);
-    state.relocalisation.fill(out);
     state.loop_closing.fill(out);
+    state.relocalisation.fill(out);
     if (has_store(state)) state.pager[0].fill(out);
     out.schedule = state.scheduler.statistics();
     out.frames_refused = state.frames_refused;

@@ -45,6 +45,11 @@ struct MapPoint {
     std::uint16_t observers = 0;  // keyframes that observe it
 };
 
+// Whether it counts where places are recognised: what moves, or may, does not (method.md 7 and 9). weight_min in 1/10.
+[[nodiscard]] constexpr bool is_static(const MapPoint* point, std::uint32_t weight_min) noexcept {
+    return point != nullptr && !point->is_suspect && point->weight_tenths >= weight_min;
+}
+
 [[nodiscard]] inline Vector3 vector_of(const double (&p)[3]) noexcept {
     return {p[0], p[1], p[2]};
 }

@@ -45,7 +45,7 @@ std::size_t encode_region(const Map& map, Handle<Keyframe> handle, std::uint32_t
     std::uint32_t count = 0;
     for (std::size_t i = 0; i < seen.size() && body.remaining() >= kRegionFeatureBytes; ++i) {
         const MapPoint* const point = map.points().find(seen[i].point);
-        if (point == nullptr || point->is_suspect || point->weight_tenths < weight_min) continue;
+        if (!is_static(point, weight_min)) continue;
         write_feature(body, seen[i], descriptors[i]);
         write_point(body, *point, 0);
         ++count;

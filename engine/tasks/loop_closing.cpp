@@ -239,7 +239,7 @@ std::uint32_t LoopClosing::ask() noexcept {
     const std::span<const Observation> seen = map_->observations(keyframe_);
     verifier.begin_query(map_->descriptors(keyframe_));
     for (std::size_t i = 0; i < seen.size(); ++i) {
-        verifier.add_feature(seen[i], PlaceSearch::is_static(map_->points().find(seen[i].point), *configuration_));
+        verifier.add_feature(seen[i], is_static(map_->points().find(seen[i].point), configuration_->weights.eligible));
     }
     verifier.end_query(places_->database().direct_index(keyframe_.slot()));
     const auto units = static_cast<std::uint32_t>(seen.size() / 4) + 1;
@@ -536,7 +536,7 @@ std::uint32_t LoopClosing::collect_points() noexcept {
     for (std::uint32_t n = 0; n < 512 && adjusting_cursor_ < points.slots_count(); ++n, ++adjusting_cursor_) {
         const std::uint32_t slot = adjusting_cursor_;
         if (!points.is_taken(slot) || points.at(slot).observers < 2) continue;
-        if (!PlaceSearch::is_static(&points.at(slot), *configuration_)) continue;
+        if (!is_static(&points.at(slot), configuration_->weights.eligible)) continue;
         const auto added = global_.add_point(vector_of(points.at(slot).world));
         STILLMESH_CHECK(added.is_ok());
         point_index_[slot] = added.value() + 1;
@@ -624,7 +624,7 @@ std::uint32_t LoopClosing::fuse_matches() noexcept {
     for (std::uint32_t n = 0; n < 8 && cursor_ < matches_.size(); ++n, ++cursor_) {
         const PlaceMatch& match = matches_[cursor_];
         const MapPoint* const there = map_->points().find(match.point);
-        if (!PlaceSearch::is_static(there, *configuration_)) continue;
+        if (!is_static(there, configuration_->weights.eligible)) continue;
         const Handle<MapPoint> own = map_->observations(keyframe_)[match.feature].point;
         const MapPoint* const mine = map_->points().find(own);
         if (mine == nullptr) {
@@ -684,12 +684,7 @@ std::uint32_t LoopClosing::fuse_neighbours() noexcept {
 }
 
 void LoopClosing::fill(EngineStatistics& statistics) const noexcept {
-    const LoopStatistics before = statistics.loop;  // relocalisation's part
     statistics.loop = statistics_;
-    statistics.loop.relocalisations = before.relocalisations;
-    statistics.loop.relocalisation_queries = before.relocalisation_queries;
-    statistics.loop.relocalisation_candidates = before.relocalisation_candidates;
-    statistics.loop.matched_by_words = before.matched_by_words;
 }
 
 }  // namespace stillmesh

@@ -62,10 +62,6 @@ public:
         std::uint32_t score_min = 0;
     };
     [[nodiscard]] Neighbourhood neighbourhood(const Map& map, std::uint32_t slot) const noexcept;
-    // Where features of a keyframe show points that are known to stand still.
-    [[nodiscard]] static bool is_static(const MapPoint* point, const Configuration& configuration) noexcept {
-        return point != nullptr && !point->is_suspect && point->weight_tenths >= configuration.weights.eligible;
-    }
 
 private:
     const Vocabulary* vocabulary_ = nullptr;

@@ -98,7 +98,8 @@ std::uint32_t PlaceVerifier::count_alike(const Map& map, const Vocabulary& vocab
             }
             if (best > configuration_->loop.hamming_max) continue;
             if (static_cast<double>(best) > configuration_->loop.ratio_max * static_cast<double>(second)) continue;
-            if (!is_static(map.points().find(observations[feature].point))) continue;  // people look alike everywhere
+            // People look alike everywhere.
+            if (!is_static(map.points().find(observations[feature].point), configuration_->weights.eligible)) continue;
             ++turns[turn_bin(observations[feature].angle_rad, query_[a.feature].angle_rad)];
         }
     };
@@ -164,10 +165,6 @@ Progress PlaceVerifier::step(const Map& map, const Vocabulary& vocabulary,
     return stage_ == Stage::kDone ? Progress::kDone : Progress::kWorking;
 }
 
-bool PlaceVerifier::is_static(const MapPoint* point) const noexcept {
-    return point != nullptr && !point->is_suspect && point->weight_tenths >= configuration_->weights.eligible;
-}
-
 void PlaceVerifier::claim(std::uint32_t feature, Handle<MapPoint> point, std::uint32_t distance_bits) noexcept {
     Claim& claim = claims_[feature];
     if (claim.point.is_null() || distance_bits < claim.distance_bits) claim = {point, distance_bits};
@@ -202,7 +199,7 @@ std::uint32_t PlaceVerifier::match(const Map& map, const Vocabulary& vocabulary,
             const std::uint32_t distance = hamming_distance(descriptors_[mine.feature], descriptors[feature]);
             if (distance >= second) continue;  // before the point is looked up: that costs ten times as much
             const Handle<MapPoint> seen = observations[feature].point;
-            if (!is_static(map.points().find(seen))) continue;
+            if (!is_static(map.points().find(seen), configuration_->weights.eligible)) continue;
             if (distance < best) {
                 second = best;
                 best = distance;
@@ -386,7 +383,7 @@ std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
         ++points;
         const Handle<MapPoint> handle = seen[cursor_++].point;
         const MapPoint* const point = map.points().find(handle);
-        if (!is_static(point)) continue;
+        if (!is_static(point, configuration_->weights.eligible)) continue;
         const Vector3 q = camera_from_world * vector_of(point->world);
         if (q.z() < configuration_->depth.z_min_m) continue;
         const Vector2 n(q.x() / q.z(), q.y() / q.z());

@@ -117,7 +117,6 @@ private:
     static constexpr std::uint32_t kNeighboursMax = 8;
 
     void refuse(Refusal refusal) noexcept;
-    [[nodiscard]] bool is_static(const MapPoint* point) const noexcept;
     [[nodiscard]] std::uint32_t match(const Map& map, const Vocabulary& vocabulary,
                                       std::span<const WordOfFeature> candidate_words) noexcept;
     void claim(std::uint32_t feature, Handle<MapPoint> point, std::uint32_t distance_bits) noexcept;
