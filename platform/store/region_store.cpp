@@ -28,7 +28,6 @@ constexpr std::uint32_t kTriesMax = 8;                    // damaged regions pas
 constexpr std::uint32_t kTidyLooks = 1024;                // entries looked at for one to move, per region written
 constexpr std::uint32_t kTidyMoves = 2;
 constexpr std::uint32_t kForgottenShare = 64;  // of regions_max go at once: looking for them is a pass over all
-constexpr std::uint32_t kWordsEnd = 65536;
 
 std::string segment_name(std::uint64_t number) {
     std::array<char, 32> name{};
@@ -100,7 +99,7 @@ bool RegionStore::open(const RegionStoreOptions& options, std::string& message) 
     counts_ = {};
     problem_.clear();
     sequence_ = 0;
-    entries_count_ = blocks_count_ = touched_count_ = tidy_cursor_ = 0;
+    tidy_cursor_ = 0;
     record_.reserve(kHeadBytes + kWordBytes * kWordsMax + (std::size_t{512} << 10U));
     words_.reserve(kWordsMax);
     without_.reserve(4096);
@@ -123,22 +122,7 @@ bool RegionStore::open(const RegionStoreOptions& options, std::string& message) 
         if (!lock(message)) return refuse(std::string(message));
     }
     const std::string pages = options_.is_scratch || !options_.is_durable ? std::string() : where;
-    buckets_count_ = 1024;
-    while (buckets_count_ < options_.regions_max) buckets_count_ *= 2;
-    int error = 0;
-    for (int step = 0; step < 6; ++step) {
-        if (error != 0) break;
-        if (step == 0) error = entries_.open(pages);
-        if (step == 1) error = buckets_.open(pages);
-        if (step == 2) error = blocks_.open(pages);
-        if (step == 3) error = first_.open(pages);
-        if (step == 4) error = scores_.open(pages);
-        if (step == 5) error = touched_.open(pages);
-    }
-    if (error == 0) error = buckets_.reserve(buckets_count_);
-    if (error == 0) error = first_.reserve(kWordsEnd);
-    if (error == 0) error = reserve(1, 1);
-    if (error != 0) {
+    if (const int error = index_.open(pages, options_.regions_max); error != 0) {
         return refuse(pages + ": cannot be written: " + std::strerror(error) +
                       "; choose another place for the map store.");
     }
@@ -313,11 +297,11 @@ bool RegionStore::scan(std::uint64_t number, Segment& segment, bool is_last, std
         }
         if (head.sequence > sequence_ && head.sequence <= options_.sequence_max) {
             sequence_ = head.sequence;
-            const std::uint32_t before = entry_of(head.id);
+            const std::uint32_t before = index_.place_of(head.id);
             if (head.kind == RecordKind::kUse) {
-                if (before != kNone) entries_[before].used = head.sequence;
+                if (before != RegionIndex::kNone) index_.set_used(before, head.sequence);
             } else {
-                if (before != kNone) remove(before);
+                if (before != RegionIndex::kNone) remove(before);
                 if (head.kind == RecordKind::kRegion && !add(head, number, at, words_)) {
                     message = problem_;
                     is_right = false;
@@ -416,12 +400,12 @@ bool RegionStore::append(RecordHead& head, std::span<const WordWeight> words, st
 
 bool RegionStore::keep(const LeavingRegion& region) {
     if (!is_open_ || has_failed()) return false;
-    const std::uint32_t before = entry_of(region.id);
-    if (before == kNone && has_twin(region)) {
+    const std::uint32_t before = index_.place_of(region.id);
+    if (before == RegionIndex::kNone && has_twin(region)) {
         ++counts_.known;
         return true;
     }
-    if (before == kNone && counts_.regions >= options_.regions_max) make_room();
+    if (before == RegionIndex::kNone && counts_.regions >= options_.regions_max) make_room();
     RecordHead head;
     head.kind = RecordKind::kRegion;
     head.id = region.id;
@@ -429,7 +413,7 @@ bool RegionStore::keep(const LeavingRegion& region) {
     std::copy_n(region.position_m, 3, head.position_m);
     std::copy_n(region.axis, 3, head.axis);
     if (!append(head, region.words, region.body)) return false;
-    if (before != kNone) remove(before);
+    if (before != RegionIndex::kNone) remove(before);
     const auto& [number, segment] = *segments_.rbegin();
     if (!add(head, number, segment.size - head.size(), region.words)) return false;
     ++counts_.written;
@@ -439,12 +423,13 @@ bool RegionStore::keep(const LeavingRegion& region) {
 }
 
 void RegionStore::note_use(std::uint64_t id) {
-    const std::uint32_t entry = entry_of(id);
-    if (!is_open_ || entry == kNone) return;
+    if (!is_open_) return;
+    const std::uint32_t place = index_.place_of(id);
+    if (place == RegionIndex::kNone) return;
     RecordHead head;
     head.kind = RecordKind::kUse;
     head.id = id;
-    if (append(head, {}, {})) entries_[entry].used = head.sequence;
+    if (append(head, {}, {})) index_.set_used(place, head.sequence);
 }
 
 void RegionStore::sync() {
@@ -459,8 +444,8 @@ void RegionStore::make_room() {
     const std::uint64_t excess =
         counts_.regions + std::max(options_.regions_max / kForgottenShare, 1U) - options_.regions_max;
     std::vector<std::pair<std::uint64_t, std::uint64_t>> all;  // last use, id
-    for (std::uint32_t i = 0; i < entries_count_; ++i) {
-        if (entries_[i].is_alive != 0) all.emplace_back(entries_[i].used, entries_[i].id);
+    for (std::uint32_t i = 0; i < index_.size(); ++i) {
+        if (index_[i].is_alive != 0) all.emplace_back(index_[i].used, index_[i].id);
     }
     const auto going = static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(excess, all.size()));
     std::partial_sort(all.begin(), all.begin() + going, all.end());
@@ -470,7 +455,7 @@ void RegionStore::make_room() {
         head.kind = RecordKind::kGone;
         head.id = id;
         if (!append(head, {}, {})) return;
-        remove(entry_of(id));
+        remove(index_.place_of(id));
         ++counts_.forgotten;
     }
 }
@@ -484,18 +469,18 @@ void RegionStore::tidy() {
     if (counts_.bytes > 2 * alive_bytes + 2 * options_.segment_bytes_max && segments_.size() > 1) {
         std::uint32_t moves = 0;
         const std::uint64_t oldest = segments_.begin()->first;
-        for (std::uint32_t looks = 0; looks < kTidyLooks && moves < kTidyMoves && entries_count_ > 0; ++looks) {
-            tidy_cursor_ = (tidy_cursor_ + 1) % entries_count_;
-            const Entry entry = entries_[tidy_cursor_];
+        for (std::uint32_t looks = 0; looks < kTidyLooks && moves < kTidyMoves && index_.size() > 0; ++looks) {
+            tidy_cursor_ = (tidy_cursor_ + 1) % index_.size();
+            const IndexedRegion entry = index_[tidy_cursor_];
             if (entry.is_alive == 0 || entry.segment != oldest) continue;
             ++moves;
             std::vector<std::byte> body(entry.body_bytes);
-            if (!read_words(entry) || !read_body(entry, body)) {
+            std::vector<WordWeight> words;
+            if (!read_words(entry, words) || !read_body(entry, body)) {
                 ++counts_.damaged;
                 remove(tidy_cursor_);
                 continue;
             }
-            const std::vector<WordWeight> words = words_;
             RecordHead head;
             head.kind = RecordKind::kRegion;
             head.id = entry.id;
@@ -523,14 +508,14 @@ void RegionStore::tidy() {
 
 // --- reading ---------------------------------------------------------------------------------------------------------
 
-bool RegionStore::read_words(const Entry& entry) {
+bool RegionStore::read_words(const IndexedRegion& entry, std::vector<WordWeight>& words) const {
     const auto segment = segments_.find(entry.segment);
     std::vector<std::byte> bytes(kWordBytes * entry.words);
     return segment != segments_.end() && read_at(segment->second.descriptor, bytes, entry.offset + kHeadBytes) &&
-           crc32(bytes) == entry.words_crc && decode_words(bytes, entry.words, words_);
+           crc32(bytes) == entry.words_crc && decode_words(bytes, entry.words, words);
 }
 
-bool RegionStore::read_body(const Entry& entry, std::span<std::byte> body) {
+bool RegionStore::read_body(const IndexedRegion& entry, std::span<std::byte> body) const {
     const auto segment = segments_.find(entry.segment);
     if (segment == segments_.end() || body.size() < entry.body_bytes) return false;
     const std::span<std::byte> out = body.first(entry.body_bytes);
@@ -538,34 +523,12 @@ bool RegionStore::read_body(const Entry& entry, std::span<std::byte> body) {
            crc32(out) == entry.body_crc;
 }
 
-void RegionStore::score(std::span<const WordWeight> words) {
-    touched_count_ = 0;
-    for (const WordWeight& word : words) {
-        for (std::uint32_t at = first_[word.word]; at != 0;) {
-            const Block& block = blocks_[at - 1];
-            for (std::uint32_t i = 0; i < block.count; ++i) {
-                const Posting& posting = block.postings[i];
-                if (entries_[posting.entry].is_alive == 0) continue;
-                std::uint32_t& sum = scores_[posting.entry];
-                const std::uint32_t common = std::min(posting.weight, word.weight);
-                if (common == 0) continue;
-                if (sum == 0) touched_[touched_count_++] = posting.entry;
-                sum += common;
-            }
-            at = block.next_plus_one;
-        }
-    }
-}
-
 bool RegionStore::has_twin(const LeavingRegion& region) {
     if (region.alike_score == 0) return false;
-    score(region.words);
     bool is_found = false;
-    for (std::uint32_t i = 0; i < touched_count_; ++i) {
-        const Entry& entry = entries_[touched_[i]];
-        const std::uint32_t sum = scores_[touched_[i]];
-        scores_[touched_[i]] = 0;
-        if (is_found || sum < region.alike_score) continue;
+    for (const std::uint32_t place : index_.begin_question(region.words)) {
+        if (is_found || index_.score_of(place) < region.alike_score) continue;
+        const IndexedRegion& entry = index_[place];
         double away = 0;
         double cosine = 0;
         for (int k = 0; k < 3; ++k) {
@@ -575,6 +538,7 @@ bool RegionStore::has_twin(const LeavingRegion& region) {
         }
         is_found = away <= options_.twin_m * options_.twin_m && cosine > options_.twin_cosine_min;
     }
+    index_.end_question();
     return is_found;
 }
 
@@ -584,23 +548,23 @@ bool RegionStore::find(const StoreQuestion& question, StoreAnswer& answer, std::
     if (!is_open_) return false;
     without_.assign(question.without.begin(), question.without.end());
     std::sort(without_.begin(), without_.end());
-    score(question.words);
+    const std::span<const std::uint32_t> alike = index_.begin_question(question.words);
     for (std::uint32_t tries = 0; tries < kTriesMax; ++tries) {
-        std::uint32_t best = kNone;
-        for (std::uint32_t i = 0; i < touched_count_; ++i) {
-            const std::uint32_t at = touched_[i];
-            const Entry& entry = entries_[at];
-            if (entry.is_alive == 0 || entry.id >= question.older_than || scores_[at] < question.score_min) continue;
-            const bool is_better = best == kNone || scores_[at] > scores_[best] ||
-                                   (scores_[at] == scores_[best] && entry.id < entries_[best].id);
+        std::uint32_t best = RegionIndex::kNone;
+        for (const std::uint32_t at : alike) {
+            const IndexedRegion& entry = index_[at];
+            const std::uint32_t score = index_.score_of(at);
+            if (entry.is_alive == 0 || entry.id >= question.older_than || score < question.score_min) continue;
+            const bool is_better = best == RegionIndex::kNone || score > index_.score_of(best) ||
+                                   (score == index_.score_of(best) && entry.id < index_[best].id);
             if (!is_better || std::binary_search(without_.begin(), without_.end(), entry.id)) continue;
             best = at;
         }
-        if (best == kNone) break;
-        const Entry& entry = entries_[best];
+        if (best == RegionIndex::kNone) break;
+        const IndexedRegion& entry = index_[best];
         if (read_body(entry, body)) {
             answer.id = entry.id;
-            answer.score = scores_[best];
+            answer.score = index_.score_of(best);
             answer.size_bytes = entry.body_bytes;
             break;
         }
@@ -611,25 +575,25 @@ bool RegionStore::find(const StoreQuestion& question, StoreAnswer& answer, std::
         ++counts_.damaged;
         remove(best);
     }
-    for (std::uint32_t i = 0; i < touched_count_; ++i) scores_[touched_[i]] = 0;
+    index_.end_question();
     return answer.size_bytes > 0;
 }
 
 StoreContent RegionStore::content() const {
     StoreContent out;
     out.regions = counts_.regions;
-    for (std::uint32_t i = 0; i < entries_count_; ++i) {
-        if (entries_[i].is_alive == 0) continue;
-        out.ids_end = std::max(out.ids_end, entries_[i].id + 1);
-        out.time_ns = std::max(out.time_ns, entries_[i].time_ns);
+    for (std::uint32_t i = 0; i < index_.size(); ++i) {
+        if (index_[i].is_alive == 0) continue;
+        out.ids_end = std::max(out.ids_end, index_[i].id + 1);
+        out.time_ns = std::max(out.time_ns, index_[i].time_ns);
     }
     return out;
 }
 
 std::uint64_t RegionStore::checksum() const {
     std::uint64_t sum = 0;
-    for (std::uint32_t i = 0; i < entries_count_; ++i) {
-        const Entry& entry = entries_[i];
+    for (std::uint32_t i = 0; i < index_.size(); ++i) {
+        const IndexedRegion& entry = index_[i];
         if (entry.is_alive == 0) continue;
         StateHash hash;
         hash.add(entry.id);
@@ -643,62 +607,11 @@ std::uint64_t RegionStore::checksum() const {
 
 // --- index -----------------------------------------------------------------------------------------------------------
 
-int RegionStore::reserve(std::size_t entries, std::size_t blocks) {
-    int error = entries_.reserve(entries);
-    if (error == 0) error = scores_.reserve(entries);
-    if (error == 0) error = touched_.reserve(entries);
-    if (error == 0) error = blocks_.reserve(blocks);
-    return error;
-}
-
-std::uint32_t RegionStore::bucket_of(std::uint64_t id) const {
-    return static_cast<std::uint32_t>((id * 0x9e3779b97f4a7c15ULL) >> 32U) & (buckets_count_ - 1);
-}
-
-std::uint32_t RegionStore::entry_of(std::uint64_t id) const {
-    for (std::uint32_t at = buckets_[bucket_of(id)]; at != 0; at = entries_[at - 1].next_plus_one) {
-        if (entries_[at - 1].id == id) return at - 1;
-    }
-    return kNone;
-}
-
-void RegionStore::link(std::uint32_t entry) {
-    std::uint32_t& bucket = buckets_[bucket_of(entries_[entry].id)];
-    entries_[entry].next_plus_one = bucket;
-    bucket = entry + 1;
-}
-
-bool RegionStore::add_postings(std::uint32_t entry, std::span<const WordWeight> words) {
-    if (const int error = reserve(entries_count_, blocks_count_ + words.size()); error != 0) {
-        return fail("the index cannot be written", error);
-    }
-    for (const WordWeight& word : words) {
-        std::uint32_t& first = first_[word.word];
-        if (first == 0 || blocks_[first - 1].count == kPostings) {
-            Block& block = blocks_[blocks_count_];
-            block.next_plus_one = first;
-            block.count = 0;
-            first = ++blocks_count_;
-        }
-        Block& block = blocks_[first - 1];
-        block.postings[block.count++] = {entry, word.weight};
-    }
-    return true;
-}
-
 bool RegionStore::add(const RecordHead& head, std::uint64_t segment, std::uint64_t offset,
                       std::span<const WordWeight> words) {
     // Postings of what has gone are left behind until they are most of them.
-    if (entries_count_ > 2 * counts_.regions + 4096) {
-        const std::vector<WordWeight> kept(words.begin(), words.end());
-        if (!rebuild()) return false;
-        return add(head, segment, offset, kept);
-    }
-    if (const int error = reserve(entries_count_ + 1, blocks_count_ + words.size()); error != 0) {
-        return fail("the index cannot be written", error);
-    }
-    Entry& entry = entries_[entries_count_];
-    entry = Entry{};
+    if (index_.is_worn(counts_.regions) && !rebuild_index()) return false;
+    IndexedRegion entry{};
     entry.id = head.id;
     entry.offset = offset;
     entry.sequence = head.sequence;
@@ -709,62 +622,47 @@ bool RegionStore::add(const RecordHead& head, std::uint64_t segment, std::uint64
     entry.words_crc = head.words_crc;
     entry.body_bytes = head.body_bytes;
     entry.body_crc = head.body_crc;
-    entry.is_alive = 1;
     std::copy_n(head.position_m, 3, entry.position_m);
     std::copy_n(head.axis, 3, entry.axis);
-    link(entries_count_);
-    ++entries_count_;
+    if (const int error = index_.add(entry, words); error != 0) return fail("the index cannot be written", error);
     ++counts_.regions;
     ++segments_[segment].alive;
     segments_[segment].alive_bytes += head.size();
-    return add_postings(entries_count_ - 1, words);
+    return true;
 }
 
-void RegionStore::remove(std::uint32_t entry) {
-    if (entry == kNone || entries_[entry].is_alive == 0) return;
-    Entry& gone = entries_[entry];
-    std::uint32_t* link = &buckets_[bucket_of(gone.id)];
-    while (*link != entry + 1) link = &entries_[*link - 1].next_plus_one;
-    *link = gone.next_plus_one;
-    gone.is_alive = 0;
+void RegionStore::remove(std::uint32_t place) {
+    if (place == RegionIndex::kNone || index_[place].is_alive == 0) return;
+    index_.remove(place);
+    forget(index_[place]);
+}
+
+void RegionStore::forget(const IndexedRegion& gone) {
     --counts_.regions;
     Segment& segment = segments_[gone.segment];
     --segment.alive;
     segment.alive_bytes -= kHeadBytes + kWordBytes * gone.words + gone.body_bytes;
 }
 
-// Without what has gone; words are read from the records.
-bool RegionStore::rebuild() {
-    buckets_.fill_zero();
-    first_.fill_zero();
-    blocks_count_ = 0;
+bool RegionStore::rebuild_index() {
     tidy_cursor_ = 0;
-    const std::uint32_t count = entries_count_;
-    entries_count_ = 0;
-    for (std::uint32_t i = 0; i < count; ++i) {
-        if (entries_[i].is_alive == 0) continue;
-        entries_[entries_count_] = entries_[i];
-        const std::uint32_t at = entries_count_++;
-        link(at);
-        if (!read_words(entries_[at])) {
-            ++counts_.damaged;
-            remove(at);
-            continue;
-        }
-        const std::vector<WordWeight> words = words_;
-        if (!add_postings(at, words)) return false;
-    }
-    return true;
+    const int error = index_.rebuild([this](const IndexedRegion& region, std::vector<WordWeight>& words) {
+        if (read_words(region, words)) return true;
+        ++counts_.damaged;
+        forget(region);
+        return false;
+    });
+    return error == 0 || fail("the index cannot be written", error);
 }
 
 std::string RegionStore::find_fault() const {
     std::uint64_t alive = 0;
-    for (std::uint32_t i = 0; i < entries_count_; ++i) {
-        if (entries_[i].is_alive == 0) continue;
+    for (std::uint32_t i = 0; i < index_.size(); ++i) {
+        if (index_[i].is_alive == 0) continue;
         ++alive;
-        if (entry_of(entries_[i].id) != i) return "a region is not found by its id";
-        if (segments_.find(entries_[i].segment) == segments_.end()) return "a region without a segment";
-        if (scores_[i] != 0) return "a score is left over";
+        if (index_.place_of(index_[i].id) != i) return "a region is not found by its id";
+        if (segments_.find(index_[i].segment) == segments_.end()) return "a region without a segment";
+        if (index_.score_of(i) != 0) return "a score is left over";
     }
     if (alive != counts_.regions) return "the number of regions is wrong";
     std::uint64_t in_segments = 0;

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "engine/map/map_store.hpp"
-#include "platform/store/paged_array.hpp"
+#include "platform/store/region_index.hpp"
 #include "platform/store/store_records.hpp"
 
 namespace stillmesh {
@@ -77,7 +77,6 @@ public:
     [[nodiscard]] std::string find_fault() const;
 
 private:
-    static constexpr std::uint32_t kNone = 0xffffffffU;
     struct Segment {
         int descriptor = -1;
         std::string file;  // empty: without a name
@@ -85,33 +84,6 @@ private:
         std::uint64_t alive = 0;  // regions
         std::uint64_t alive_bytes = 0;
     };
-    struct Entry {
-        std::uint64_t id;
-        std::uint64_t offset;  // of the record
-        std::uint64_t sequence;
-        std::uint64_t used;
-        std::int64_t time_ns;
-        std::uint64_t segment;  // number
-        std::uint32_t words;
-        std::uint32_t words_crc;
-        std::uint32_t body_bytes;
-        std::uint32_t body_crc;
-        std::uint32_t next_plus_one;  // of the same bucket
-        std::uint32_t is_alive;
-        float position_m[3];
-        float axis[3];
-    };
-    struct Posting {
-        std::uint32_t entry;
-        std::uint32_t weight;
-    };
-    static constexpr std::uint32_t kPostings = 15;
-    struct Block {
-        std::uint32_t next_plus_one;
-        std::uint32_t count;
-        Posting postings[kPostings];
-    };
-
     [[nodiscard]] bool lock(std::string& message);
     [[nodiscard]] bool open_segments(std::string& message);
     [[nodiscard]] bool scan(std::uint64_t number, Segment& segment, bool is_last, std::string& message);
@@ -120,21 +92,16 @@ private:
                               std::span<const std::byte> body);
     bool fail(const char* what, int error);
     // --- index
-    [[nodiscard]] int reserve(std::size_t entries, std::size_t blocks);
     [[nodiscard]] bool add(const store_records::RecordHead& head, std::uint64_t segment, std::uint64_t offset,
                            std::span<const WordWeight> words);
-    void remove(std::uint32_t entry);
-    [[nodiscard]] std::uint32_t entry_of(std::uint64_t id) const;
-    void link(std::uint32_t entry);
-    [[nodiscard]] bool add_postings(std::uint32_t entry, std::span<const WordWeight> words);
-    [[nodiscard]] bool rebuild();
-    void score(std::span<const WordWeight> words);
+    void remove(std::uint32_t place);
+    void forget(const IndexedRegion& gone);
+    [[nodiscard]] bool rebuild_index();
     [[nodiscard]] bool has_twin(const LeavingRegion& region);
     void make_room();
     void tidy();
-    [[nodiscard]] bool read_words(const Entry& entry);
-    [[nodiscard]] bool read_body(const Entry& entry, std::span<std::byte> body);
-    [[nodiscard]] std::uint32_t bucket_of(std::uint64_t id) const;
+    [[nodiscard]] bool read_words(const IndexedRegion& entry, std::vector<WordWeight>& words) const;
+    [[nodiscard]] bool read_body(const IndexedRegion& entry, std::span<std::byte> body) const;
 
     RegionStoreOptions options_;
     bool is_open_ = false;
@@ -143,16 +110,7 @@ private:
     std::uint64_t sequence_ = 0;
     std::int64_t synced_ns_ = 0;
     bool is_dirty_ = false;
-    PagedArray<Entry> entries_;
-    std::uint32_t entries_count_ = 0;
-    PagedArray<std::uint32_t> buckets_;  // entry + 1
-    std::uint32_t buckets_count_ = 0;
-    PagedArray<Block> blocks_;
-    std::uint32_t blocks_count_ = 0;
-    PagedArray<std::uint32_t> first_;    // by word: block + 1
-    PagedArray<std::uint32_t> scores_;   // by entry; zeros between questions
-    PagedArray<std::uint32_t> touched_;  // entries with a score
-    std::uint32_t touched_count_ = 0;
+    RegionIndex index_;
     std::uint32_t tidy_cursor_ = 0;
     std::vector<std::byte> record_;
     std::vector<WordWeight> words_;
