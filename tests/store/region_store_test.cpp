@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <fstream>
 #include <map>
 #include <sstream>
 
@@ -250,6 +251,52 @@ TEST(RegionStore, AnyByteFlipped) {
             ASSERT_EQ(there, 2U) << at;
             ASSERT_EQ(store.counts().damaged + (store.counts().cut_bytes > 0 ? 1U : 0U), 1U) << at;
             ASSERT_EQ(store.find_fault(), "");
+        }
+    }
+}
+
+// Promise: the index is made anew when most of it is of what has gone; what cannot be read by then goes, is counted, and
+// everything else is found as before.
+TEST(RegionStore, IndexIsMadeAnew) {
+    constexpr std::uint64_t kDamaged = 2;
+    const test::TemporaryFolder folder;
+    const std::string place = folder.path() + "/store";
+    RegionStore store;
+    open(store, test::options_in(place));
+    std::vector<MadeRegion> made;
+    std::size_t damaged_at = 64;  // the segment's header; then the words of record kDamaged, behind its head
+    for (std::uint64_t id = 1; id <= 5; ++id) {
+        made.push_back(test::made_region(id, id));
+        const MadeRegion& region = made.back();
+        ASSERT_TRUE(store.keep(region.given()));
+        if (id < kDamaged) damaged_at += store_records::kHeadBytes + 6 * region.words.size() + region.body.size();
+    }
+    damaged_at += store_records::kHeadBytes + 3;
+    {
+        std::fstream file(only_segment(place), std::ios::binary | std::ios::in | std::ios::out);
+        file.seekg(static_cast<std::streamoff>(damaged_at));
+        const int byte = file.get();
+        file.seekp(static_cast<std::streamoff>(damaged_at));
+        file.put(static_cast<char>(byte ^ 1));
+    }
+    for (std::uint64_t again = 0; again < 9000; ++again) {
+        made[4] = test::made_region(5, 100 + again);
+        made[4].body.resize(8);
+        ASSERT_TRUE(store.keep(made[4].given()));
+        const std::uint64_t regions = store.counts().regions;  // until then nobody has seen the damage
+        ASSERT_TRUE(regions == 5U || (regions == 4U && again > 4000)) << again;
+    }
+    EXPECT_EQ(store.counts().regions, 4U);
+    EXPECT_EQ(store.counts().damaged, 1U);
+    EXPECT_EQ(store.find_fault(), "");
+    std::vector<std::byte> body;
+    for (const MadeRegion& region : made) {
+        const std::uint64_t found = test::asked(store, region.words, body);
+        if (region.region.id == kDamaged) {
+            EXPECT_NE(found, kDamaged);
+        } else {
+            EXPECT_EQ(found, region.region.id);
+            EXPECT_EQ(body, region.body);
         }
     }
 }
