@@ -23,6 +23,13 @@ target_compile_options(stillmesh_contract INTERFACE
     -fno-fast-math -fno-math-errno -ffp-contract=off
     # What a failed check prints is a path inside the project.
     -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
+if(CMAKE_SYSROOT)
+    # A failed check in a header of the target's packages prints where the header lies there. Behind the project's own, since
+    # the last that fits is used and the sysroot may lie inside the project; and by both its names, if it is behind a link.
+    file(REAL_PATH "${CMAKE_SYSROOT}" stillmesh_sysroot)
+    target_compile_options(stillmesh_contract INTERFACE -fmacro-prefix-map=${CMAKE_SYSROOT}=
+        -fmacro-prefix-map=${stillmesh_sysroot}=)
+endif()
 if(CMAKE_SIZEOF_VOID_P EQUAL 4)  # files above 2 GB, and folders of file systems that number their files with 64 bits
     target_compile_definitions(stillmesh_contract INTERFACE _FILE_OFFSET_BITS=64)
 endif()
