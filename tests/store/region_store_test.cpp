@@ -255,8 +255,8 @@ TEST(RegionStore, AnyByteFlipped) {
     }
 }
 
-// Promise: the index is made anew when most of it is of what has gone; what cannot be read by then goes, is counted, and
-// everything else is found as before.
+// Promise: the index is made anew when most of it is of what has gone; what cannot be read by then goes, is counted,
+// and everything else is found as before.
 TEST(RegionStore, IndexIsMadeAnew) {
     constexpr std::uint64_t kDamaged = 2;
     const test::TemporaryFolder folder;
