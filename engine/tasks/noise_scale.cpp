@@ -15,9 +15,11 @@ void NoiseScale::create(Arena& arena, const Limits& limits, const NoiseParameter
 void NoiseScale::reset() noexcept {
     factors_ = {parameters_.pixel_start, parameters_.depth_start};
     frames_ = 0;
+    begin_frame();
 }
 
 void NoiseScale::raise() noexcept {
+    is_raised_ = true;
     factors_.pixel = std::min(factors_.pixel * parameters_.pixel_try_factor, parameters_.max);
     factors_.depth = std::min(factors_.depth * parameters_.depth_try_factor, parameters_.max);
 }
@@ -39,7 +41,7 @@ void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::spa
     constexpr double kMedian2 = 1.386;
     constexpr double kMedian1 = 0.455;
     const NoiseParameters& p = parameters_;
-    const double fall = is_young() ? p.fall_young : p.fall;
+    const double fall = is_young() || is_raised_ ? p.fall_young : p.fall;
     const double rise = is_young() ? p.rise_young : p.rise;
     for (const bool is_depth : {false, true}) {
         residuals_.clear();

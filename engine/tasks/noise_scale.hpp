@@ -31,6 +31,12 @@ public:
 
     [[nodiscard]] const Factors& factors() const noexcept { return factors_; }
     void restore(const Factors& factors) noexcept { factors_ = factors; }
+    // Before a frame; what is raised in it is a guess, which undo() takes back and adapt() measures.
+    void begin_frame() noexcept {
+        before_ = factors_;
+        is_raised_ = false;
+    }
+    void undo() noexcept { factors_ = before_; }
     // In the first frames little is known, and more is tried and believed.
     [[nodiscard]] bool is_young() const noexcept { return frames_ < parameters_.young_frames; }
     [[nodiscard]] std::uint32_t tries_max() const noexcept {
@@ -53,6 +59,8 @@ private:
 
     NoiseParameters parameters_;
     Factors factors_;
+    Factors before_;  // the frame
+    bool is_raised_ = false;
     std::uint32_t frames_ = 0;  // that they were measured in
     FixedVector<float> residuals_;
 };

@@ -197,32 +197,29 @@ void Tracking::predict(const Frame& frame) noexcept {
 }
 
 bool Tracking::estimate(const Frame* unexpected) noexcept {
+    noise_.begin_frame();
+    if (measure(unexpected)) return true;
+    noise_.undo();
+    return false;
+}
+
+bool Tracking::measure(const Frame* unexpected) noexcept {
     const RegionContext expected = context_;  // matching widens it where it has to search farther
     match();
-    const NoiseScale::Factors noise_before = noise_.factors();
     const RegionChoice choice = choose_region();
-    if (!choice.is_valid || region_.chosen().size() < configuration_.pose.inliers_min) {
-        noise_.restore(noise_before);
-        return false;
-    }
+    if (!choice.is_valid || region_.chosen().size() < configuration_.pose.inliers_min) return false;
     PoseFit fit = fit_pose(choice);
     if (!fit.is_valid || fit.inliers < configuration_.pose.inliers_min) return false;
     const bool is_choice_clear =
         choice.margin >= configuration_.region.margin_min && choice.score >= configuration_.region.score_min;
     const std::uint32_t sure_inliers = configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
-    if ((!is_choice_clear || fit.inliers < sure_inliers) && leaps(expected, fit.world_from_camera)) {
-        noise_.restore(noise_before);
-        return false;
-    }
+    if ((!is_choice_clear || fit.inliers < sure_inliers) && leaps(expected, fit.world_from_camera)) return false;
     // Where nobody expects the camera a few that agree among many that do not are no evidence. On probation such looks
     // do not count, as long as the depth agrees.
     if (unexpected != nullptr) {
         const bool is_on_probation = lost_frames_ == 0;
         const bool is_evidence = is_choice_clear && fit.inliers >= kPlacedFactor * configuration_.pose.inliers_min;
-        if ((!is_evidence && !is_on_probation) || looks_through(*unexpected, fit.world_from_camera)) {
-            noise_.restore(noise_before);
-            return false;
-        }
+        if ((!is_evidence && !is_on_probation) || looks_through(*unexpected, fit.world_from_camera)) return false;
         if (is_evidence && is_on_probation) --probation_frames_;
     }
     match_more(fit);
@@ -348,6 +345,8 @@ void Tracking::accept(const PoseFit& fit, bool is_sure, bool is_choice_clear) no
     if (is_sure) {
         if (!noise_.is_young()) noise_.adapt(correspondences_.span(), chosen_.span(), fit.world_from_camera);
         noise_.count_frame();
+    } else if (!noise_.is_young()) {
+        noise_.undo();  // a guess that nothing confirmed: kept from frame to frame, it would make everybody agree
     }
     is_choice_sure_ = is_sure;
 

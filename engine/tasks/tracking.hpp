@@ -107,6 +107,7 @@ private:
     // changed. `unexpected`: where nothing foretells the camera it has to be sure, and the depth of this frame to
     // agree.
     [[nodiscard]] bool estimate(const Frame* unexpected) noexcept;
+    [[nodiscard]] bool measure(const Frame* unexpected) noexcept;  // the same, but noise that it guessed stays
     [[nodiscard]] bool leaps(const RegionContext& expected, const SE3& world_from_camera) const noexcept;
     void match() noexcept;
     [[nodiscard]] RegionChoice choose_region() noexcept;
