@@ -14,14 +14,22 @@ void NoiseScale::create(Arena& arena, const Limits& limits, const NoiseParameter
 
 void NoiseScale::reset() noexcept {
     factors_ = {parameters_.pixel_start, parameters_.depth_start};
+    measured_ = factors_;
     frames_ = 0;
     begin_frame();
 }
 
+// Guesses do not pile up: at most a frame's tries above what was measured last.
 void NoiseScale::raise() noexcept {
     is_raised_ = true;
-    factors_.pixel = std::min(factors_.pixel * parameters_.pixel_try_factor, parameters_.max);
-    factors_.depth = std::min(factors_.depth * parameters_.depth_try_factor, parameters_.max);
+    const NoiseParameters& p = parameters_;
+    Factors most = measured_;
+    for (std::uint32_t i = 0; i < tries_max(); ++i) {
+        most.pixel *= p.pixel_try_factor;
+        most.depth *= p.depth_try_factor;
+    }
+    factors_.pixel = std::min({factors_.pixel * p.pixel_try_factor, most.pixel, p.max});
+    factors_.depth = std::min({factors_.depth * p.depth_try_factor, most.depth, p.max});
 }
 
 void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
@@ -62,6 +70,7 @@ void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::spa
         const double floor = is_depth ? p.depth_min : p.pixel_min;
         noise = std::clamp(noise * std::clamp(ratio, fall, rise), floor, p.max);
     }
+    measured_ = factors_;
 }
 
 }  // namespace stillmesh

@@ -59,7 +59,8 @@ private:
 
     NoiseParameters parameters_;
     Factors factors_;
-    Factors before_;  // the frame
+    Factors before_;    // the frame
+    Factors measured_;  // last
     bool is_raised_ = false;
     std::uint32_t frames_ = 0;  // that they were measured in
     FixedVector<float> residuals_;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "tests/support/memory.hpp"
@@ -67,6 +68,19 @@ TEST_F(NoiseScaleTest, AGuessIsNotPassedOn) {
         noise_.undo();
     }
     EXPECT_EQ(pixel(), before);
+}
+
+// Promise: too few residuals confirm nothing, but a frame that is sure may keep its guess; kept ones do not pile up.
+TEST_F(NoiseScaleTest, GuessesDoNotPileUp) {
+    const double before = pixel();
+    const std::uint32_t few = parameters_.residuals_min - 1;
+    for (int frame = 0; frame < 10; ++frame) {
+        noise_.begin_frame();
+        for (std::uint32_t i = 0; i < noise_.tries_max(); ++i) noise_.raise();
+        Points(few, 0.3).teach(noise_);
+    }
+    EXPECT_GT(pixel(), before);
+    EXPECT_LE(pixel(), before * std::pow(parameters_.pixel_try_factor, parameters_.tries) * (1 + 1e-12));
 }
 
 // Promise: residuals that the frame's own pose leaves tell at once how much of a guess was too much; without one the
