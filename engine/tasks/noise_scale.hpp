@@ -30,7 +30,8 @@ public:
     void reset() noexcept;
 
     [[nodiscard]] const Factors& factors() const noexcept { return factors_; }
-    void restore(const Factors& factors) noexcept { factors_ = factors; }
+    // What has been measured since goes with it.
+    void restore(const Factors& factors) noexcept { factors_ = measured_ = factors; }
     // Before a frame; what is raised in it is a guess, which undo() takes back and adapt() measures.
     void begin_frame() noexcept {
         before_ = factors_;

@@ -99,6 +99,21 @@ TEST_F(NoiseScaleTest, AGuessIsMeasuredInItsOwnFrame) {
     EXPECT_GE(pixel(), parameters_.fall * measured);
 }
 
+// Promise: after a camera was believed somewhere else for some calm frames and was not there, a guess is still more
+// noise than there was, not less.
+TEST_F(NoiseScaleTest, AGuessAfterAReturnIsMore) {
+    noise_.restore({10.0, 10.0});
+    for (int frame = 0; frame < 40; ++frame) {
+        noise_.begin_frame();
+        Points(60, 0.3).teach(noise_);
+    }
+    EXPECT_LT(pixel(), 1.0);
+    noise_.restore({10.0, 10.0});
+    noise_.begin_frame();
+    noise_.raise();
+    EXPECT_GT(pixel(), 10.0);
+}
+
 // Promise: a jerk whose residuals are as large as was guessed keeps the guess.
 TEST_F(NoiseScaleTest, AGuessThatIsRightStays) {
     noise_.begin_frame();
