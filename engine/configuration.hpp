@@ -565,7 +565,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("mapping.shared_min", c.mapping.shared_min, 1.0, 4000.0, "", "points a neighbour shares");
     v("mapping.fixed_shared_min", c.mapping.fixed_shared_min, 1.0, 4000.0, "",
       "points a fixed keyframe shares with the window");
-    v("mapping.adjusted_points_min", c.mapping.adjusted_points_min, 3.0, 4000.0, "", "fewer are not adjusted");
+    v("mapping.adjusted_points_min", c.mapping.adjusted_points_min, 3.0, 4000.0, "",
+      "a new keyframe that sees fewer points is not adjusted");
     v("mapping.chi2_max_pixel", c.mapping.chi2_max_pixel, 0.1, 1000.0, "",
       "largest squared residual of an observation without depth");
     v("mapping.chi2_max_depth", c.mapping.chi2_max_depth, 0.1, 1000.0, "", "the same with depth");

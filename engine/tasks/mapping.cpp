@@ -400,6 +400,7 @@ std::uint32_t Mapping::choose_window() noexcept {
     free_count_ = problem_keyframe_count_;
     // Points of the free keyframes that two of all keyframes see, newest keyframe first; who else sees them.
     std::fill(counts_.begin(), counts_.end(), std::uint16_t{0});
+    std::uint32_t newest_point_count = 0;
     for (std::uint32_t k = 0; k < free_count_; ++k) {
         const std::span<const Observation> seen = map_->observations(problem_keyframes_[k].handle);
         units += static_cast<std::uint32_t>(seen.size()) / 8;
@@ -414,6 +415,7 @@ std::uint32_t Mapping::choose_window() noexcept {
             problem_index_[o.point.slot()] = problem_point_count_;
             map_->visit_observers(o.point.slot(), [&](std::uint32_t slot) { ++counts_[slot]; });
         }
+        if (k == 0) newest_point_count = problem_point_count_;
     }
     for (std::uint32_t k = 0; k < free_count_; ++k) counts_[problem_keyframes_[k].handle.slot()] = 0;
     for (std::uint32_t k = 0; k < limits.fixed_keyframes_max; ++k) {
@@ -436,8 +438,10 @@ std::uint32_t Mapping::choose_window() noexcept {
         }
         problem_keyframes_[oldest].is_fixed = true;
     }
+    // A few points far away fit a camera that stands aside and looks askance as well, and tracking follows the newest:
+    // its own points have to be enough.
     const bool is_worth_it = configuration_->mapping.is_adjusting && problem_keyframe_count_ >= 2 &&
-                             problem_point_count_ >= configuration_->mapping.adjusted_points_min;
+                             newest_point_count >= configuration_->mapping.adjusted_points_min;
     enter(is_worth_it ? Stage::kCollect : Stage::kRedundant);
     if (!is_worth_it) {
         for (std::uint32_t i = 0; i < problem_point_count_; ++i) {

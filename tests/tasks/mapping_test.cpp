@@ -113,6 +113,49 @@ TEST(Mapping, AnySlicingGivesTheSameBits) {
     }
 }
 
+// Promise: a new keyframe that sees too few points of the map stays where tracking put it, and the camera with it,
+// however many its neighbours see; one that sees enough is adjusted.
+TEST(Mapping, AFewPointsMoveNoCamera) {
+    const Limits limits = limits_of(8, 300);
+    Configuration configuration = fitting(limits);
+    configuration.mapping.is_fusing = configuration.mapping.is_triangulating = false;  // what it sees stays as counted
+    configuration.mapping.adjusted_points_min = 15;
+    Rig rig(sequence().camera, limits, configuration);
+    Map& map = rig.tracking().map();
+    const auto adjustments = [&rig] {
+        EngineStatistics statistics;
+        rig.mapping().fill(statistics);
+        return statistics.mapping.adjustments;
+    };
+    std::uint32_t held = 0;
+    std::uint32_t adjusted = 0;
+    for (const test::KeptFrame& kept : sequence().frames) {
+        rig.tracking().track(kept.frame());
+        if (rig.tracking().keyframe_queue().is_empty()) continue;
+        const Handle<Keyframe> newest = map.recent_keyframe(0);
+        std::uint32_t shared = 0;
+        for (const Observation& o : map.observations(newest)) {
+            const MapPoint* const point = map.points().find(o.point);
+            shared += point != nullptr && !point->is_suspect && point->observers >= 2 ? 1U : 0U;
+        }
+        const Vector3 keyframe_at = map.keyframes().find(newest)->world_from_camera.translation;
+        const Vector3 camera_at = rig.tracking().world_from_camera().translation;
+        const std::uint64_t before = adjustments();
+        rig.work(1'000'000);
+        const bool is_enough = shared >= configuration.mapping.adjusted_points_min;
+        ASSERT_EQ(adjustments() - before, is_enough ? 1U : 0U) << shared << " points";
+        if (is_enough) {
+            ++adjusted;
+        } else {
+            ++held;
+            EXPECT_EQ(map.keyframes().find(newest)->world_from_camera.translation, keyframe_at);
+            EXPECT_EQ(rig.tracking().world_from_camera().translation, camera_at);
+        }
+    }
+    EXPECT_GE(adjusted, 3U);
+    EXPECT_GE(held, 3U);
+}
+
 // Promise: the n-th take fails, for keyframes n = 2, 3, ... and points from the fewest that are allowed: tracking goes
 // on with mapping at work, the map stays right, and the pools never hold more than they may.
 TEST(Mapping, EveryPoolMayBeFull) {
