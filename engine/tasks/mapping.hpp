@@ -3,7 +3,8 @@
 //   cull         points unseen for a second that move or were hardly ever seen
 //   triangulate  points for features without depth, from the one or two best covisible keyframes
 //   fuse         duplicates, and observations tracking missed, with the best covisible keyframes, both ways
-//   adjust       bundle adjustment of a window: free keyframes, fixed neighbours, the static points they see
+//   adjust       bundle adjustment of a window: free keyframes, fixed neighbours, the static points they see;
+//                not where the new keyframe sees few of them
 //   commit       what was evicted or changed since is skipped; newer keyframes follow their parent in the spanning
 //                tree, other points their reference keyframe, the camera the newest keyframe
 //   redundant    keyframes of the neighbourhood whose points are nearly all seen by three others
