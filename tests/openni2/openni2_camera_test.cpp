@@ -69,7 +69,8 @@ TEST(OpenNi2Camera, ServesWhatTheDriverServes) {
     CameraRig rig(STILLMESH_SMALL_FRAMES);
     rig.camera().is_plugged = 1;
     int attempts_left = 60;
-    while (!serves_what_the_driver_serves(rig) && --attempts_left > 0) {}
+    while (!serves_what_the_driver_serves(rig) && --attempts_left > 0) {
+    }
     EXPECT_GT(attempts_left, 0) << "never twenty frames on end in time, known and whole";
 }
 

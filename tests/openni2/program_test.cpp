@@ -155,7 +155,8 @@ TEST_F(LiveProgram, ExposureHuntsAndStreamsEnd) {
         return true;
     };
     int attempts_left = 8;
-    while (!is_whole() && --attempts_left > 0) {}
+    while (!is_whole() && --attempts_left > 0) {
+    }
     ASSERT_GT(attempts_left, 0) << "images are lost in every run";
     Trajectory estimate;
     std::string message;
