@@ -251,8 +251,8 @@ int run(const Arguments& arguments) {
     Window window;
     EngineStatistics before;
     double ready_ms = 0;  // when the engine's thread is done with all before, on the clock of the frames
-    // The longest slices and the frames they came after: a slice that is long because of its work is long again at the same
-    // frame of the next run, one that the machine interrupted is not.
+    // The longest slices and the frames they came after: a slice that is long because of its work is long again at the
+    // same frame of the next run, one that the machine interrupted is not.
     struct Slice {
         double ms;
         std::uint64_t frame;
@@ -370,8 +370,8 @@ int run(const Arguments& arguments) {
     const Spread latency = spread_of(latency_ms);
     fmt::print("tracking ms   median {:.2f}  p99 {:.2f}  p99.9 {:.2f}  max {:.2f}\n", all.median, all.p99, all.p999,
                all.max);
-    fmt::print("frame to pose median {:.2f}  p99 {:.2f}  p99.9 {:.2f}  max {:.2f} ms over {} frames ({})\n", latency.median,
-               latency.p99, latency.p999, latency.max, latency_ms.size(),
+    fmt::print("frame to pose median {:.2f}  p99 {:.2f}  p99.9 {:.2f}  max {:.2f} ms over {} frames ({})\n",
+               latency.median, latency.p99, latency.p999, latency.max, latency_ms.size(),
                arguments.is_latency ? "processor time" : "wall clock for tracking");
     fmt::print("longest slice");
     for (const Slice& s : longest) fmt::print(" {:.2f} ms (frame {})", s.ms, s.frame);
