@@ -9,8 +9,10 @@ if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
 endif()
 # Nothing may depend on NDEBUG: checks are always on, and Debian builds with CMAKE_BUILD_TYPE=None.
 set(CMAKE_CXX_FLAGS_RELEASE "-O2")
-# Sanitizers' builds: enough to name file and line of what they find, and a tenth faster than all of it.
-set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g1")
+set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g")
+if(STILLMESH_SANITIZE)  # enough to name file and line of what is found, and compiled a tenth faster
+    set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g1")
+endif()
 
 add_library(stillmesh_contract INTERFACE)
 target_include_directories(stillmesh_contract INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
