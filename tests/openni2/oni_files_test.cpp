@@ -2,6 +2,7 @@
 // is played whole, or refused with the reason. Made here, through the real OpenNI2's recorder.
 #include <OpenNI.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -71,14 +72,53 @@ struct Wanted {
     return is_well;
 }
 
-// In a process of its own: OpenNI2 remembers threads that it wrote an error for, its recorder's too, which end, and
-// asks glibc about them later.
-[[nodiscard]] bool record_raw(const std::string& file, const Wanted& wanted) {
-    const pid_t child = fork();
-    if (child == 0) _exit(record_streams(file, wanted) ? 0 : 1);
-    int status = 0;
-    return child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
-}
+// Records in a process of its own each time: OpenNI2 remembers threads that it wrote an error for, its recorder's too,
+// which end, and asks glibc about them later. Forked by one that never had a thread, since what other threads hold at a
+// fork stays held in the child, and qemu-user does not survive the child's first thread.
+class RecorderProcess {
+public:
+    RecorderProcess() {
+        EXPECT_EQ(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends_), 0);
+        child_ = ::fork();
+        ::close(ends_[child_ == 0 ? 0 : 1]);
+        if (child_ == 0) serve();
+    }
+    ~RecorderProcess() {
+        ::close(ends_[0]);
+        EXPECT_EQ(::waitpid(child_, nullptr, 0), child_);
+    }
+    RecorderProcess(const RecorderProcess&) = delete;
+    RecorderProcess& operator=(const RecorderProcess&) = delete;
+
+    [[nodiscard]] bool record(const std::string& file, const Wanted& wanted) {
+        Request request{{}, wanted};
+        if (file.size() >= sizeof(request.file)) return false;
+        file.copy(request.file, file.size());
+        bool is_well = false;
+        return ::write(ends_[0], &request, sizeof(request)) == sizeof(request) &&
+               ::read(ends_[0], &is_well, sizeof(is_well)) == sizeof(is_well) && is_well;
+    }
+
+private:
+    struct Request {
+        char file[512];
+        Wanted wanted;
+    };
+    [[noreturn]] void serve() {
+        Request request;
+        while (::read(ends_[1], &request, sizeof(request)) == sizeof(request)) {
+            const pid_t child = ::fork();
+            if (child == 0) ::_exit(record_streams(request.file, request.wanted) ? 0 : 1);
+            int status = 0;
+            const bool is_well = child > 0 && ::waitpid(child, &status, 0) == child && status == 0;
+            if (::write(ends_[1], &is_well, sizeof(is_well)) != sizeof(is_well)) break;
+        }
+        ::_exit(0);
+    }
+
+    int ends_[2] = {-1, -1};
+    pid_t child_ = -1;
+};
 
 // With `stillmesh capture`'s means. The recorder begins somewhat after the streams, later still on a busy machine.
 [[nodiscard]] bool record(const std::string& file, int frames) {
@@ -155,6 +195,7 @@ protected:
     }
 
     CameraRig rig;
+    RecorderProcess raw_recorder;
     const test::TemporaryFolder folder;
     const std::string file;
 };
@@ -196,7 +237,7 @@ TEST_F(OniFiles, ImpossibleRates) {
     rig.camera().modes = 2;
     for (const std::uint32_t fps : {1U, 240U, 10'000U}) {
         rig.camera().colour_fps = rig.camera().depth_fps = fps;
-        ASSERT_TRUE(record_raw(file, {.colour_width = 320, .depth_width = 320})) << fps;
+        ASSERT_TRUE(raw_recorder.record(file, {.colour_width = 320, .depth_width = 320})) << fps;
         const Played played = play(file);
         ASSERT_EQ(played.opened, Status::kOk) << played.message;
         EXPECT_GE(played.times_ns.size(), 3U) << fps;
@@ -257,7 +298,7 @@ TEST_F(OniFiles, MirroredAndWithoutFieldOfView) {
     rig.camera().modes = 1;
     rig.camera().can_unmirror = 0;
     rig.camera().has_no_fov = 1;
-    ASSERT_TRUE(record_raw(file, {}));
+    ASSERT_TRUE(raw_recorder.record(file, {}));
     OpenNi2Camera camera({.device = file});
     ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
     EXPECT_EQ(camera.info().model.fx, 525.0);
@@ -276,7 +317,7 @@ TEST_F(OniFiles, MirroredAndWithoutFieldOfView) {
 TEST_F(OniFiles, NothingComes) {
     rig.camera().modes = 2;
     rig.camera().has_no_cropping = 1;
-    ASSERT_TRUE(record_raw(file, {.colour_width = 320, .depth_width = 320}));
+    ASSERT_TRUE(raw_recorder.record(file, {.colour_width = 320, .depth_width = 320}));
     const std::string reason = file + ": OpenNI2's player gives 0 colour and 0 depth images of it";
     const Played played = play(file);
     EXPECT_EQ(played.opened, Status::kInvalid);
@@ -289,7 +330,7 @@ TEST_F(OniFiles, NothingComes) {
 // Promise: lossy colour, depth in tenths of millimetres, and depth of another size than colour are played.
 TEST_F(OniFiles, LossyFineAndMixed) {
     rig.camera().modes = 1;
-    ASSERT_TRUE(record_raw(file, {.is_lossy = true}));
+    ASSERT_TRUE(raw_recorder.record(file, {.is_lossy = true}));
     const Played lossy = play(file);
     ASSERT_EQ(lossy.opened, Status::kOk) << lossy.message;
     ASSERT_GE(lossy.times_ns.size(), 3U);
@@ -307,7 +348,7 @@ TEST_F(OniFiles, LossyFineAndMixed) {
 
     rig.camera().modes = 3;
     for (const int depth_width : {320, 640}) {
-        ASSERT_TRUE(record_raw(file, {.colour_width = 960 - depth_width, .depth_width = depth_width}));
+        ASSERT_TRUE(raw_recorder.record(file, {.colour_width = 960 - depth_width, .depth_width = depth_width}));
         const Played mixed = play(file);
         ASSERT_EQ(mixed.opened, Status::kOk) << mixed.message;
         EXPECT_EQ(mixed.info.model.width, 960U - static_cast<std::uint32_t>(depth_width));
@@ -366,7 +407,7 @@ TEST_F(OniFiles, TheProgramRunsOrRefuses) {
                           Case{1, {.depth_width = 0}, "has no depth images; both are needed"},
                           Case{9, {.colour_width = 1280}, "1280x1024@30 is larger than the limits (640x480)"}}) {
         rig.camera().modes = c.modes;
-        ASSERT_TRUE(record_raw(file, c.wanted)) << c.reason;
+        ASSERT_TRUE(raw_recorder.record(file, c.wanted)) << c.reason;
         const Played played = play(file);
         EXPECT_EQ(played.opened, Status::kInvalid);
         EXPECT_NE(played.message.find(c.reason), std::string::npos) << played.message;
