@@ -187,7 +187,7 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
         };
         std::vector<Vector3> after;
         const Pool<MapPoint>& points = tracking.map().points();
-        std::int64_t without_vote = 0;
+        std::ptrdiff_t without_vote = 0;
         for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
             if (!points.is_taken(slot)) continue;
             const Vector3 world = world_from_odom * vector_of(points.at(slot).world);
