@@ -191,6 +191,7 @@ struct RecoveryParameters {
     std::uint32_t probation_frames = 8;
     std::uint32_t there_min = 10;  // points of the map that the depth image confirms
     double empty_share_max = 0.35;
+    double rival_share_max = 0.8;
 };
 
 // Points whose place is seen to be empty.
@@ -539,6 +540,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
       "in which all agrees before a camera found again is believed");
     v("recovery.there_min", c.recovery.there_min, 0.0, 400.0, "", "points of the map whose depth is seen there");
     v("recovery.empty_share_max", c.recovery.empty_share_max, 0.0, 1.0, "", "of those whose place is seen to be empty");
+    v("recovery.rival_share_max", c.recovery.rival_share_max, 0.0, 1.0, "",
+      "another place looks at most so much like it as where a lost camera is taken to be");
     v("emptiness.places_per_frame", c.emptiness.places_per_frame, 0.0, 10000.0, "", "places looked at for emptiness");
     v("emptiness.reach_px", c.emptiness.reach_px, 1.0, 10.0, "px", "around a place, all must be empty");
     v("emptiness.sigmas", c.emptiness.sigmas, 0.0, 100.0, "", "of depth noise beyond a place that is empty");

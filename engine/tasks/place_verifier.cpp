@@ -243,6 +243,27 @@ void PlaceVerifier::keep_common_turn(const Map& map) noexcept {
     }
 }
 
+// A query feature and the point that it claims.
+Correspondence PlaceVerifier::pair_of(std::size_t i, const MapPoint& point) const noexcept {
+    const Observation& o = query_[i];
+    Correspondence c;
+    c.feature = static_cast<std::uint32_t>(i);
+    c.point_slot = claims_[i].point.slot();
+    c.normalised = Vector2(static_cast<double>(o.normalised_x), static_cast<double>(o.normalised_y));
+    c.has_depth = o.var_z >= 0;
+    if (c.has_depth) {
+        const auto z = static_cast<double>(o.z_m);
+        c.p_camera = Vector3(c.normalised.x() * z, c.normalised.y() * z, z);
+        c.var_z = static_cast<double>(o.var_z) * noise_.depth;
+    }
+    c.var_pixel = pixel_noise_.var(o.level) * noise_.pixel;
+    c.p_world = c.p_anchor = vector_of(point.world);
+    c.map_var_z = point.var_z * noise_.depth;
+    c.map_var_lateral = point.var_lateral * noise_.pixel;
+    c.distance_bits = claims_[i].distance_bits;
+    return c;
+}
+
 // The claims become pairs: of several for one point the nearest, and the nearest of all when there are too many.
 void PlaceVerifier::collect(const Map& map) noexcept {
     std::uint32_t histogram[kNoDistance] = {};
@@ -259,22 +280,7 @@ void PlaceVerifier::collect(const Map& map) noexcept {
     for (std::size_t i = 0; i < query_.size(); ++i) {
         const MapPoint* const point = map.points().find(claims_[i].point);
         if (point == nullptr || claims_[i].distance_bits > bits_max || pairs_.is_full()) continue;
-        const Observation& o = query_[i];
-        Correspondence c;
-        c.feature = static_cast<std::uint32_t>(i);
-        c.point_slot = claims_[i].point.slot();
-        c.normalised = Vector2(static_cast<double>(o.normalised_x), static_cast<double>(o.normalised_y));
-        c.has_depth = o.var_z >= 0;
-        if (c.has_depth) {
-            const auto z = static_cast<double>(o.z_m);
-            c.p_camera = Vector3(c.normalised.x() * z, c.normalised.y() * z, z);
-            c.var_z = static_cast<double>(o.var_z) * noise_.depth;
-        }
-        c.var_pixel = pixel_noise_.var(o.level) * noise_.pixel;
-        c.p_world = c.p_anchor = vector_of(point->world);
-        c.map_var_z = point->var_z * noise_.depth;
-        c.map_var_lateral = point->var_lateral * noise_.pixel;
-        c.distance_bits = claims_[i].distance_bits;
+        const Correspondence c = pair_of(i, *point);
         bool is_taken = false;
         for (std::size_t k = 0; k < pairs_.size(); ++k) {
             if (pairs_[k].point_slot != c.point_slot) continue;
@@ -448,6 +454,19 @@ std::uint32_t PlaceVerifier::judge(const Map& map) noexcept {
     }
     stage_ = Stage::kDone;
     return units;
+}
+
+std::uint32_t PlaceVerifier::likeness(const Map& map) const noexcept {
+    const std::uint32_t bits_max = configuration_->loop.hamming_guided_max;
+    const SE3 camera_from_world = fit_.world_from_camera.inverse();
+    std::uint32_t sum = 0;
+    for (std::size_t i = 0; i < query_.size(); ++i) {
+        const MapPoint* const point = map.points().find(claims_[i].point);
+        if (point == nullptr || claims_[i].distance_bits > bits_max) continue;
+        if (chi2_of(pair_of(i, *point), camera_from_world) > configuration_->loop.chi2_max) continue;
+        sum += bits_max + 1 - claims_[i].distance_bits;
+    }
+    return sum;
 }
 
 }  // namespace stillmesh

@@ -108,6 +108,9 @@ public:
     [[nodiscard]] const Matrix6& information() const noexcept { return fit_.information; }
     [[nodiscard]] std::uint32_t matches() const noexcept { return matched_; }
     [[nodiscard]] std::uint32_t inliers() const noexcept { return fit_.inliers; }
+    // How much the query looks like the candidate just accepted: over all features that agree, not only kPairsMax of
+    // them, the bits by which their descriptors are nearer than any may be. For two places to be compared.
+    [[nodiscard]] std::uint32_t likeness(const Map& map) const noexcept;
     // Those that agree.
     [[nodiscard]] std::span<const PlaceMatch> agreeing() const noexcept { return matches_.span(); }
     [[nodiscard]] std::span<const Observation> query() const noexcept { return query_.span(); }
@@ -126,6 +129,7 @@ private:
     [[nodiscard]] std::uint32_t guide(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t judge(const Map& map) noexcept;
     void keep_common_turn(const Map& map) noexcept;
+    [[nodiscard]] Correspondence pair_of(std::size_t i, const MapPoint& point) const noexcept;
     void collect(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t choose_agreeing(const SE3& world_from_camera, double chi2_max) noexcept;
 

@@ -122,7 +122,10 @@ void Tracking::track(const Frame& frame) noexcept {
         if (lost_frames_ <= configuration_.pose.lost_frames_max) {
             is_found = estimate(is_on_probation ? &frame : nullptr);
         }
-        if (is_on_probation) end_probation(is_found);
+        if (is_on_probation) {
+            is_found = is_found && !is_outweighed();
+            end_probation(is_found);
+        }
         if (!is_found && lost_frames_ > 0) is_found = recover(frame);
         if (!is_found && lost_frames_ > 0) is_found = relocalise(frame);
         if (!is_found) lose();
@@ -410,14 +413,32 @@ bool Tracking::recover(const Frame& frame) noexcept {
 // A lost camera, anywhere in the map: by the words of its picture (relocalisation.hpp).
 bool Tracking::relocalise(const Frame& frame) noexcept {
     if (relocalisation_ == nullptr || !relocalisation_->is_on()) return false;
-    relocalisation_->begin(measured_.features().descriptors.span());
-    for (std::size_t i = 0; i < measured_.size(); ++i) relocalisation_->add_feature(measured_.observation_of(i));
-    const PlaceVerifier::Noise noise{std::max(1.0, noise_pixel()), std::max(1.0, noise_depth())};
-    if (!relocalisation_->find(map_, measured_.features().descriptors.span(), noise)) return false;
+    begin_relocalisation();
+    if (!relocalisation_->find(map_)) return false;
     local_map_.begin_counting();
     for (const PlaceMatch& match : relocalisation_->matches()) local_map_.count(map_, match.point.slot());
     local_map_.invalidate();
     return estimate_at(frame, relocalisation_->world_from_camera(), true);
+}
+
+void Tracking::begin_relocalisation() noexcept {
+    relocalisation_->begin(measured_.features().descriptors.span(),
+                           {std::max(1.0, noise_pixel()), std::max(1.0, noise_depth())});
+    for (std::size_t i = 0; i < measured_.size(); ++i) relocalisation_->add_feature(measured_.observation_of(i));
+}
+
+// On probation: whether its frames together look more like another place. Before the end clearly so; in the end the
+// other way round they must look clearly more like this one.
+bool Tracking::is_outweighed() noexcept {
+    if (relocalisation_ == nullptr || !relocalisation_->is_on()) return false;
+    begin_relocalisation();
+    const Relocalisation::Evidence evidence = relocalisation_->weigh(map_, world_from_camera());
+    before_.here += evidence.here;
+    before_.elsewhere += evidence.elsewhere;
+    const auto here = static_cast<double>(before_.here);
+    const auto elsewhere = static_cast<double>(before_.elsewhere);
+    const double share_max = configuration_.recovery.rival_share_max;
+    return probation_frames_ == 0 ? elsewhere > share_max * here : here < share_max * elsewhere;
 }
 
 // Whether too much of the map would have to be in front of what the depth image shows, or nothing of it is seen there.
@@ -447,7 +468,7 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
     before_.measured_time_ns = measured_time_ns_;
     before_.start_time_ns = start_time_ns_;
     before_.lost_frames = lost_frames_;
-    before_.looks = 0;
+    before_.looks = before_.here = before_.elsewhere = 0;
     before_.is_placed = is_placed_;
     before_.is_by_words = is_by_words;
     if (is_by_words) odometry_.jump_to(world_from_camera, this->world_from_camera());

@@ -119,6 +119,8 @@ private:
     // --- a frame without a pose
     [[nodiscard]] bool recover(const Frame& frame) noexcept;
     [[nodiscard]] bool relocalise(const Frame& frame) noexcept;
+    void begin_relocalisation() noexcept;
+    [[nodiscard]] bool is_outweighed() noexcept;
     void believe() noexcept;
     void end_probation(bool is_found) noexcept;
     // A map that stays as it is: loaded to localise in, or while it is not sure that the camera is here.
@@ -183,7 +185,8 @@ private:
         std::int64_t measured_time_ns = 0;
         std::int64_t start_time_ns = 0;
         std::uint32_t lost_frames = 0;
-        std::uint32_t looks = 0;  // since then
+        std::uint32_t looks = 0;                // since then
+        std::uint32_t here = 0, elsewhere = 0;  // evidence of all of them (relocalisation.hpp)
         bool is_placed = true;
         bool is_by_words = false;
     };
