@@ -22,7 +22,10 @@ freenect_context* const kContext = reinterpret_cast<freenect_context*>(&context_
 freenect_device* const kDevice = reinterpret_cast<freenect_device*>(&device_memory);
 
 void while_hanging() {
+    if (!scripted_kinect.hangs) return;
+    ++scripted_kinect.hanging;
     while (scripted_kinect.hangs) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    --scripted_kinect.hanging;
 }
 
 freenect_frame_mode mode_of(freenect_resolution resolution, int format, int bytes) {

@@ -11,6 +11,7 @@ struct ScriptedKinect {
     std::atomic<bool> is_registered{true};  // offers registered millimetres
     std::atomic<bool> refuses_open{false};
     std::atomic<bool> hangs{false};          // opening, or processing events, does not come back while this is set
+    std::atomic<int> hanging{0};             // calls that do so now
     std::atomic<bool> is_silent{false};      // no images
     std::atomic<std::uint32_t> stamp{1000};  // of the next pair, 60 MHz
     std::atomic<std::uint32_t> pairs{0};     // delivered
