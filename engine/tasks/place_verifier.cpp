@@ -37,6 +37,7 @@ void PlaceVerifier::create(Arena& arena, const Limits& limits, const Configurati
     pairs_.create(arena, pairs_max(limits));
     matches_.create(arena, pairs_max(limits));
     chosen_.create(arena, pairs_max(limits));
+    projected_ = arena.array<std::uint64_t>(projected_words(limits));
     pixel_noise_.create(configuration, camera);
     const std::uint32_t pairs = pairs_max(limits);
     piece_units_max_ = std::max({(kMatchPiece + limits.features_max) / 32 + 1, kSamplePiece * (pairs + 1),
@@ -372,7 +373,16 @@ std::uint32_t PlaceVerifier::refine() noexcept {
     }
     stage_ = Stage::kGuide;
     cursor_ = source_ = 0;
+    std::fill(projected_.begin(), projected_.end(), 0);
     return units;
+}
+
+// Neighbours see mostly the same points: each is projected once. True: it had not been.
+bool PlaceVerifier::mark_projected(std::uint32_t slot) noexcept {
+    std::uint64_t& word = projected_[slot / 64];
+    const std::uint64_t before = word;
+    word |= std::uint64_t{1} << (slot % 64);
+    return word != before;
 }
 
 std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
@@ -389,6 +399,7 @@ std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
         ++points;
         const Handle<MapPoint> handle = seen[cursor_++].point;
         const MapPoint* const point = map.points().find(handle);
+        if (point == nullptr || !mark_projected(handle.slot())) continue;
         if (!is_static(point, configuration_->weights.eligible)) continue;
         const Vector3 q = camera_from_world * vector_of(point->world);
         if (q.z() < configuration_->depth.z_min_m) continue;

@@ -66,6 +66,7 @@ public:
         FixedVector<Correspondence>::plan(arena, pairs_max(limits));
         FixedVector<PlaceMatch>::plan(arena, pairs_max(limits));
         FixedVector<std::uint16_t>::plan(arena, pairs_max(limits));
+        arena.array<std::uint64_t>(projected_words(limits));
     }
     void create(Arena& arena, const Limits& limits, const Configuration& configuration,
                 const CameraModel& camera) noexcept;
@@ -119,6 +120,10 @@ private:
     enum class Stage : std::uint8_t { kIdle, kMatch, kGather, kSample, kRefine, kGuide, kJudge, kDone };
     static constexpr std::uint32_t kNeighboursMax = 8;
 
+    static constexpr std::uint32_t projected_words(const Limits& limits) noexcept {
+        return (limits.map_points_max + 63) / 64;
+    }
+
     void refuse(Refusal refusal) noexcept;
     [[nodiscard]] std::uint32_t match(const Map& map, const Vocabulary& vocabulary,
                                       std::span<const WordOfFeature> candidate_words) noexcept;
@@ -128,6 +133,7 @@ private:
     [[nodiscard]] std::uint32_t refine() noexcept;
     [[nodiscard]] std::uint32_t guide(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t judge(const Map& map) noexcept;
+    [[nodiscard]] bool mark_projected(std::uint32_t slot) noexcept;
     void keep_common_turn(const Map& map) noexcept;
     [[nodiscard]] Correspondence pair_of(std::size_t i, const MapPoint& point) const noexcept;
     void collect(const Map& map) noexcept;
@@ -142,8 +148,9 @@ private:
     FixedVector<WordOfFeature> by_word_;
     std::span<Claim> claims_;
     FixedVector<Correspondence> pairs_;
-    FixedVector<PlaceMatch> matches_;    // of pairs_, index by index; at the end those that agree
-    FixedVector<std::uint16_t> chosen_;  // in pairs_
+    FixedVector<PlaceMatch> matches_;     // of pairs_, index by index; at the end those that agree
+    FixedVector<std::uint16_t> chosen_;   // in pairs_
+    std::span<std::uint64_t> projected_;  // a bit for each slot of a point
     PixelNoise pixel_noise_;
     std::uint32_t piece_units_max_ = 0;
 
