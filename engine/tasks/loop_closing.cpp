@@ -677,7 +677,7 @@ std::uint32_t LoopClosing::fuse_neighbours() noexcept {
             continue;
         }
         ++n;
-        units += mapping_->fuse_into(seen[cursor_++].point, targets_[target_]);
+        units += mapping_->fusion().fuse_into(seen[cursor_++].point, targets_[target_], tracking_->noise_depth());
     }
     if (target_ >= targets_count_) finish();
     return units;

@@ -3,23 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/base/numbers.hpp"
 #include "engine/base/time.hpp"
-#include "engine/features/hamming.hpp"
+#include "engine/tasks/triangulation.hpp"
 
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kCullChunk = 1024;       // slots in a piece
-constexpr std::uint32_t kFuseChunk = 32;         // points in a piece
-constexpr std::uint32_t kFuseObserversMax = 16;  // a point with more stays: its fusion would be a long piece
-// Guards of the arithmetic: a baseline (squared) too short for an epipolar line, rays too parallel to meet, and where
-// they meet too far for any depth camera; and, of what is projected, how far out (tangent, squared) a lens may see.
-constexpr double kBaselineMin2 = 1e-12;
-constexpr double kDeterminantMin = 1e-9;
-constexpr double kFarthest_m = 100.0;
-constexpr double kTangentMax2 = 4.0;
-constexpr double kVarianceMin_m2 = 1e-6;
+constexpr std::uint32_t kCullChunk = 1024;  // slots in a piece
+constexpr std::uint32_t kFuseChunk = 32;    // points in a piece
 
 SE3 transform_between(const SE3& now, const SE3& before) noexcept {
     SE3 out = now * before.inverse();
@@ -37,8 +28,7 @@ void Mapping::create(Arena& arena, const Limits& limits, const Configuration& co
     tracking_ = &tracking;
     map_ = &tracking.map();
     adjustment_.create(arena, sizes(limits));
-    grid_.create(arena, limits);
-    keypoints_.create(arena, limits.features_max);
+    fusion_.create(arena, limits, *configuration_, camera_, pixel_noise_, *map_);
     problem_points_ = arena.array<ProblemPoint>(2 * limits.features_max);
     problem_observations_ = arena.array<ProblemObservation>(8 * limits.features_max);
     problem_index_ = arena.array<std::uint32_t>(limits.map_points_max);
@@ -48,14 +38,14 @@ void Mapping::create(Arena& arena, const Limits& limits, const Configuration& co
     // The longest pieces: the commit, which looks at every point; a feature against all of another keyframe; a chunk of
     // points of which each is fused.
     const std::uint32_t commit = limits.map_points_max / 16 + limits.features_max + 4 * limits.keyframes_max;
-    const std::uint32_t fusing = kFuseChunk * (kFuseObserversMax * limits.features_max / 64 + 8);
+    const std::uint32_t fusing = kFuseChunk * PointFusion::units_max(limits);
     piece_units_max_ = std::max({commit, fusing, 2 * limits.features_max, LocalAdjustment::kPieceUnitsMax});
     reset();
 }
 
 void Mapping::reset() noexcept {
     adjustment_.begin();
-    grid_keyframe_ = {};
+    fusion_.reset();
     keyframe_ = {};
     stage_ = Stage::kIdle;
     cursor_ = other_ = 0;
@@ -69,7 +59,7 @@ void Mapping::enter(Stage stage) noexcept {
     stage_ = stage;
     cursor_ = 0;
     other_ = 0;
-    grid_keyframe_ = {};
+    fusion_.forget_target();
 }
 
 bool Mapping::take() noexcept {
@@ -125,16 +115,6 @@ void Mapping::note_correction() noexcept {
     enter(Stage::kRedundant);
 }
 
-std::uint32_t Mapping::fuse_into(Handle<MapPoint> point, Handle<Keyframe> target) noexcept {
-    if (map_->keyframes().find(target) == nullptr) return 1;
-    std::uint32_t units = 1;
-    if (!(grid_keyframe_ == target)) {
-        build_grid(target);
-        units += static_cast<std::uint32_t>(keypoints_.size()) / 8;
-    }
-    return units + fuse_point(point, target);
-}
-
 // --- points ----------------------------------------------------------------------------------------------------------
 
 std::uint32_t Mapping::cull() noexcept {
@@ -165,7 +145,13 @@ std::uint32_t Mapping::triangulate() noexcept {
                 const std::uint32_t feature = cursor_++;
                 ++passed;
                 if (here[feature].var_z >= 0 || map_->points().find(here[feature].point) != nullptr) continue;
-                return 1 + passed / 16 + triangulate_feature(feature, other);
+                const Triangulation made =
+                    stillmesh::triangulate(*map_, keyframe_, feature, other, *configuration_, pixel_noise_);
+                if (!made.point.is_null()) {
+                    tracking_->local_map().add(made.point.slot());
+                    ++statistics_.points_triangulated;
+                }
+                return 1 + passed / 16 + made.units;
             }
         }
         cursor_ = 0;
@@ -173,110 +159,6 @@ std::uint32_t Mapping::triangulate() noexcept {
     }
     enter(Stage::kFuse);
     return 1 + passed / 16;
-}
-
-std::uint32_t Mapping::triangulate_feature(std::uint32_t feature, Handle<Keyframe> other) noexcept {
-    const Keyframe& keyframe = *map_->keyframes().find(keyframe_);
-    const Observation& mine = map_->observations(keyframe_)[feature];
-    const Descriptor& descriptor = map_->descriptors(keyframe_)[feature];
-    const std::span<const Observation> there = map_->observations(other);
-    const std::span<const Descriptor> descriptors = map_->descriptors(other);
-    const SE3& world_from_other = map_->keyframes().find(other)->world_from_camera;
-    const SE3 other_from_here = world_from_other.inverse() * keyframe.world_from_camera;
-    const Vector3 ray(static_cast<double>(mine.normalised_x), static_cast<double>(mine.normalised_y), 1.0);
-    const Vector3 turned = other_from_here.rotation * ray;
-    const Vector3 line = other_from_here.translation.cross(turned);
-    const double length2 = line.x() * line.x() + line.y() * line.y();
-    // Most are passed over at the first look: 32 of them take a unit's time (bench_slices --all-stages).
-    const auto units = static_cast<std::uint32_t>(there.size() / 32);
-    if (!(length2 > kBaselineMin2)) return units;
-    std::uint32_t best = configuration_->matching.hamming_wide_max + 1;
-    std::uint32_t second = 257;
-    std::uint32_t best_feature = kNone;
-    std::uint32_t compared = 0;
-    for (std::uint32_t i = 0; i < there.size(); ++i) {
-        const Observation& o = there[i];
-        if (o.var_z >= 0 || map_->points().find(o.point) != nullptr) continue;
-        if (o.level + 1 < mine.level || mine.level + 1 < o.level) continue;
-        const double off =
-            line.x() * static_cast<double>(o.normalised_x) + line.y() * static_cast<double>(o.normalised_y) + line.z();
-        if (off * off > configuration_->mapping.triangulation_chi2_max * var_pixel(o.level) * length2) continue;
-        const std::uint32_t distance = hamming_distance(descriptor, descriptors[i]);
-        ++compared;
-        if (distance < best) {
-            second = best;
-            best = distance;
-            best_feature = i;
-        } else if (distance < second) {
-            second = distance;
-        }
-    }
-    const std::uint32_t spent = units + compared / 32;
-    if (best_feature == kNone || static_cast<double>(best) > configuration_->matching.ratio_max * second) return spent;
-    const Observation& theirs = there[best_feature];
-    const Vector3 ray_there(static_cast<double>(theirs.normalised_x), static_cast<double>(theirs.normalised_y), 1.0);
-    const double cosine = turned.dot(ray_there) / std::sqrt(turned.squaredNorm() * ray_there.squaredNorm());
-    if (!(cosine > 0.0 && cosine < configuration_->mapping.parallax_cosine_max)) return spent;
-    // Depths a, b with a turned + t = b ray_there, by least squares.
-    const Vector3 t = other_from_here.translation;
-    const double uu = turned.squaredNorm();
-    const double vv = ray_there.squaredNorm();
-    const double uv = turned.dot(ray_there);
-    const double determinant = uu * vv - uv * uv;
-    if (!(determinant > kDeterminantMin)) return spent;
-    const double ut = turned.dot(t);
-    const double vt = ray_there.dot(t);
-    const double a = (uv * vt - vv * ut) / determinant;
-    const double b = (uu * vt - uv * ut) / determinant;
-    if (!(a > configuration_->depth.z_min_m && b > configuration_->depth.z_min_m && a < kFarthest_m)) return spent;
-    const Vector3 in_here = ray * a;
-    const Vector3 in_other = other_from_here * in_here;
-    if (in_other.z() < configuration_->depth.z_min_m) return spent;
-    const double dx = in_other.x() / in_other.z() - ray_there.x();
-    const double dy = in_other.y() / in_other.z() - ray_there.y();
-    if (dx * dx + dy * dy > configuration_->mapping.chi2_max_pixel * var_pixel(theirs.level)) return spent;
-    // Depth from the parallax: sigma_z = z sigma sqrt(2) / sin(parallax).
-    const double variance = var_pixel(std::max(mine.level, theirs.level));
-    const double var_z = 2.0 * a * a * variance / (1.0 - cosine * cosine);
-    const double sigma_max = configuration_->mapping.triangulation_sigma_factor * configuration_->depth.sigma_max_m;
-    if (var_z > sigma_max * sigma_max) return spent;
-    const Result<Handle<MapPoint>> taken = map_->add_point();
-    if (!taken.is_ok()) return spent;
-    MapPoint& point = *map_->points().find(taken.value());
-    store(keyframe.world_from_camera * in_here, point.world);
-    store(vector_of(point.world), point.anchor);
-    point.var_z = var_z;
-    point.var_lateral = variance * a * a;
-    point.anchor_var_z = point.var_z;
-    point.anchor_var_lateral = point.var_lateral;
-    point.descriptor = descriptor;
-    point.angle_rad = mine.angle_rad;
-    point.created_ns = keyframe.time_ns;
-    point.anchor_ns = keyframe.time_ns;
-    point.last_seen_frame = keyframe.frame;
-    point.distance_m = static_cast<float>(a);
-    point.level = mine.level;
-    point.weight_tenths = static_cast<std::uint8_t>(configuration_->weights.start);
-    point.is_suspect = configuration_->weights.start < configuration_->weights.eligible;
-    point.seen = static_cast<std::uint16_t>(map_->parameters().seen_min);  // two pictures agree on it
-    static_cast<void>(map_->link(keyframe_, feature, taken.value()));
-    static_cast<void>(map_->link(other, best_feature, taken.value()));
-    tracking_->local_map().add(taken.value().slot());
-    ++statistics_.points_triangulated;
-    return spent;
-}
-
-void Mapping::build_grid(Handle<Keyframe> keyframe) noexcept {
-    keypoints_.clear();
-    for (const Observation& o : map_->observations(keyframe)) {
-        Keypoint keypoint;
-        keypoint.x = o.x;
-        keypoint.y = o.y;
-        keypoint.level = o.level;
-        STILLMESH_CHECK(keypoints_.push(keypoint));
-    }
-    grid_.build(camera_.width, camera_.height, keypoints_.span());
-    grid_keyframe_ = keyframe;
 }
 
 std::uint32_t Mapping::fuse() noexcept {
@@ -292,80 +174,16 @@ std::uint32_t Mapping::fuse() noexcept {
             ++other_;
             continue;
         }
-        if (!(grid_keyframe_ == target)) {
-            build_grid(target);
-            return 1 + static_cast<std::uint32_t>(keypoints_.size()) / 8;
-        }
+        if (!fusion_.has_target(target)) return 1 + fusion_.set_target(target);
         const std::span<const Observation> seen = map_->observations(source);
         std::uint32_t units = 1;
         for (std::uint32_t i = 0; i < kFuseChunk && cursor_ < seen.size(); ++i) {
-            units += fuse_point(seen[cursor_++].point, target);
+            units += fusion_.fuse(seen[cursor_++].point, tracking_->noise_depth());
         }
         return units;
     }
     enter(Stage::kChoose);
     return 1;
-}
-
-std::uint32_t Mapping::fuse_point(Handle<MapPoint> handle, Handle<Keyframe> target) noexcept {
-    const MapPoint* const point = map_->points().find(handle);
-    if (point == nullptr || point->is_suspect || map_->is_observed_by(handle.slot(), target.slot())) return 0;
-    const SE3 camera_from_world = map_->keyframes().find(target)->world_from_camera.inverse();
-    const Vector3 q = camera_from_world * vector_of(point->world);
-    if (q.z() < configuration_->depth.z_min_m) return 0;
-    const Vector2 n(q.x() / q.z(), q.y() / q.z());
-    if (n.squaredNorm() > kTangentMax2) return 0;
-    const Vector2 pixel = distort_to_pixel(camera_, n);
-    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera_.width && pixel.y() < camera_.height)) return 1;
-    const std::span<const Observation> there = map_->observations(target);
-    const std::span<const Descriptor> descriptors = map_->descriptors(target);
-    const double noise_z = tracking_->noise_depth();
-    const MappingParameters& p = configuration_->mapping;
-    std::uint32_t best = p.fusion_hamming_max + 1;
-    std::uint32_t best_feature = kNone;
-    const double ratio = static_cast<double>(point->distance_m) / q.z() * pixel_noise_.scale(point->level);
-    grid_.visit_near(pixel.x(), pixel.y(), p.fusion_radius_px * ratio, [&](std::uint32_t i) {
-        const Observation& o = there[i];
-        const double scale = pixel_noise_.scale(o.level);
-        if (scale > p.fusion_scale_factor * ratio || ratio > p.fusion_scale_factor * scale) return;
-        const double dx = static_cast<double>(o.x) - pixel.x();
-        const double dy = static_cast<double>(o.y) - pixel.y();
-        const double radius = p.fusion_radius_px * scale;
-        if (dx * dx + dy * dy > radius * radius) return;
-        if (o.var_z >= 0) {
-            const double dz = static_cast<double>(o.z_m) - q.z();
-            if (dz * dz > p.fusion_depth_chi2_max * noise_z * (static_cast<double>(o.var_z) + point->var_z)) return;
-        }
-        const std::uint32_t distance = hamming_distance(descriptors[i], point->descriptor);
-        if (distance >= best) return;
-        best = distance;
-        best_feature = i;
-    });
-    if (best_feature == kNone) return 2;
-    const Handle<MapPoint> rival = there[best_feature].point;
-    const MapPoint* const other = map_->points().find(rival);
-    if (other == nullptr) {
-        static_cast<void>(map_->link(target, best_feature, handle));
-        ++statistics_.observations_found;
-        return 4;
-    }
-    if (other->is_suspect) return 2;
-    // The same place, as far as the two are known?
-    const Vector3 there_q = camera_from_world * vector_of(other->world);
-    if (there_q.z() < configuration_->depth.z_min_m) return 2;
-    const double dz = there_q.z() - q.z();
-    const double dx = (there_q.x() / there_q.z() - n.x()) * q.z();
-    const double dy = (there_q.y() / there_q.z() - n.y()) * q.z();
-    const double var_z = noise_z * (point->var_z + other->var_z) + kVarianceMin_m2;
-    const double var_lateral = point->var_lateral + other->var_lateral;
-    if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > configuration_->region.point_chi2_max) return 2;
-    const bool is_older = point->observers > other->observers ||
-                          (point->observers == other->observers && point->created_ns <= other->created_ns);
-    const Handle<MapPoint> kept = is_older ? handle : rival;
-    const Handle<MapPoint> gone = is_older ? rival : handle;
-    // Where tracking has matched it in this very frame, correspondences name its slot: it goes with a later keyframe.
-    if (map_->points().find(gone)->observers > kFuseObserversMax) return 2;
-    return 4 + map_->fuse(kept, gone) / 64;
 }
 
 // --- adjustment ------------------------------------------------------------------------------------------------------
@@ -643,6 +461,7 @@ std::uint32_t Mapping::evict() noexcept {
 
 void Mapping::fill(EngineStatistics& statistics) const noexcept {
     statistics.mapping = statistics_;
+    statistics.mapping.observations_found = fusion_.observations_found();
 }
 
 }  // namespace stillmesh

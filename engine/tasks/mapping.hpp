@@ -21,9 +21,9 @@
 #include "engine/adjust/local_adjustment.hpp"
 #include "engine/configuration.hpp"
 #include "engine/engine.hpp"
-#include "engine/matching/feature_grid.hpp"
 #include "engine/schedule/task.hpp"
 #include "engine/tasks/pixel_noise.hpp"
+#include "engine/tasks/point_fusion.hpp"
 #include "engine/tasks/tracking.hpp"
 
 namespace stillmesh {
@@ -52,8 +52,7 @@ public:
     }
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         LocalAdjustment::plan(arena, sizes(limits));
-        FeatureGrid::plan(arena, limits);
-        FixedVector<Keypoint>::plan(arena, limits.features_max);
+        PointFusion::plan(arena, limits);
         arena.array<ProblemPoint>(2 * limits.features_max);
         arena.array<ProblemObservation>(8 * limits.features_max);
         arena.array<std::uint32_t>(limits.map_points_max);
@@ -70,9 +69,7 @@ public:
 
     // For loop closing. The whole map was corrected: an adjustment that began before is dropped.
     void note_correction() noexcept;
-    // Lets a static point be seen by a keyframe that missed it, or become one with the point it has there. Returns the
-    // units it took.
-    [[nodiscard]] std::uint32_t fuse_into(Handle<MapPoint> point, Handle<Keyframe> target) noexcept;
+    [[nodiscard]] PointFusion& fusion() noexcept { return fusion_; }
 
     // Of a feature's normalised coordinates.
     [[nodiscard]] double var_pixel(std::uint8_t level) const noexcept { return pixel_noise_.var(level); }
@@ -118,9 +115,6 @@ private:
     void drop_adjustment() noexcept;
     void enter(Stage stage) noexcept;
     void find_neighbours() noexcept;
-    void build_grid(Handle<Keyframe> keyframe) noexcept;
-    [[nodiscard]] std::uint32_t fuse_point(Handle<MapPoint> handle, Handle<Keyframe> target) noexcept;
-    [[nodiscard]] std::uint32_t triangulate_feature(std::uint32_t feature, Handle<Keyframe> other) noexcept;
     void correct_keyframes() noexcept;
     void correct_points() noexcept;
     void drop_outliers() noexcept;
@@ -131,9 +125,7 @@ private:
     Tracking* tracking_ = nullptr;
     Map* map_ = nullptr;
     LocalAdjustment adjustment_;
-    FeatureGrid grid_;
-    FixedVector<Keypoint> keypoints_;  // of the keyframe in the grid
-    Handle<Keyframe> grid_keyframe_;
+    PointFusion fusion_;
     std::span<ProblemPoint> problem_points_;
     std::span<ProblemObservation> problem_observations_;
     std::span<std::uint32_t> problem_index_;  // by point slot: its index in the problem + 1
