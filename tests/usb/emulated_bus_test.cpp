@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -13,6 +14,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "hal/usb/camera_check.hpp"
@@ -438,16 +440,29 @@ TEST_F(EmulatedBusTest, EventsAreBounded) {
     LibusbLink link;
     UsbEvent event;
     EXPECT_EQ(link.wait_event(event, 1), UsbStatus::kTimedOut);
-    for (std::uint8_t i = 0; i < 12; ++i) {
-        bus_.unplug(bus_.plug({.address = static_cast<std::uint8_t>(10 + i)}));
+    // Udev tells in its own time, and libusb forgets a device that left before it was looked at.
+    const auto comes_or_goes = [&link](std::uint8_t address, bool is_coming) {
         std::vector<UsbDevice> devices;
-        ASSERT_EQ(link.enumerate(devices), UsbStatus::kOk);
+        for (int i = 0; i < 1000; ++i) {
+            EXPECT_EQ(link.enumerate(devices), UsbStatus::kOk);
+            const bool is_there = std::any_of(devices.begin(), devices.end(),
+                                              [address](const UsbDevice& device) { return device.address == address; });
+            if (is_there == is_coming) return true;
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        }
+        return false;
+    };
+    for (std::uint8_t address = 10; address < 22; ++address) {
+        test::EmulatedDevice& plugged = bus_.plug({.address = address});
+        ASSERT_TRUE(comes_or_goes(address, true));
+        bus_.unplug(plugged);
+        ASSERT_TRUE(comes_or_goes(address, false));
     }
     std::size_t count = 0;
     UsbStatus status = UsbStatus::kOk;
     while ((status = link.wait_event(event, 200)) == UsbStatus::kOk) ++count;
     EXPECT_LE(count, UsbLink::kEventsMax);
-    EXPECT_TRUE(status == UsbStatus::kFull || count == 24U) << usb_status_name(status) << ", " << count;
+    EXPECT_EQ(status, UsbStatus::kFull) << usb_status_name(status) << ", " << count;
 }
 
 // Promise: kOpenMax devices can be open; one more is refused, and room is made by closing.
