@@ -126,7 +126,7 @@ private:
 
     void refuse(Refusal refusal) noexcept;
     [[nodiscard]] std::uint32_t match(const Map& map, const Vocabulary& vocabulary,
-                                      std::span<const WordOfFeature> candidate_words) noexcept;
+                                      std::span<const WordOfFeature> there) noexcept;
     void claim(std::uint32_t feature, Handle<MapPoint> point, std::uint32_t distance_bits) noexcept;
     [[nodiscard]] std::uint32_t gather(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t sample() noexcept;
