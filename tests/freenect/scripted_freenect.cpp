@@ -131,6 +131,7 @@ int freenect_stop_video(freenect_device*) {
 int freenect_process_events_timeout(freenect_context*, timeval* wait) {
     while_hanging();
     if (scripted_kinect.is_silent) {
+        ++scripted_kinect.silences;
         std::this_thread::sleep_for(std::chrono::microseconds(std::min<long>(wait->tv_usec, 5000)));
         return 0;
     }

@@ -13,6 +13,7 @@ struct ScriptedKinect {
     std::atomic<bool> hangs{false};          // opening, or processing events, does not come back while this is set
     std::atomic<int> hanging{0};             // calls that do so now
     std::atomic<bool> is_silent{false};      // no images
+    std::atomic<int> silences{0};            // calls that brought none
     std::atomic<std::uint32_t> stamp{1000};  // of the next pair, 60 MHz
     std::atomic<std::uint32_t> pairs{0};     // delivered
     std::atomic<int> contexts{0};            // not yet shut down
