@@ -190,6 +190,23 @@ protected:
         return played;
     }
     [[nodiscard]] Played play(const std::string& name) const { return play(OpenNi2Options{.device = name}); }
+    // Recorded and played, once more where a busy machine lost images that were to be recorded.
+    template <typename Record>
+    [[nodiscard]] Played play_recorded(const Record& record, std::size_t frames) {
+        constexpr int kAttempts = 30;
+        Played played;
+        for (int i = 0; i < kAttempts; ++i) {
+            if (!record()) continue;
+            played = play(file);
+            const std::size_t count = played.times_ns.size();
+            if (played.opened != Status::kOk || (count >= frames && count + 2 >= played.expected)) return played;
+        }
+        ADD_FAILURE() << "never " << frames << " frames, all but two of the recorded";
+        return played;
+    }
+    [[nodiscard]] Played play_recorded(const Wanted& wanted, std::size_t frames) {
+        return play_recorded([&] { return raw_recorder.record(file, wanted); }, frames);
+    }
     [[nodiscard]] test::Program start(const std::string& arguments) {
         return {STILLMESH_PROGRAM, STILLMESH_PRIVATE_OPENNI2, arguments, folder};
     }
@@ -211,15 +228,12 @@ TEST_F(OniFiles, AnySizeAndRate) {
         rig.camera().modes = c.modes;
         rig.camera().colour_fps = rig.camera().depth_fps = c.fps;
         rig.camera().period_us = 1'000'000 / c.fps;
-        ASSERT_TRUE(record(file, 8));
-        const Played played = play(file);
+        const Played played = play_recorded([&] { return record(file, 8); }, 3);
         ASSERT_EQ(played.opened, Status::kOk) << played.message;
         EXPECT_EQ(played.ended, Status::kEnd);
         EXPECT_EQ(played.info.model.width, c.modes == 1 ? 640U : 320U);
         EXPECT_EQ(played.info.frames_per_s, c.fps);
         EXPECT_NEAR(played.info.model.fx, rig.head().fx / (c.modes == 1 ? 1 : 2), 0.01);
-        ASSERT_GE(played.times_ns.size(), 3U);
-        EXPECT_GE(played.times_ns.size() + 2, played.expected) << "all but what a busy machine left without a partner";
         EXPECT_TRUE(played.is_right());
         EXPECT_EQ(std::count(played.colour_error.begin(), played.colour_error.end(), 0),
                   static_cast<long>(played.times_ns.size()));
@@ -237,11 +251,9 @@ TEST_F(OniFiles, ImpossibleRates) {
     rig.camera().modes = 2;
     for (const std::uint32_t fps : {1U, 240U, 10'000U}) {
         rig.camera().colour_fps = rig.camera().depth_fps = fps;
-        ASSERT_TRUE(raw_recorder.record(file, {.colour_width = 320, .depth_width = 320})) << fps;
-        const Played played = play(file);
+        SCOPED_TRACE(fps);
+        const Played played = play_recorded({.colour_width = 320, .depth_width = 320}, 3);
         ASSERT_EQ(played.opened, Status::kOk) << played.message;
-        EXPECT_GE(played.times_ns.size(), 3U) << fps;
-        EXPECT_GE(played.times_ns.size() + 2, played.expected) << fps;
         EXPECT_TRUE(played.is_right());
     }
 }
@@ -252,11 +264,8 @@ TEST_F(OniFiles, ColourAtHalfTheRate) {
     rig.camera().colour_fps = 15;
     rig.camera().depth_fps = 30;
     rig.camera().drop_colour_every = 2;
-    ASSERT_TRUE(record(file, 8));
-    const Played played = play(file);
+    const Played played = play_recorded([&] { return record(file, 8); }, 4);
     ASSERT_EQ(played.opened, Status::kOk) << played.message;
-    EXPECT_GE(played.times_ns.size(), 4U);
-    EXPECT_GE(played.times_ns.size() + 2, played.expected);
     EXPECT_TRUE(played.is_right());
     EXPECT_NE(played.notes.find("colour comes at 15 and depth at 30 images/s"), std::string::npos) << played.notes;
 }
@@ -266,7 +275,7 @@ TEST_F(OniFiles, ColourAtHalfTheRate) {
 TEST_F(OniFiles, RegistrationIsNotRecorded) {
     rig.camera().modes = 1;
     rig.camera().can_register = 0;
-    ASSERT_TRUE(record(file, 6));
+    static_cast<void>(play_recorded([&] { return record(file, 6); }, 2));
     const Played as_it_is = play({.device = file}, true);
     ASSERT_EQ(as_it_is.opened, Status::kOk) << as_it_is.message;
     ASSERT_GE(as_it_is.times_ns.size(), 2U);
@@ -298,15 +307,13 @@ TEST_F(OniFiles, MirroredAndWithoutFieldOfView) {
     rig.camera().modes = 1;
     rig.camera().can_unmirror = 0;
     rig.camera().has_no_fov = 1;
-    ASSERT_TRUE(raw_recorder.record(file, {}));
+    const Played played = play_recorded(Wanted{}, 3);
     OpenNi2Camera camera({.device = file});
     ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
     EXPECT_EQ(camera.info().model.fx, 525.0);
     EXPECT_NE(camera.calibration_source().find("no field of view given"), std::string::npos)
         << camera.calibration_source();
     camera.close();
-    const Played played = play(file);
-    EXPECT_GE(played.times_ns.size(), 3U);
     EXPECT_TRUE(played.is_right());
     EXPECT_EQ(std::count(played.colour_error.begin(), played.colour_error.end(), 0),
               static_cast<long>(played.times_ns.size()));
@@ -330,29 +337,23 @@ TEST_F(OniFiles, NothingComes) {
 // Promise: lossy colour, depth in tenths of millimetres, and depth of another size than colour are played.
 TEST_F(OniFiles, LossyFineAndMixed) {
     rig.camera().modes = 1;
-    ASSERT_TRUE(raw_recorder.record(file, {.is_lossy = true}));
-    const Played lossy = play(file);
+    const Played lossy = play_recorded({.is_lossy = true}, 3);
     ASSERT_EQ(lossy.opened, Status::kOk) << lossy.message;
-    ASSERT_GE(lossy.times_ns.size(), 3U);
     for (std::size_t i = 0; i < lossy.times_ns.size(); ++i) {
         EXPECT_LE(lossy.depth_wrong[i], kDepthPixelsLost);
         EXPECT_LT(lossy.colour_error[i], 4L * 640 * 480) << "4 grey values a pixel";
     }
     rig.camera().modes = 1 | 16;
-    ASSERT_TRUE(record(file, 6));
-    const Played fine = play(file);
+    const Played fine = play_recorded([&] { return record(file, 6); }, 2);
     ASSERT_EQ(fine.opened, Status::kOk) << fine.message;
     EXPECT_EQ(fine.info.depth_units_per_m, 10'000.0);
-    ASSERT_GE(fine.times_ns.size(), 2U);
     EXPECT_TRUE(fine.is_right());
 
     rig.camera().modes = 3;
     for (const int depth_width : {320, 640}) {
-        ASSERT_TRUE(raw_recorder.record(file, {.colour_width = 960 - depth_width, .depth_width = depth_width}));
-        const Played mixed = play(file);
+        const Played mixed = play_recorded({.colour_width = 960 - depth_width, .depth_width = depth_width}, 3);
         ASSERT_EQ(mixed.opened, Status::kOk) << mixed.message;
         EXPECT_EQ(mixed.info.model.width, 960U - static_cast<std::uint32_t>(depth_width));
-        EXPECT_GE(mixed.times_ns.size(), 3U);
         // Scaled: nearly all pixels are the right ones, edges apart.
         EXPECT_LT(mixed.depth_wrong[0], static_cast<long>(mixed.info.model.width) * mixed.info.model.height * 2 / 3);
     }
@@ -362,7 +363,7 @@ TEST_F(OniFiles, LossyFineAndMixed) {
 // refused with the reason, before OpenNI2 sees it.
 TEST_F(OniFiles, AnyNameAndNoFile) {
     rig.camera().modes = 2;
-    ASSERT_TRUE(record(file, 6));
+    static_cast<void>(play_recorded([&] { return record(file, 6); }, 2));
     for (const char* const name : {"DESK.ONI", "desk.bin"}) {
         std::filesystem::copy_file(file, folder.path(name));
         const Played played = play(folder.path(name));
