@@ -1,6 +1,7 @@
 #include "hal/openni2/session.hpp"
 
 #include <algorithm>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -18,6 +19,13 @@ constexpr int kPairWait_ms = 1000;
 constexpr std::int64_t kBeforeNext_ns = 1'000'000;  // a recording begins so long before the next image at least
 constexpr int kBeginningsMax = 5;
 constexpr std::uint32_t kFileImagesMax = 1000;  // without a pair: the two streams do not belong together
+
+// Devices are opened and closed one after the other: OpenNI2 shares a device that is opened twice, but two that open it
+// at once each make the driver open it, and one of the two is never closed. A driver that hangs holds the next up.
+[[nodiscard]] std::mutex& device_mutex() {
+    static std::mutex& mutex = *new std::mutex;
+    return mutex;
+}
 
 }  // namespace
 
@@ -113,7 +121,6 @@ void Session::close() {
     depth.destroy();
     if (device.isValid()) device.close();
     if (runtime != nullptr) runtime->forget(watch);
-    if (is_opened) runtime.reset();  // else the camera takes it
 }
 
 bool Session::take(openni::VideoStream& stream, std::int64_t arrival_ns) {
@@ -188,24 +195,33 @@ void Session::read_file() {
 
 void Session::serve(const OpenNi2Options& options) {
     if (options.thread_begins) options.thread_begins();
-    open(options);
+    const auto is_left = [this] {
+        const std::lock_guard lock(mutex);
+        return is_closing;
+    };
+    {
+        const std::lock_guard one_at_a_time(device_mutex());
+        status = Status::kUnavailable;
+        if (!is_left()) open(options);
+        if (is_left()) close();  // before the next may share it
+    }
     {
         const std::lock_guard lock(mutex);
         is_opened = status == Status::kOk;
         changed.notify_all();
     }
-    while (is_opened) {
-        {
-            const std::lock_guard lock(mutex);
-            if (is_closing) break;
-        }
+    while (is_opened && !is_left()) {
         if (is_file) {
             read_file();
         } else {
             read_live();
         }
     }
-    close();
+    {
+        const std::lock_guard one_at_a_time(device_mutex());
+        close();
+    }
+    if (is_opened) runtime.reset();  // else the camera takes it
     const std::lock_guard lock(mutex);
     is_closed = true;
     changed.notify_all();
