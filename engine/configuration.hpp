@@ -73,6 +73,8 @@ struct RegionParameters {
     double anchor_chi2_share = 0.5;
     double badness_max = 16.0;
     double agreement_floor = 0.5;
+    double agreement_base = 20.0;
+    double agreement_share = 0.3;
     double reach_factor = 4.0;
     double group_inliers_start = 0.7;
     std::uint32_t left_over_min = 12;
@@ -412,6 +414,9 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("region.badness_max", c.region.badness_max, 0.1, 1000.0, "", "a point's squared residual beyond is just wrong");
     v("region.agreement_floor", c.region.agreement_floor, 1e-3, 100.0, "",
       "badness under which groups are not told apart");
+    v("region.agreement_base", c.region.agreement_base, 0.0, 1000.0, "",
+      "points' worth of residuals that a group may have above those of its own motion");
+    v("region.agreement_share", c.region.agreement_share, 0.01, 10.0, "", "and as much of each of its points");
     v("region.reach_factor", c.region.reach_factor, 1.0, 100.0, "",
       "chi2 threshold from which a hypothesis is refined, times");
     v("region.group_inliers_start", c.region.group_inliers_start, 0.05, 1.0, "",

@@ -116,7 +116,7 @@ private:
     void group_vertices(std::span<const Correspondence> correspondences, const RegionParameters& parameters) noexcept;
     void fit_groups(std::span<const Correspondence> correspondences, const Configuration& parameters,
                     RegionChoice& choice, Random& random) noexcept;
-    [[nodiscard]] static double agreement_of(const Group& group, double floor) noexcept;
+    [[nodiscard]] static double agreement_of(const Group& group, const RegionParameters& region) noexcept;
     [[nodiscard]] double agreement_at(std::size_t correspondence) const noexcept {
         const std::uint16_t g = group_of_correspondence_[correspondence];
         return g < fitted_groups_ ? groups_[g].agreement : 1.0;
