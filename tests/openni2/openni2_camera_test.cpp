@@ -20,6 +20,15 @@ Status next(OpenNi2Camera& camera, Frame& frame, std::int64_t timeout_ms = 1000)
     }
 }
 
+// Tried again where the machine was late; what is wrong however late it was, each attempt says itself.
+bool succeeds_in_time(CameraRig& rig, bool (*attempt)(CameraRig&)) {
+    constexpr int kAttempts = 60;
+    for (int i = 0; i < kAttempts; ++i) {
+        if (attempt(rig)) return true;
+    }
+    return false;
+}
+
 // Twenty frames of a camera that was just opened. False: frames were late or lost, as where the machine stood still.
 bool serves_what_the_driver_serves(CameraRig& rig) {
     constexpr std::int64_t kStall_ns = 50'000'000;
@@ -68,10 +77,8 @@ bool serves_what_the_driver_serves(CameraRig& rig) {
 TEST(OpenNi2Camera, ServesWhatTheDriverServes) {
     CameraRig rig(STILLMESH_SMALL_FRAMES);
     rig.camera().is_plugged = 1;
-    int attempts_left = 60;
-    while (!serves_what_the_driver_serves(rig) && --attempts_left > 0) {
-    }
-    EXPECT_GT(attempts_left, 0) << "never twenty frames on end in time, known and whole";
+    EXPECT_TRUE(succeeds_in_time(rig, serves_what_the_driver_serves))
+        << "never twenty frames on end in time, known and whole";
 }
 
 // Pixels of a frame that are not the rendered frame's.
@@ -127,7 +134,7 @@ TEST(OpenNi2Camera, ChoosesByUriOrSerial) {
     rig.camera(0).does_open_fail = 1;
     rig.camera(1).is_plugged = 0;
     OpenNi2Camera denied({});
-    ASSERT_TRUE(within(5000, [&] {
+    ASSERT_TRUE(within(1000, [&] {
         return denied.open() == Status::kUnavailable && denied.message().find("permission denied") != std::string::npos;
     })) << denied.message();
     EXPECT_EQ(rig.camera(0).opens, rig.camera(0).closes);
@@ -148,7 +155,7 @@ TEST(OpenNi2Camera, ComesBackAsItself) {
         ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
         Frame frame;
         rig.camera(0).is_plugged = 0;
-        ASSERT_TRUE(within(5000, [&] { return camera.poll(frame) == Status::kUnavailable; }));
+        ASSERT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kUnavailable; }));
         camera.close();
         EXPECT_EQ(camera.open(), Status::kUnavailable);
         if (has_serial) {
@@ -158,17 +165,17 @@ TEST(OpenNi2Camera, ComesBackAsItself) {
         }
         rig.camera(0).address = 7;
         rig.camera(0).is_plugged = 1;
-        ASSERT_TRUE(within(5000, [&] { return camera.open() == Status::kOk; })) << camera.message();
+        ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << camera.message();
         EXPECT_EQ(camera.uri(), "1d27/0601@1/7");
-        EXPECT_TRUE(within(5000, [&] { return camera.poll(frame) == Status::kOk; }));
+        EXPECT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kOk; }));
         camera.close();
         if (!has_serial) {  // two of its kind, and nothing tells them apart
             rig.camera(0).is_plugged = 0;
             rig.camera(1).is_plugged = 1;
-            ASSERT_TRUE(within(5000, [&] { return camera.open() == Status::kOk; })) << "the only one of its kind";
+            ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << "the only one of its kind";
             camera.close();
             rig.camera(1).is_plugged = 0;
-            ASSERT_TRUE(within(5000, [&] { return camera.open() == Status::kUnavailable; }));
+            ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kUnavailable; }));
             rig.camera(0).address = rig.camera(1).address = 9;
             rig.camera(0).is_plugged = rig.camera(1).is_plugged = 1;
             EXPECT_FALSE(within(60, [&] { return camera.open() == Status::kOk; })) << camera.device();
@@ -187,11 +194,11 @@ TEST(OpenNi2Camera, ComesBackInItsSize) {
     };
     for (const Case& c : {Case{2, 320}, Case{3, 320}, Case{1, 640}, Case{3, 320}, Case{2, 320}}) {
         rig.camera().modes = c.modes;
-        ASSERT_TRUE(within(5000, [&] { return camera.open() == Status::kOk; })) << camera.message();
+        ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << camera.message();
         EXPECT_EQ(camera.info().model.width, c.width) << c.modes;
         EXPECT_EQ(camera.info().model.height, c.width * 3 / 4);
         Frame frame;
-        EXPECT_TRUE(within(5000, [&] { return camera.poll(frame) == Status::kOk; }));
+        EXPECT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kOk; }));
         EXPECT_EQ(frame.depth.width, c.width);
         camera.close();
     }
@@ -224,10 +231,8 @@ bool newest_wins(CameraRig& rig) {
 TEST(OpenNi2Camera, NewestWinsAndDropsAreCounted) {
     CameraRig rig(STILLMESH_SMALL_FRAMES);
     rig.camera().is_plugged = 1;
-    int attempts_left = 30;
-    while (!newest_wins(rig) && --attempts_left > 0) {
-    }
-    EXPECT_GT(attempts_left, 0) << "the newest was never there, or those before it were not counted";
+    EXPECT_TRUE(succeeds_in_time(rig, newest_wins))
+        << "the newest was never there, or those before it were not counted";
 }
 
 // Promise: without 640x480 it is 320x240, and everything that depends on the size follows; without either, and without
@@ -355,7 +360,7 @@ TEST(OpenNi2Camera, UnpluggedAndBack) {
     camera.close();
     EXPECT_EQ(camera.open(), Status::kUnavailable);
     rig.camera().is_plugged = 1;
-    ASSERT_TRUE(within(5000, [&] { return camera.open() == Status::kOk; }));
+    ASSERT_TRUE(within(1000, [&] { return camera.open() == Status::kOk; }));
     EXPECT_EQ(next(camera, frame), Status::kOk);
     rig.camera().is_stalled = 1;
     while (next(camera, frame, 150) == Status::kOk) {
@@ -374,10 +379,10 @@ TEST(OpenNi2Camera, RefusesWrongSizes) {
     Frame frame;
     ASSERT_EQ(next(camera, frame), Status::kOk);
     rig.camera().emits_wrong_size = 1;
-    ASSERT_TRUE(within(5000, [&] { return next(camera, frame) == Status::kCorrupt; }));
+    ASSERT_TRUE(within(1000, [&] { return next(camera, frame) == Status::kCorrupt; }));
     EXPECT_NE(camera.message().find("another size"), std::string::npos) << camera.message();
     rig.camera().emits_wrong_size = 0;
-    EXPECT_TRUE(within(5000, [&] { return next(camera, frame) == Status::kOk; }));
+    EXPECT_TRUE(within(1000, [&] { return next(camera, frame) == Status::kOk; }));
 }
 
 // Promise: a driver that hangs while it is closed, or opened, costs its time limit and no more; the camera can be
@@ -389,7 +394,7 @@ TEST(OpenNi2Camera, AHangingDriverIsLeftBehind) {
     options.open_max_ms = 300;
     {
         OpenNi2Camera camera(options);
-        ASSERT_TRUE(within(5000, [&] { return camera.open() == Status::kOk; }));
+        ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; }));
         rig.camera().hang_ms = 1500;
         const std::int64_t begin_ns = test::now_ns();
         camera.close();
