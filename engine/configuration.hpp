@@ -129,6 +129,7 @@ struct WeightParameters {
     double drift_m = 0.003;
     double drift_m_s = 0.002;
     double drift_max_m = 0.02;
+    double drift_share = 0.001;
     double gain_min = 0.03;
     double variance_min = 0.1;
     double near_px = 40.0;
@@ -479,6 +480,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("weights.drift_m", c.weights.drift_m, 0.0, 10.0, "m", "odometry since a point was first seen, at once");
     v("weights.drift_m_s", c.weights.drift_m_s, 0.0, 10.0, "m/s", "and with time");
     v("weights.drift_max_m", c.weights.drift_max_m, 0.0, 10.0, "m", "and at most");
+    v("weights.drift_share", c.weights.drift_share, 0.0, 1.0, "",
+      "and, for a point out of sight, by this share of the way (a radian counts as a metre)");
     v("weights.gain_min", c.weights.gain_min, 0.0, 1.0, "", "least share of a measurement in a point's place");
     v("weights.variance_min", c.weights.variance_min, 0.0, 1.0, "", "least variance of a point over one measurement's");
     v("weights.near_px", c.weights.near_px, 1.0, 400.0, "px", "a new feature is judged by its neighbours within");

@@ -21,6 +21,7 @@ struct Correspondence {
     double var_pixel = 0;                  // of each normalised coordinate
     double map_var_z = 0;                  // of p_world along the ray, m^2
     double map_var_lateral = 0;            // of p_world across it, m^2
+    double drift_var = 0;                  // of odometry since the point was last seen where it is, m^2: for verdicts
     double anchor_var_z = 0;               // of p_anchor, m^2
     double anchor_var_lateral = 0;
     double vote = 1;                  // what the past says: 0 moves, 1 is known to stand still

@@ -38,6 +38,13 @@ struct Residual {
     return residual_of(c, q, c.map_var_lateral, c.map_var_z).chi2();
 }
 
+// The same, odometry having drifted while the point was out of sight: whether it may stand still, not what it says.
+[[nodiscard]] inline double chi2_with_drift(const Correspondence& c, const SE3& camera_from_world) noexcept {
+    const Vector3 q = camera_from_world * c.p_world;
+    if (q.z() < kDepthMin_m) return kChi2Behind;
+    return residual_of(c, q, c.map_var_lateral + c.drift_var, c.map_var_z + c.drift_var).chi2();
+}
+
 // The same against where the point was first seen: the long time base (method.md 11.2).
 [[nodiscard]] inline double chi2_of_anchor(const Correspondence& c, const SE3& camera_from_world) noexcept {
     const Vector3 q = camera_from_world * c.p_anchor;

@@ -33,6 +33,9 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
         c.p_anchor = vector_of(point.anchor);
         c.map_var_z = point.var_z * noise.depth;
         c.map_var_lateral = point.var_lateral * noise.pixel;
+        const double unseen_m = context.way_m - static_cast<double>(point.agreed_way_m);
+        const double unseen_drift = std::clamp(weights.drift_share * unseen_m, 0.0, weights.drift_max_m);
+        c.drift_var = unseen_drift * unseen_drift;
         const double drift = std::min(weights.drift_m + weights.drift_m_s * seconds_between(point.anchor_ns, time_ns),
                                       weights.drift_max_m);
         c.anchor_var_z = point.anchor_var_z * noise.depth + drift * drift;
@@ -41,6 +44,7 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
         c.is_dynamic = !is_plain && point.is_suspect;
         if (is_plain) {
             c.vote = 1.0;
+            c.drift_var = 0;
             c.p_anchor = c.p_world;
             c.anchor_var_z = c.map_var_z;
             c.anchor_var_lateral = c.map_var_lateral;

@@ -147,6 +147,7 @@ void KeyframeInserter::add_point(const Source& source, std::size_t feature, Hand
     point.created_ns = source.time_ns;
     point.anchor_ns = source.time_ns;
     point.last_seen_frame = source.number;
+    point.agreed_way_m = static_cast<float>(source.way_m);
     point.distance_m = static_cast<float>(m.z_m);
     point.level = keypoint.level;
     point.weight_tenths = static_cast<std::uint8_t>(weight_tenths);

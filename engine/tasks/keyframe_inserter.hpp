@@ -35,6 +35,7 @@ public:
         std::int64_t time_ns = 0;
         std::uint32_t static_count = 0;  // matches that vote
         double drift_m = 0;              // that odometry can have gathered
+        double way_m = 0;                // the odometer's
     };
 
     static constexpr void plan(ArenaPlan& arena) noexcept { Ring<Handle<Keyframe>>::plan(arena, kQueueMax); }

@@ -29,11 +29,14 @@ public:
     void gather_drift(PoseState state, const MotionModel& motion, std::int64_t time_ns,
                       const LoopParameters& parameters) noexcept;
     [[nodiscard]] double drift_m() const noexcept { return drift_m_; }
+    // How far the camera has come while it was measured; a radian of turning counts as a metre.
+    [[nodiscard]] double way_m() const noexcept { return way_m_; }
 
 private:
     SE3 map_from_odom_;
     bool has_jumped_ = false;
     double drift_m_ = 0;
+    double way_m_ = 0;
 };
 
 }  // namespace stillmesh

@@ -30,11 +30,11 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
         point.last_seen_frame = witness.number;
         if (point.seen < 0xffffU && !witness.is_frozen) ++point.seen;
         const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
-        const bool is_still =
-            c.is_dynamic
-                ? chi2_anchor <= chi2_max && seconds_between(point.anchor_ns, witness.time_ns) >
-                                                 weights_.anchor_proven_share * weights_.anchor_age_s
-                : chi2_of(c, camera_from_world) <= chi2_max && chi2_anchor <= region_.anchor_inlier_factor * chi2_max;
+        const bool is_still = c.is_dynamic
+                                  ? chi2_anchor <= chi2_max && seconds_between(point.anchor_ns, witness.time_ns) >
+                                                                   weights_.anchor_proven_share * weights_.anchor_age_s
+                                  : chi2_with_drift(c, camera_from_world) <= chi2_max &&
+                                        chi2_anchor <= region_.anchor_inlier_factor * chi2_max;
         const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
         const bool may_learn = c.has_depth && !witness.is_frozen;
         if (may_learn && witness.is_sure && region_.is_enabled) {
@@ -42,7 +42,12 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
         }
         if (!c.is_dynamic && is_still) {
             STILLMESH_CHECK(still.push(static_cast<std::uint16_t>(i)));
-            if (may_learn) refine(c, witness, camera_from_world, point);
+            // What only drift explains is back in view, and neither moves nor is moved: keyframes that see it beside
+            // what is new let the adjustment bring both together.
+            if (chi2_of(c, camera_from_world) <= chi2_max) {
+                if (!witness.is_frozen) point.agreed_way_m = static_cast<float>(witness.way_m);
+                if (may_learn) refine(c, witness, camera_from_world, point);
+            }
             verdicts_[c.feature] = Verdict::kStill;
         } else {
             ++others;
@@ -105,6 +110,7 @@ void PointJudge::follow(const Correspondence& c, const Witness& witness, MapPoin
     const MeasuredFeature& m = witness.frame[c.feature];
     const Keypoint& keypoint = witness.frame.keypoint(c.feature);
     store(witness.world_from_camera * c.p_camera, point.world);
+    point.agreed_way_m = static_cast<float>(witness.way_m);
     store(witness.shutter.by_readout(witness.world_from_camera, c.p_camera, keypoint.y), point.world_by_readout);
     point.var_z = m.var_z;
     point.var_lateral = m.var_pixel * c.p_camera.z() * c.p_camera.z();

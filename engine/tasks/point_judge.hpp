@@ -27,6 +27,7 @@ public:
         SE3 world_from_camera;
         std::uint64_t number = 0;
         std::int64_t time_ns = 0;
+        double way_m = 0;        // the odometer's
         bool is_sure = false;    // only such a frame changes weights
         bool is_frozen = false;  // the map stays as it is, apart from marks of use
     };

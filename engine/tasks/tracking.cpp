@@ -196,6 +196,7 @@ void Tracking::predict(const Frame& frame) noexcept {
     context_.colour_depth_lag_s = lag_of(frame, configuration_.region.colour_depth_lag_s);
     context_.inlier_ratio = inlier_ratio_;
     context_.has_prediction = true;
+    context_.way_m = keeps_map() ? 0.0 : odometry_.way_m();  // a map that stays as it is does not drift
     apply_shutter(has_prior() ? world_from_camera().inverse() * expected.world_from_camera : SE3{});
 }
 
@@ -354,8 +355,9 @@ void Tracking::accept(const PoseFit& fit, bool is_sure, bool is_choice_clear) no
     is_choice_sure_ = is_sure;
 
     const std::uint32_t moving = judge_.judge(
-        correspondences_.span(), {measured_, shutter_, fit.world_from_camera, frame_, time_ns_, is_sure, keeps_map()},
-        map_, chosen_);
+        correspondences_.span(),
+        {measured_, shutter_, fit.world_from_camera, frame_, time_ns_, odometry_.way_m(), is_sure, keeps_map()}, map_,
+        chosen_);
     const auto still = static_cast<std::uint32_t>(chosen_.size());
     const double share = correspondences_.is_empty()
                              ? configuration_.pose.inlier_ratio_start
@@ -385,7 +387,7 @@ void Tracking::accept(const PoseFit& fit, bool is_sure, bool is_choice_clear) no
 void Tracking::make_keyframe() noexcept {
     const double renewed_share =
         keyframe_inserter_.insert({measured_, matcher_, judge_, shutter_, world_from_camera(), frame_, time_ns_,
-                                   static_cast<std::uint32_t>(chosen_.size()), odometry_.drift_m()},
+                                   static_cast<std::uint32_t>(chosen_.size()), odometry_.drift_m(), odometry_.way_m()},
                                   map_, local_map_);
     keyframe_looks_.begin(map_, map_.recent_keyframe(0));
     confidence_.set_renewed_share(renewed_share);
@@ -472,6 +474,7 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
     before_.is_placed = is_placed_;
     before_.is_by_words = is_by_words;
     if (is_by_words) odometry_.jump_to(world_from_camera, this->world_from_camera());
+    if (is_unexpected) context_.way_m = 0;  // found in the map as it is: odometry has no say
     if (is_unexpected) probation_frames_ = configuration_.recovery.probation_frames;
     if (!is_placed_) start_time_ns_ = time_ns_;  // nothing is known yet of who moves
     if (!estimate(is_unexpected ? &frame : nullptr)) {

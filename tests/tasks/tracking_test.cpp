@@ -154,6 +154,50 @@ TEST(Tracking, UnsureFramesChangeNoWeight) {
     }
 }
 
+// Promise: points that come back into view as far aside as odometry may have drifted meanwhile keep their vote and stay
+// where they are; those that were in view all the time and lie as far aside have moved.
+TEST(Tracking, DriftIsNoMotion) {
+    constexpr double kAside_m = 0.035;
+    constexpr float kWay_m = 15;
+    constexpr std::int64_t kTime_ns = 20'000'000'000;
+    DrawnScene scene;
+    scene.has_board = false;
+    for (const bool was_out_of_view : {true, false}) {
+        Rig rig(scene.camera(), fitting());
+        std::uint32_t i = 0;
+        for (; i < 30; ++i) rig->track(scene.draw(i).frame());
+        // The upper third of the wall, where odometry has it now.
+        std::map<std::uint32_t, double> aside;
+        Pool<MapPoint>& points = rig->map().points();
+        for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+            if (!points.is_taken(slot) || points.at(slot).world[1] > -0.1 || points.at(slot).seen < 25) continue;
+            MapPoint& point = points.at(slot);
+            point.world[1] += kAside_m;
+            point.anchor[1] += kAside_m;
+            if (was_out_of_view) point.agreed_way_m -= kWay_m;
+            if (was_out_of_view) point.anchor_ns -= kTime_ns;
+            aside[slot] = point.world[1];
+        }
+        ASSERT_GT(aside.size(), 20U);
+        for (; i < 46; ++i) {
+            rig->track(scene.draw(i).frame());
+            ASSERT_EQ(rig->pose().state, PoseState::kTracked);
+            EXPECT_NEAR(rig->pose().odom_from_camera.translation_m[1], 0, 0.005) << i;
+        }
+        std::uint32_t mute = 0, moved = 0;
+        for (const auto& [slot, y] : aside) {
+            mute += points.at(slot).is_suspect;
+            moved += std::abs(points.at(slot).world[1] - y) > 0.25 * kAside_m;
+        }
+        if (was_out_of_view) {
+            EXPECT_LE(mute, aside.size() / 20);
+            EXPECT_LE(moved, aside.size() / 10);
+        } else {
+            EXPECT_GE(mute, aside.size() * 9 / 10);
+        }
+    }
+}
+
 // Promise: the camera's way comes out, the wall's points lie on the wall, and nearly nothing on the board that slides
 // through the view votes.
 TEST(Tracking, FollowsTheWallNotTheBoard) {
