@@ -79,6 +79,7 @@ struct Keyframe {
     std::uint32_t observations = 0;
     std::uint32_t observations_changed = 0;  // times that one came, was moved, or showed another point from then on
     float drift_m = 0;                       // that odometry can have gathered until here, since the map began
+    float way_m = 0;                         // the odometer's
 };
 
 // A feature of a keyframe.

@@ -31,25 +31,27 @@ struct Residual {
     return r;
 }
 
-// Squared Mahalanobis residual against the map's estimate of the point.
-[[nodiscard]] inline double chi2_of(const Correspondence& c, const SE3& camera_from_world) noexcept {
-    const Vector3 q = camera_from_world * c.p_world;
+// Squared Mahalanobis residual against a place in the world that is known so well.
+[[nodiscard]] inline double chi2_against(const Vector3& p_world, double var_lateral, double var_z,
+                                         const Correspondence& c, const SE3& camera_from_world) noexcept {
+    const Vector3 q = camera_from_world * p_world;
     if (q.z() < kDepthMin_m) return kChi2Behind;
-    return residual_of(c, q, c.map_var_lateral, c.map_var_z).chi2();
+    return residual_of(c, q, var_lateral, var_z).chi2();
+}
+
+// Against the map's estimate of the point.
+[[nodiscard]] inline double chi2_of(const Correspondence& c, const SE3& camera_from_world) noexcept {
+    return chi2_against(c.p_world, c.map_var_lateral, c.map_var_z, c, camera_from_world);
 }
 
 // The same, odometry having drifted while the point was out of sight: whether it may stand still, not what it says.
 [[nodiscard]] inline double chi2_with_drift(const Correspondence& c, const SE3& camera_from_world) noexcept {
-    const Vector3 q = camera_from_world * c.p_world;
-    if (q.z() < kDepthMin_m) return kChi2Behind;
-    return residual_of(c, q, c.map_var_lateral + c.drift_var, c.map_var_z + c.drift_var).chi2();
+    return chi2_against(c.p_world, c.map_var_lateral + c.drift_var, c.map_var_z + c.drift_var, c, camera_from_world);
 }
 
-// The same against where the point was first seen: the long time base (method.md 11.2).
+// Against where the point was first seen: the long time base (method.md 11.2).
 [[nodiscard]] inline double chi2_of_anchor(const Correspondence& c, const SE3& camera_from_world) noexcept {
-    const Vector3 q = camera_from_world * c.p_anchor;
-    if (q.z() < kDepthMin_m) return kChi2Behind;
-    return residual_of(c, q, c.anchor_var_lateral, c.anchor_var_z).chi2();
+    return chi2_against(c.p_anchor, c.anchor_var_lateral, c.anchor_var_z, c, camera_from_world);
 }
 
 }  // namespace stillmesh

@@ -76,6 +76,7 @@ double KeyframeInserter::insert(const Source& source, Map& map, LocalMap& local_
     keyframe.frame = source.number;
     keyframe.last_useful_frame = source.number;
     keyframe.drift_m = static_cast<float>(source.drift_m);
+    keyframe.way_m = static_cast<float>(source.way_m);
     for (std::size_t i = 0; i < frame.size(); ++i) {
         Observation observation = frame.observation_of(i);
         // What this frame says does not fit is no observation; a moving point is followed.

@@ -126,6 +126,7 @@ Triangulation triangulate(Map& map, Handle<Keyframe> here, std::uint32_t feature
     point.created_ns = keyframe.time_ns;
     point.anchor_ns = keyframe.time_ns;
     point.last_seen_frame = keyframe.frame;
+    point.agreed_way_m = keyframe.way_m;
     point.distance_m = static_cast<float>(meeting.z_m);
     point.level = mine.level;
     point.weight_tenths = static_cast<std::uint8_t>(configuration.weights.start);
