@@ -1,6 +1,7 @@
 #include "engine/map/map.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "engine/base/sort.hpp"
@@ -14,9 +15,10 @@ constexpr std::uint64_t word_of(Change change, std::uint64_t a, std::uint64_t b 
     return static_cast<std::uint64_t>(change) << 56U | a << 28U | b;
 }
 
-// 1 for proven points: they go last. 39 bits of frame (centuries at 30 Hz), 24 bits of slot.
-constexpr std::uint64_t age_of(bool is_proven, std::uint64_t frame, std::uint32_t slot) noexcept {
-    return static_cast<std::uint64_t>(is_proven) << 63U | frame << 24U | slot;
+// In the order in which points go. 38 bits of frame (centuries at 30 Hz), 24 bits of slot.
+enum class Worth : std::uint8_t { kWeak, kSurplus, kNeeded };
+constexpr std::uint64_t age_of(Worth worth, std::uint64_t frame, std::uint32_t slot) noexcept {
+    return static_cast<std::uint64_t>(worth) << 62U | frame << 24U | slot;
 }
 
 }  // namespace
@@ -32,6 +34,7 @@ void Map::create(Arena& arena, const Limits& limits, const MapParameters& parame
     observers_ = arena.array<std::uint64_t>(limits.map_points_max * words_);
     shared_ = arena.array<std::uint16_t>(static_cast<std::size_t>(limits.keyframes_max) * limits.keyframes_max);
     by_age_ = arena.array<std::uint64_t>(limits.map_points_max);
+    place_counts_ = arena.array<std::uint16_t>(std::size_t{kSeenClasses} * limits.keyframes_max);
     features_max_ = limits.features_max;
 }
 
@@ -73,15 +76,58 @@ void Map::release_point(Handle<MapPoint> point) noexcept {
     changes_.add(word_of(Change::kPointGone, slot));
 }
 
-std::uint32_t Map::make_room_for_points(std::uint32_t count, std::uint64_t frame, const SparedPoints& spared) noexcept {
-    STILLMESH_CHECK(points_.slots_count() < (1U << 24U) && frame < (std::uint64_t{1} << 39U));
-    std::size_t candidates = 0;
+// In powers of two.
+std::uint32_t Map::seen_class(std::uint16_t seen) noexcept {
+    const auto bits = static_cast<std::uint32_t>(std::bit_width(seen));
+    return std::min(bits, kSeenClasses - 1);
+}
+
+// How many points of each keyframe and class of being seen are needed there: its share of what need not go or stay.
+template <typename Stays>
+void Map::share_places(std::uint32_t count, const Stays& stays) noexcept {
+    std::fill(place_counts_.begin(), place_counts_.end(), std::uint16_t{0});
+    std::size_t staying = 0;
     for (std::uint32_t slot = 0; slot < points_.slots_count(); ++slot) {
         if (!points_.is_taken(slot)) continue;
         const MapPoint& point = points_.at(slot);
-        const bool is_proven = !is_weak(point);
-        if (point.last_seen_frame >= frame || (is_proven && spared.has(slot))) continue;
-        by_age_[candidates++] = age_of(is_proven, point.last_seen_frame, slot);
+        if (stays(slot)) {
+            ++staying;
+        } else if (!is_weak(point) && !point.reference.is_null()) {
+            ++place_counts_[point.reference.slot() * kSeenClasses + seen_class(point.seen)];
+        }
+    }
+    const std::size_t taken = std::min<std::size_t>(points_.capacity(), staying + count);
+    const std::size_t each = (points_.capacity() - taken) / std::max<std::size_t>(1, keyframes_.size());
+    for (std::size_t place = 0; place < place_counts_.size(); place += kSeenClasses) {
+        std::size_t left = each;
+        for (std::uint32_t i = kSeenClasses; i-- > 0;) {  // those seen most often first
+            std::uint16_t& here = place_counts_[place + i];
+            here = static_cast<std::uint16_t>(std::min<std::size_t>(here, left));
+            left -= here;
+        }
+    }
+}
+
+std::uint32_t Map::make_room_for_points(std::uint32_t count, std::uint64_t frame, const SparedPoints& spared) noexcept {
+    STILLMESH_CHECK(points_.slots_count() < (1U << 24U) && frame < (std::uint64_t{1} << 38U));
+    const auto stays = [&](std::uint32_t slot) {
+        const MapPoint& point = points_.at(slot);
+        return point.last_seen_frame >= frame || (!is_weak(point) && spared.has(slot));
+    };
+    share_places(count, stays);
+    std::size_t candidates = 0;
+    for (std::uint32_t slot = 0; slot < points_.slots_count(); ++slot) {
+        if (!points_.is_taken(slot) || stays(slot)) continue;
+        const MapPoint& point = points_.at(slot);
+        Worth worth = is_weak(point) ? Worth::kWeak : Worth::kSurplus;
+        if (worth != Worth::kWeak && !point.reference.is_null()) {
+            std::uint16_t& left = place_counts_[point.reference.slot() * kSeenClasses + seen_class(point.seen)];
+            if (left > 0) {
+                --left;
+                worth = Worth::kNeeded;
+            }
+        }
+        by_age_[candidates++] = age_of(worth, point.last_seen_frame, slot);
     }
     const std::size_t going = std::min<std::size_t>(count, candidates);
     const auto begin = by_age_.begin();

@@ -122,6 +122,7 @@ public:
         arena.array<std::uint64_t>(static_cast<std::size_t>(limits.map_points_max) * words(limits.keyframes_max));
         arena.array<std::uint16_t>(static_cast<std::size_t>(limits.keyframes_max) * limits.keyframes_max);
         arena.array<std::uint64_t>(limits.map_points_max);
+        arena.array<std::uint16_t>(std::size_t{kSeenClasses} * limits.keyframes_max);
     }
     void create(Arena& arena, const Limits& limits, const MapParameters& parameters = {}) noexcept;
     // Forgets all of it, what was counted too.
@@ -132,10 +133,12 @@ public:
     [[nodiscard]] Result<Handle<MapPoint>> add_point() noexcept;
     // The handle must be alive. Observations of it become stale. Cost: observers^2.
     void release_point(Handle<MapPoint> point) noexcept;
-    // Forgets `count` points: first what moves or has hardly ever been seen, spared or not, then the others that are
-    // not spared; the least recently seen first (ties: the lower slot). Those seen in `frame` or later stay. Among
-    // people most of what a keyframe adds is theirs: left in as long as the rest, it would turn the pool over within
-    // seconds. Returns how many went.
+    // Forgets `count` points: first what moves or has hardly ever been seen, spared or not; then, of the others that
+    // are not spared, what a keyframe has above its share of the pool, and what nobody observes; then the rest. The
+    // least recently seen first (ties: the lower slot). Those seen in `frame` or later stay. Among people most of what
+    // a keyframe adds is theirs: left in as long as the rest, it would turn the pool over within seconds. And a place
+    // must be recognised after a long way: without shares the oldest keyframes of a full pool had no points left at
+    // all. Returns how many went. Cost: the pool twice.
     std::uint32_t make_room_for_points(std::uint32_t count, std::uint64_t frame, const SparedPoints& spared) noexcept;
     // Forgets what is not worth keeping: unseen for some frames, and moving or hardly ever seen before. Slots from
     // `first`, at most `count`; returns the slot to go on with, 0 when the pool is through.
@@ -240,11 +243,15 @@ public:
     }
 
 private:
+    static constexpr std::uint32_t kSeenClasses = 8;  // of how often a point was seen
+    [[nodiscard]] static std::uint32_t seen_class(std::uint16_t seen) noexcept;
     [[nodiscard]] static constexpr std::size_t words(std::uint32_t keyframes) noexcept { return (keyframes + 63) / 64; }
     [[nodiscard]] std::span<Observation> observations_of(std::uint32_t slot) noexcept {
         return observations_.subspan(static_cast<std::size_t>(slot) * features_max_, keyframes_.at(slot).observations);
     }
     void share(std::uint32_t slot_a, std::uint32_t slot_b, std::int32_t change) noexcept;
+    template <typename Stays>
+    void share_places(std::uint32_t count, const Stays& stays) noexcept;
     void forget_observer(std::uint32_t point_slot, std::uint32_t keyframe_slot) noexcept;
     // Seen to move, or hardly ever seen.
     [[nodiscard]] bool is_weak(const MapPoint& point) const noexcept {
@@ -257,11 +264,12 @@ private:
 
     Pool<MapPoint> points_;
     Pool<Keyframe> keyframes_;
-    std::span<Observation> observations_;  // features_max per keyframe slot
-    std::span<Descriptor> descriptors_;    // likewise
-    std::span<std::uint64_t> observers_;   // words_ per point slot: a bit per keyframe slot
-    std::span<std::uint16_t> shared_;      // keyframes_max^2, symmetric, 0 on the diagonal
-    std::span<std::uint64_t> by_age_;      // scratch: (last seen frame, slot) packed
+    std::span<Observation> observations_;    // features_max per keyframe slot
+    std::span<Descriptor> descriptors_;      // likewise
+    std::span<std::uint64_t> observers_;     // words_ per point slot: a bit per keyframe slot
+    std::span<std::uint16_t> shared_;        // keyframes_max^2, symmetric, 0 on the diagonal
+    std::span<std::uint64_t> by_age_;        // scratch: (worth, last seen frame, slot) packed
+    std::span<std::uint16_t> place_counts_;  // scratch: points by keyframe slot and how often they were seen
     MapParameters parameters_;
     std::size_t words_ = 0;
     std::uint32_t features_max_ = 0;

@@ -113,6 +113,37 @@ TEST(Map, ForgetsWeakPointsFirst) {
     EXPECT_EQ(order, (std::vector<int>{3, 2, 1, 0})) << "weak ones by age, then 0; 4 is spared, 5 of this frame";
 }
 
+// Promise: a full pool thins out every place rather than forgetting the oldest ones: however long the way, each
+// keyframe keeps its share of the points, those that were seen most often.
+TEST(Map, EachPlaceKeepsItsShare) {
+    constexpr std::uint32_t kKeyframes = 8, kSeen = 20, kPoints = 60;
+    MapInMemory map(small(kKeyframes, kPoints, kSeen));
+    std::vector<std::vector<Handle<MapPoint>>> seen(kKeyframes);
+    for (std::uint32_t k = 0; k < kKeyframes; ++k) {
+        const std::uint64_t frame = 10 * (k + 1);
+        const std::size_t free = kPoints - map->points().size();
+        if (free < kSeen) map->make_room_for_points(static_cast<std::uint32_t>(kSeen - free), frame, {});
+        const Handle<Keyframe> keyframe = add_keyframe(*map, frame);
+        for (std::uint32_t i = 0; i < kSeen; ++i) {
+            seen[k].push_back(add_point(*map, frame));
+            map->points().find(seen[k].back())->seen = static_cast<std::uint16_t>(i % 4 == 0 ? 40 : 5);
+            map->add_observation(keyframe, observation_of(seen[k].back()), {});
+        }
+        map->attach(keyframe);
+        ASSERT_EQ(map->find_fault(), nullptr);
+    }
+    for (std::uint32_t k = 0; k < kKeyframes; ++k) {
+        std::uint32_t alive = 0, often = 0;
+        for (std::uint32_t i = 0; i < kSeen; ++i) {
+            if (map->points().find(seen[k][i]) == nullptr) continue;
+            ++alive;
+            often += i % 4 == 0 ? 1U : 0U;
+        }
+        EXPECT_GE(alive, (kPoints - kSeen) / kKeyframes) << k;
+        EXPECT_EQ(often, kSeen / 4) << k;
+    }
+}
+
 // Promise: culling takes what is unseen for a second and weak, in any slices the same.
 TEST(Map, CullsInSlices) {
     for (const std::uint32_t slice : {1U, 3U, 100U}) {
