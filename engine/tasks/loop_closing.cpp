@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/base/time.hpp"
+#include "engine/tasks/map_drift.hpp"
 
 namespace stillmesh {
 namespace {
@@ -259,8 +260,8 @@ Refusal LoopClosing::judge(const SE3& world_from_keyframe) const noexcept {
     if (there == nullptr) return Refusal::kGone;
     const SE3 between = there->world_from_camera.inverse() * world_from_keyframe;
     if (length(between.translation) > p.distance_max_m) return Refusal::kFar;
-    const double gathered = static_cast<double>(here.drift_m) - static_cast<double>(there->drift_m);
-    const double drift_m = p.drift_m + (gathered > 0 ? gathered : -gathered);
+    const std::uint32_t there_slot = places_->verifier().candidate().slot();
+    const double drift_m = p.drift_m + drift_between(*map_, keyframe_.slot(), there_slot, p);
     const SE3 off = here.world_from_camera.inverse() * world_from_keyframe;
     // A metre of drift comes with some tenths of a radian.
     if (length(off.translation) > drift_m || rotation_angle(off.rotation) > 0.2 + 0.3 * drift_m) {

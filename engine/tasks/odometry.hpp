@@ -29,6 +29,8 @@ public:
     void gather_drift(PoseState state, const MotionModel& motion, std::int64_t time_ns,
                       const LoopParameters& parameters) noexcept;
     [[nodiscard]] double drift_m() const noexcept { return drift_m_; }
+    // Found again in the map: no farther off than the keyframe there, however long the camera was lost.
+    void set_drift(double drift_m) noexcept { drift_m_ = drift_m; }
     // How far the camera has come while it was measured; a radian of turning counts as a metre.
     [[nodiscard]] double way_m() const noexcept { return way_m_; }
 

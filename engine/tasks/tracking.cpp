@@ -68,6 +68,7 @@ void Tracking::reset() noexcept {
     has_map_ = false;
     is_frozen_ = false;
     is_placed_ = true;
+    is_proving_ = false;
     probation_frames_ = 0;
     time_shift_ns_ = 0;
     has_time_shift_ = true;
@@ -114,16 +115,17 @@ void Tracking::track(const Frame& frame) noexcept {
     } else {
         predict(frame);
         bool is_found = false;
-        bool is_on_probation = probation_frames_ > 0;
-        if (is_on_probation && ++before_.looks > kPatience * configuration_.recovery.probation_frames) {
+        is_proving_ = probation_frames_ > 0;
+        if (is_proving_ && ++before_.looks > kPatience * configuration_.recovery.probation_frames) {
             end_probation(false);
-            is_on_probation = false;
+            is_proving_ = false;
         }
         if (lost_frames_ <= configuration_.pose.lost_frames_max) {
-            is_found = estimate(is_on_probation ? &frame : nullptr);
+            is_found = estimate(is_proving_ ? &frame : nullptr);
         }
-        if (is_on_probation) {
+        if (is_proving_) {
             is_found = is_found && !is_outweighed();
+            is_proving_ = false;
             end_probation(is_found);
         }
         if (!is_found && lost_frames_ > 0) is_found = recover(frame);
@@ -493,6 +495,8 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
 void Tracking::believe() noexcept {
     if (before_.is_placed) ++recoveries_;
     if (before_.is_by_words) relocalisation_->note_success();
+    const Handle<Keyframe> there = local_map_.reference(map_);
+    if (!there.is_null()) odometry_.set_drift(static_cast<double>(map_.keyframes().find(there)->drift_m));
 }
 
 // A camera found again is not believed at once: a person who stands like one that the map still holds is a place, too,

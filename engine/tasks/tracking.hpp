@@ -123,8 +123,9 @@ private:
     [[nodiscard]] bool is_outweighed() noexcept;
     void believe() noexcept;
     void end_probation(bool is_found) noexcept;
-    // A map that stays as it is: loaded to localise in, or while it is not sure that the camera is here.
-    [[nodiscard]] bool keeps_map() const noexcept { return is_frozen_ || probation_frames_ > 0; }
+    // A map that stays as it is: loaded to localise in, or while it is not sure that the camera is here. In the last
+    // frame of a probation, too: a keyframe of its own would be what it looks most alike.
+    [[nodiscard]] bool keeps_map() const noexcept { return is_frozen_ || is_proving_ || probation_frames_ > 0; }
     [[nodiscard]] bool looks_through(const Frame& frame, const SE3& world_from_camera) noexcept;
     [[nodiscard]] bool estimate_at(const Frame& frame, const SE3& world_from_camera, bool is_by_words) noexcept;
     void lose() noexcept;
@@ -191,6 +192,7 @@ private:
         bool is_by_words = false;
     };
     std::uint32_t probation_frames_ = 0;
+    bool is_proving_ = false;  // the frame at hand began on probation and has not been weighed yet
     Before before_;
     bool is_frozen_ = false;
     bool is_placed_ = true;  // false: a loaded map, and the camera has not been found in it yet

@@ -207,6 +207,27 @@ TEST(Relocalisation, BackOnTheMapAfterDarkness) {
     EXPECT_EQ(lost.engine().pose().state, PoseState::kNone);
 }
 
+// Promise: the map learns nothing from a frame that has not proven where the camera is: where each frame would be a
+// keyframe, the one that ends the probation is none yet, and those after it are. A keyframe of its own is what a frame
+// looks most alike: it was weighed for the place, and wrong ones of corridors were believed.
+TEST(Relocalisation, NoFrameBearsWitnessForItself) {
+    Configuration configuration = configuration_of_test();
+    configuration.keyframes.tracked_urgent_permille = 1000;
+    configuration.keyframes.gap_urgent = 1;
+    configuration.keyframes.new_points_min = 1;
+    Lost lost(true, 90, configuration);
+    const std::uint64_t keyframes = lost.engine().statistics().keyframes_made;
+    std::uint32_t i = 20;
+    for (; i < 50; ++i) {
+        lost.show(home().frames[i]);
+        EXPECT_EQ(lost.engine().statistics().keyframes_made, keyframes);
+        if (lost.engine().pose().state >= PoseState::kUnsure) break;
+    }
+    ASSERT_GE(lost.engine().pose().state, PoseState::kUnsure);
+    lost.show(home().frames[i + 1]);
+    EXPECT_EQ(lost.engine().statistics().keyframes_made, keyframes + 1);
+}
+
 // Promise: a camera that was lost for a second is matched with the keyframes around it through the direct index of a
 // vocabulary, and is back where it truly is, as it is without one.
 TEST(Relocalisation, FoundAgainNearby) {
