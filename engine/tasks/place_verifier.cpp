@@ -14,6 +14,7 @@ constexpr std::uint32_t kMatchPiece = 1024;  // descriptors compared
 constexpr std::uint32_t kSamplePiece = 8;    // hypotheses
 constexpr std::uint32_t kGuidePiece = 32;    // points projected
 constexpr std::uint32_t kNoDistance = 257;
+constexpr double kScaleSlack = 1.6;  // between a feature's scale and the one expected
 
 constexpr std::int32_t kTurnBins = 30;
 constexpr double kTwoPi = 6.283185307179586;
@@ -374,6 +375,7 @@ std::uint32_t PlaceVerifier::refine() noexcept {
     stage_ = Stage::kGuide;
     cursor_ = source_ = 0;
     std::fill(projected_.begin(), projected_.end(), 0);
+    offered_ = 0;
     return units;
 }
 
@@ -408,6 +410,10 @@ std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
         const Vector2 pixel = distort_to_pixel(camera_, n);
         if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera_.width && pixel.y() < camera_.height)) continue;
         const double ratio = static_cast<double>(point->distance_m) / q.z() * pixel_noise_.scale(point->level);
+        // What is too near or too far has no feature on any level.
+        const std::span<const double> scales = pixel_noise_.scales();
+        if (ratio * kScaleSlack < scales.front() || ratio > kScaleSlack * scales.back()) continue;
+        ++offered_;
         std::uint32_t best = configuration_->loop.hamming_guided_max + 1;
         std::uint32_t best_feature = 0;
         grid_.visit_near(pixel.x(), pixel.y(), configuration_->loop.radius_px * std::max(ratio, 1.0),
@@ -415,7 +421,7 @@ std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
                              const Observation& o = query_[i];
                              if (o.level == 0xff) return;
                              const double scale = pixel_noise_.scale(o.level);
-                             if (scale > 1.6 * ratio || ratio > 1.6 * scale) return;
+                             if (scale > kScaleSlack * ratio || ratio > kScaleSlack * scale) return;
                              const double dx = static_cast<double>(o.x) - pixel.x();
                              const double dy = static_cast<double>(o.y) - pixel.y();
                              const double radius = configuration_->loop.radius_px * scale;
@@ -467,17 +473,17 @@ std::uint32_t PlaceVerifier::judge(const Map& map) noexcept {
     return units;
 }
 
-std::uint32_t PlaceVerifier::likeness(const Map& map) const noexcept {
+std::uint64_t PlaceVerifier::likeness(const Map& map) const noexcept {
     const std::uint32_t bits_max = configuration_->loop.hamming_guided_max;
     const SE3 camera_from_world = fit_.world_from_camera.inverse();
-    std::uint32_t sum = 0;
+    std::uint64_t sum = 0;
     for (std::size_t i = 0; i < query_.size(); ++i) {
         const MapPoint* const point = map.points().find(claims_[i].point);
         if (point == nullptr || claims_[i].distance_bits > bits_max) continue;
         if (chi2_of(pair_of(i, *point), camera_from_world) > configuration_->loop.chi2_max) continue;
         sum += bits_max + 1 - claims_[i].distance_bits;
     }
-    return sum;
+    return sum * sum / std::max(offered_, 1U);
 }
 
 }  // namespace stillmesh

@@ -109,9 +109,11 @@ public:
     [[nodiscard]] const Matrix6& information() const noexcept { return fit_.information; }
     [[nodiscard]] std::uint32_t matches() const noexcept { return matched_; }
     [[nodiscard]] std::uint32_t inliers() const noexcept { return fit_.inliers; }
-    // How much the query looks like the candidate just accepted: over all features that agree, not only kPairsMax of
-    // them, the bits by which their descriptors are nearer than any may be. For two places to be compared.
-    [[nodiscard]] std::uint32_t likeness(const Map& map) const noexcept;
+    // How much the query looks like the candidate just accepted, for two places to be compared: over all features that
+    // agree, not only kPairsMax of them, the bits by which their descriptors are nearer than any may be; times as many
+    // bits for each point that the place has in view: one that knows half as many points, and shows nearly all of them,
+    // is the likelier.
+    [[nodiscard]] std::uint64_t likeness(const Map& map) const noexcept;
     // Those that agree.
     [[nodiscard]] std::span<const PlaceMatch> agreeing() const noexcept { return matches_.span(); }
     [[nodiscard]] std::span<const Observation> query() const noexcept { return query_.span(); }
@@ -167,6 +169,7 @@ private:
     std::uint32_t cursor_ = 0;
     std::uint32_t iterations_ = 0, iterations_wanted_ = 0;
     std::uint32_t matched_ = 0;
+    std::uint32_t offered_ = 0;  // points in view from the pose found
     double best_votes_ = 0;
     SE3 best_;
     PoseFit fit_;

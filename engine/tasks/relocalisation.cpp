@@ -106,7 +106,7 @@ bool Relocalisation::find(const Map& map) noexcept {
     const bool is_all = looks < kLooksPerFrame;
     if (is_all) forget(kDismissed);  // begin again
     Handle<Keyframe> found;
-    std::uint32_t likeness = 0;
+    std::uint64_t likeness = 0;
     for (std::uint32_t i = kTriesPerFrame; i-- > 0;) {  // the worthiest last: mostly it is the one to be held
         if (best[i].worth == 0) continue;
         marks_[best[i].keyframe.slot()] |= kTried;
@@ -124,7 +124,7 @@ Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_
     if (!ask(map)) return out;
     // Verification finds a camera no farther from a keyframe than this: who is farther away speaks for another place.
     const double near_m = configuration_->loop.distance_max_m;
-    Place here, elsewhere[kTriesPerFrame];  // the worthiest first
+    Place here, elsewhere[2];  // the worthiest first
     std::uint32_t looks_near = 0, looks_far = 0;
     for (const PlaceCandidate& place : places_->query().candidates()) {
         const std::uint32_t slot = place.keyframe_slot;
@@ -142,8 +142,20 @@ Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_
             if (look.worth > here.worth) here = look;
             continue;
         }
-        for (Place& other : elsewhere) {
-            if (look.worth > other.worth) std::swap(look, other);
+        // Each for a place of its own: neighbours say the same.
+        const auto is_with = [&](const Place& other) {
+            if (other.worth == 0) return false;
+            const Vector3& beside = map.keyframes().at(other.keyframe.slot()).world_from_camera.translation;
+            return (there.translation - beside).squaredNorm() <= near_m * near_m;
+        };
+        Place& first = elsewhere[0];
+        Place& second = elsewhere[1];
+        if (look.worth > first.worth) {
+            if (!is_with(first)) second = first;
+            first = look;
+            if (is_with(second)) second = {};
+        } else if (look.worth > second.worth && !is_with(first)) {
+            second = look;
         }
     }
     for (const Place& place : {here, elsewhere[0], elsewhere[1]}) {
@@ -151,8 +163,8 @@ Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_
         const SE3 off = world_from_camera.inverse() * places_->verifier().world_from_query();
         const bool is_here =
             off.translation.squaredNorm() <= kSame_m * kSame_m && rotation_angle(off.rotation) <= kSame_rad;
-        const std::uint32_t likeness = places_->verifier().likeness(map);
-        std::uint32_t& most = is_here ? out.here : out.elsewhere;
+        const std::uint64_t likeness = places_->verifier().likeness(map);
+        std::uint64_t& most = is_here ? out.here : out.elsewhere;
         if (likeness <= most) continue;
         most = likeness;
         if (!is_here) rival_ = place.keyframe;

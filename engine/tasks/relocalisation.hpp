@@ -49,7 +49,7 @@ public:
     // How much the frame looks like the best keyframes (PlaceVerifier::likeness): where the camera is taken to be, and
     // anywhere else.
     struct Evidence {
-        std::uint32_t here = 0, elsewhere = 0;
+        std::uint64_t here = 0, elsewhere = 0;
     };
     [[nodiscard]] Evidence weigh(const Map& map, const SE3& world_from_camera) noexcept;
     [[nodiscard]] const SE3& world_from_camera() const noexcept { return places_->verifier().world_from_query(); }

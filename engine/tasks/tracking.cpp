@@ -472,7 +472,8 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
     before_.measured_time_ns = measured_time_ns_;
     before_.start_time_ns = start_time_ns_;
     before_.lost_frames = lost_frames_;
-    before_.looks = before_.here = before_.elsewhere = 0;
+    before_.here = before_.elsewhere = 0;
+    before_.looks = 0;
     before_.is_placed = is_placed_;
     before_.is_by_words = is_by_words;
     if (is_by_words) odometry_.jump_to(world_from_camera, this->world_from_camera());

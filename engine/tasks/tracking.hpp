@@ -186,8 +186,8 @@ private:
         std::int64_t measured_time_ns = 0;
         std::int64_t start_time_ns = 0;
         std::uint32_t lost_frames = 0;
-        std::uint32_t looks = 0;                // since then
-        std::uint32_t here = 0, elsewhere = 0;  // evidence of all of them (relocalisation.hpp)
+        std::uint64_t here = 0, elsewhere = 0;  // evidence of all frames since then (relocalisation.hpp)
+        std::uint32_t looks = 0;                // so many frames
         bool is_placed = true;
         bool is_by_words = false;
     };

@@ -118,8 +118,9 @@ TEST_F(LookAlikeRooms, AFrameIsHeldAgainstBoth) {
     for (const bool is_here : {true, false}) {
         ask();
         const Relocalisation::Evidence evidence = relocalisation_.weigh(*map_, pose(is_here));
-        EXPECT_EQ(is_here ? evidence.here : evidence.elsewhere, kFeatures * kBits);
-        EXPECT_EQ(is_here ? evidence.elsewhere : evidence.here, (kFeatures - kOwn) * kBits);
+        EXPECT_EQ(is_here ? evidence.here : evidence.elsewhere, kFeatures * kBits * kBits);
+        constexpr std::uint64_t kCommon = (kFeatures - kOwn) * kBits;  // of kFeatures points in view
+        EXPECT_EQ(is_here ? evidence.elsewhere : evidence.here, kCommon * kCommon / kFeatures);
     }
 }
 
@@ -137,7 +138,7 @@ TEST_F(LookAlikeRooms, NothingElsewhere) {
     }
     ask();
     const Relocalisation::Evidence evidence = relocalisation_.weigh(*map_, pose(true));
-    EXPECT_EQ(evidence.here, kFeatures * kBits);
+    EXPECT_EQ(evidence.here, kFeatures * kBits * kBits);
     EXPECT_EQ(evidence.elsewhere, 0U);
 }
 
