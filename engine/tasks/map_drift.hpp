@@ -2,7 +2,7 @@
 // spanning tree the differences add up; but where a keyframe shares points with one of long ago (the camera came back,
 // or was found again) the map itself says where both lie, and what odometry gathered in between no longer counts. That
 // matters most after a loss: a camera that was carried can be anywhere, but once it is found the place four metres on
-// that looks alike is as far away as ever. Cost: the keyframes between both in the tree.
+// that looks alike is as far away as ever. Cost: the keyframes above both in the tree.
 #pragma once
 
 #include <cstdint>
