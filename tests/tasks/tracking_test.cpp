@@ -410,6 +410,37 @@ TEST(Tracking, RecoversNoFartherThanACameraGets) {
     }
 }
 
+// Promise: while nothing is measured a camera may have been carried anywhere, but what was found again is as far off as
+// the keyframe it was found at, and so are the keyframes that come after it.
+TEST(Tracking, WhoIsFoundHasTheDriftOfThePlace) {
+    DrawnScene scene;
+    scene.has_board = false;
+    Configuration configuration = fitting();
+    configuration.pose.lost_frames_max = 1;
+    Rig rig(scene.camera(), configuration);
+    std::uint32_t now = 0;
+    const auto show = [&](std::uint32_t at, bool is_dark) {
+        KeptFrame kept = scene.draw(at);
+        if (is_dark) std::fill(kept.colour.begin(), kept.colour.end(), std::uint8_t{0});
+        kept.time_ns = std::int64_t{now++} * test::kFrameGap_ns;
+        rig->track(kept.frame());
+    };
+    for (std::uint32_t i = 0; i < 60; ++i) show(i, false);
+    const std::uint64_t frame_before = rig.map().keyframes().find(rig.map().recent_keyframe(0))->frame;
+    for (int i = 0; i < 60; ++i) show(59, true);
+    ASSERT_EQ(rig->pose().state, PoseState::kNone);
+    for (std::uint32_t i = 0; i < 120; ++i) show(59 + i, false);  // on from there, until new keyframes are made
+    EngineStatistics statistics;
+    rig->fill(statistics);
+    ASSERT_EQ(statistics.recoveries, 1U);
+    const Keyframe& last = *rig.map().keyframes().find(rig.map().recent_keyframe(0));
+    ASSERT_GT(last.frame, 120U);
+    ASSERT_LT(frame_before, 60U);
+    const double lost_m = configuration.loop.drift_lost_m_s * 2.0;  // room that the darkness would have made
+    ASSERT_GT(lost_m, 2);
+    EXPECT_LT(last.drift_m, 0.2);
+}
+
 // Promise: nobody is found again turned farther than a camera can have turned; with time enough the same picture is
 // believed. (The picture upside down, seen from where the camera was lost.)
 TEST(Tracking, RecoversNoFartherThanACameraTurns) {
