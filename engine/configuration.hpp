@@ -176,7 +176,9 @@ struct PredictionParameters {
     std::uint32_t fading_frames_max = 20;
     double fading_unsure = 0.7;
     double jump_sigmas = 2.0;
-    double leap_sigmas = 20.0;
+    double goes_on_s = 0.3;
+    double acceleration_m_s2 = 10.0;
+    double acceleration_rad_s2 = 60.0;
 };
 
 // Look-alikes are everywhere: nobody gets farther in the time than a camera on a robot or in a hand can.
@@ -531,8 +533,12 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
       "what is left of the sliding after an unsure frame");
     v("prediction.jump_sigmas", c.prediction.jump_sigmas, 0.0, 100.0, "",
       "an unsure pose farther off is doubted by the rest");
-    v("prediction.leap_sigmas", c.prediction.leap_sigmas, 1.0, 1e6, "",
-      "an unsure pose farther than so many from the one expected is refused");
+    v("prediction.goes_on_s", c.prediction.goes_on_s, 0.0, 100.0, "s",
+      "a motion goes on for so long; an unsure pose later than that follows from nothing");
+    v("prediction.acceleration_m_s2", c.prediction.acceleration_m_s2, 0.0, 1e4, "m/s2",
+      "an unsure pose that takes more, since the last sure one, is refused");
+    v("prediction.acceleration_rad_s2", c.prediction.acceleration_rad_s2, 0.0, 1e5, "rad/s2",
+      "an unsure pose that takes more is refused");
     v("recovery.keyframes_max", c.recovery.keyframes_max, 1.0, 1000.0, "", "recent ones tried in turn");
     v("recovery.matches_min", c.recovery.matches_min, 3.0, 4000.0, "", "fewer matches recover nothing");
     v("recovery.inliers_start", c.recovery.inliers_start, 0.05, 1.0, "", "share of inliers expected");

@@ -173,6 +173,7 @@ void Tracking::start_map() noexcept {
         return;
     }
     motion_.begin_at_origin();
+    reach_.begin(SE3{}, time_ns_);
     has_map_ = true;
     map_.express_with_readout(shutter_.readout_s());
     start_time_ns_ = time_ns_;
@@ -210,7 +211,6 @@ bool Tracking::estimate(const Frame* unexpected) noexcept {
 }
 
 bool Tracking::measure(const Frame* unexpected) noexcept {
-    const RegionContext expected = context_;  // matching widens it where it has to search farther
     match();
     const RegionChoice choice = choose_region();
     if (!choice.is_valid || region_.chosen().size() < configuration_.pose.inliers_min) return false;
@@ -219,7 +219,13 @@ bool Tracking::measure(const Frame* unexpected) noexcept {
     const bool is_choice_clear =
         choice.margin >= configuration_.region.margin_min && choice.score >= configuration_.region.score_min;
     const std::uint32_t sure_inliers = configuration_.pose.sure_inliers_factor * configuration_.pose.inliers_min;
-    if ((!is_choice_clear || fit.inliers < sure_inliers) && leaps(expected, fit.world_from_camera)) return false;
+    const bool is_sure = is_choice_clear && fit.inliers >= sure_inliers;
+    // What is not sure either and lies where the camera cannot be, or follows from nothing, is somebody else's motion.
+    const bool is_found_elsewhere = unexpected != nullptr && lost_frames_ > 0;
+    if (!is_sure && !is_found_elsewhere &&
+        (is_out_of_touch() || !reach_.holds(fit.world_from_camera, time_ns_, configuration_))) {
+        return false;
+    }
     // Where nobody expects the camera a few that agree among many that do not are no evidence. On probation such looks
     // do not count, as long as the depth agrees.
     if (unexpected != nullptr) {
@@ -229,18 +235,8 @@ bool Tracking::measure(const Frame* unexpected) noexcept {
         if (is_evidence && is_on_probation) --probation_frames_;
     }
     match_more(fit);
-    const bool is_sure = is_choice_clear && fit.inliers >= sure_inliers;
-    accept(fit, is_sure, is_choice_clear);
+    accept(fit, is_choice_clear && fit.inliers >= sure_inliers, is_choice_clear);
     return true;
-}
-
-// Farther from where the camera is expected than it can have got: what is not sure either is somebody else's motion.
-bool Tracking::leaps(const RegionContext& expected, const SE3& world_from_camera) const noexcept {
-    const SE3 off = expected.world_from_camera_predicted.inverse() * world_from_camera;
-    const double sigmas = configuration_.prediction.leap_sigmas * (1.0 + static_cast<double>(lost_frames_));
-    const double reach_m = sigmas * expected.prediction_sigma_m;
-    return off.translation.squaredNorm() > reach_m * reach_m ||
-           rotation_angle(off.rotation) > sigmas * expected.prediction_sigma_rad;
 }
 
 void Tracking::match() noexcept {
@@ -345,6 +341,7 @@ void Tracking::accept(const PoseFit& fit, bool is_sure, bool is_choice_clear) no
                    configuration_.region.point_chi2_max, is_sure && is_on_track && probation_frames_ == 0);
     if (has_prior() && !is_sure) confidence_.doubt_jump(time_ns_, prior(), fit.world_from_camera);
     motion_.move_to(fit.world_from_camera);
+    if (is_sure) reach_.note(motion_, is_on_track, time_ns_);
     motion_.set_has_velocity(is_on_track);  // the jump back of one that was lost is not a motion
     lost_frames_ = 0;
     measured_time_ns_ = time_ns_;
@@ -465,9 +462,10 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
     context_.world_from_camera_predicted = world_from_camera;
     context_.prediction_sigma_m = configuration_.recovery.sigma_m;
     context_.prediction_sigma_rad = configuration_.recovery.sigma_rad;
-    const bool is_unexpected = is_by_words || lost_frames_ > configuration_.pose.lost_frames_max;
+    const bool is_unexpected = is_by_words || is_out_of_touch();
     before_.world_from_camera = this->world_from_camera();
     before_.odometry = odometry_;
+    before_.reach = reach_;
     before_.noise = noise_.factors();
     before_.measured_time_ns = measured_time_ns_;
     before_.start_time_ns = start_time_ns_;
@@ -488,6 +486,7 @@ bool Tracking::estimate_at(const Frame& frame, const SE3& world_from_camera, boo
         return false;
     }
     is_placed_ = true;
+    if (is_unexpected) reach_.begin(this->world_from_camera(), time_ns_);
     if (probation_frames_ == 0) believe();
     return true;
 }
@@ -509,6 +508,7 @@ void Tracking::end_probation(bool is_found) noexcept {
     }
     probation_frames_ = 0;
     odometry_ = before_.odometry;
+    reach_ = before_.reach;
     noise_.restore(before_.noise);
     measured_time_ns_ = before_.measured_time_ns;
     start_time_ns_ = before_.start_time_ns;

@@ -11,6 +11,7 @@
 #include "engine/base/hash.hpp"
 #include "engine/base/random.hpp"
 #include "engine/base/ring.hpp"
+#include "engine/base/time.hpp"
 #include "engine/engine.hpp"
 #include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
@@ -18,6 +19,7 @@
 #include "engine/matching/map_matcher.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/static_region/static_region.hpp"
+#include "engine/tasks/camera_reach.hpp"
 #include "engine/tasks/empty_places.hpp"
 #include "engine/tasks/frame_view.hpp"
 #include "engine/tasks/keyframe_inserter.hpp"
@@ -85,7 +87,10 @@ public:
     [[nodiscard]] double noise_depth() const noexcept { return noise_.factors().depth; }
     // The map around the camera was moved by `correction` (on the left of world coordinates): the camera moves along.
     // What was given out stays given out; the next frame starts from here.
-    void follow(const SE3& correction) noexcept { motion_.follow(correction); }
+    void follow(const SE3& correction) noexcept {
+        motion_.follow(correction);
+        reach_.follow(correction);
+    }
     // The same after a loop: map_from_odom takes it, odom_from_camera goes on as before.
     void jump(const SE3& correction) noexcept;
     [[nodiscard]] const Configuration& configuration() const noexcept { return configuration_; }
@@ -108,7 +113,6 @@ private:
     // agree.
     [[nodiscard]] bool estimate(const Frame* unexpected) noexcept;
     [[nodiscard]] bool measure(const Frame* unexpected) noexcept;  // the same, but noise that it guessed stays
-    [[nodiscard]] bool leaps(const RegionContext& expected, const SE3& world_from_camera) const noexcept;
     void match() noexcept;
     [[nodiscard]] RegionChoice choose_region() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
@@ -137,6 +141,11 @@ private:
     // Carries what each row saw to the middle row; `camera_motion` since the last frame.
     void apply_shutter(const SE3& camera_motion) noexcept;
     // What is expected weighs nothing beside a good frame, and keeps a poor one from inventing a jump.
+    // Lost for so long that nothing foretells this frame's pose.
+    [[nodiscard]] bool is_out_of_touch() const noexcept {
+        return lost_frames_ > configuration_.pose.lost_frames_max ||
+               (lost_frames_ > 0 && seconds_between(measured_time_ns_, time_ns_) > configuration_.prediction.goes_on_s);
+    }
     [[nodiscard]] bool has_prior() const noexcept { return motion_.has_velocity() && lost_frames_ == 0; }
     [[nodiscard]] MotionPrior prior() const noexcept {
         return {context_.world_from_camera_predicted, context_.prediction_sigma_m, context_.prediction_sigma_rad};
@@ -167,6 +176,7 @@ private:
 
     // What is known from the frames before.
     MotionModel motion_;
+    CameraReach reach_;
     TrackedShutter shutter_;
     Odometry odometry_;
     PoseConfidence confidence_;
@@ -182,6 +192,7 @@ private:
     struct Before {
         SE3 world_from_camera;
         Odometry odometry;
+        CameraReach reach;
         NoiseScale::Factors noise;
         std::int64_t measured_time_ns = 0;
         std::int64_t start_time_ns = 0;
