@@ -313,6 +313,7 @@ struct LoopParameters {
     double drift_lost_m_s = 1.5;
     double correction_min_m = 0.01;
     double correction_min_rad = 0.01;
+    double correction_chi2_min = 12.59;  // 95 % of six unknowns
 };
 
 // Places beyond memory (engine/tasks/map_pager.hpp). Nothing of it without a store.
@@ -663,6 +664,8 @@ constexpr void visit_parameters(Configuration& c, Visitor&& v) {
     v("loop.drift_lost_m_s", c.loop.drift_lost_m_s, 0.0, 100.0, "m/s", "and so fast while nothing was measured");
     v("loop.correction_min_m", c.loop.correction_min_m, 0.0, 10.0, "m", "a smaller correction is none");
     v("loop.correction_min_rad", c.loop.correction_min_rad, 0.0, 3.0, "rad", "a smaller correction is none");
+    v("loop.correction_chi2_min", c.loop.correction_chi2_min, 0.0, 1e6, "",
+      "one of fewer squared deviations of what verification measured is none either");
     v("store.regions_max", c.store.regions_max, 1.0, 1e6, "", "regions of the map store; full: the longest unused go");
     v("store.points_min", c.store.points_min, 3.0, 16000.0, "", "static points; a region with fewer is not kept");
     v("store.gap_frames", c.store.gap_frames, 1.0, 1e6, "frames", "regions nearer in time do not come back");

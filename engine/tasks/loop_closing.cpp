@@ -23,6 +23,16 @@ double length(const Vector3& v) noexcept {
     return std::sqrt(v.squaredNorm());
 }
 
+// Whether a keyframe that was measured to lie so far `off` does. A few points far away tell its place to some
+// centimetres only: "correcting" it by less than that makes a map worse that knows better.
+bool is_worth_a_correction(const SE3& off, const Matrix6& information, const LoopParameters& p) noexcept {
+    if (length(off.translation) < p.correction_min_m && rotation_angle(off.rotation) < p.correction_min_rad) {
+        return false;
+    }
+    const Vector6 xi = se3_log(off);
+    return xi.dot(information * xi) >= p.correction_chi2_min;
+}
+
 }  // namespace
 
 void LoopClosing::create(Arena& arena, const Limits& limits, const Configuration& configuration, Tracking& tracking,
@@ -306,9 +316,7 @@ std::uint32_t LoopClosing::answer() noexcept {
     const SE3 off = here.world_from_camera.inverse() * verifier.world_from_query();
     loops_.push_over({found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query()});
     rest_ = configuration_->loop.rest_keyframes;
-    const double metres = length(off.translation);
-    if (metres < configuration_->loop.correction_min_m &&
-        rotation_angle(off.rotation) < configuration_->loop.correction_min_rad) {
+    if (!is_worth_a_correction(off, verifier.information(), configuration_->loop)) {
         ++statistics_.confirmed;
         closed_frame_ = here.frame;
         has_closed_ = true;
