@@ -23,14 +23,11 @@ double length(const Vector3& v) noexcept {
     return std::sqrt(v.squaredNorm());
 }
 
-// Whether a keyframe that was measured to lie so far `off` does. A few points far away tell its place to some
-// centimetres only: "correcting" it by less than that makes a map worse that knows better.
-bool is_worth_a_correction(const SE3& off, const Matrix6& information, const LoopParameters& p) noexcept {
-    if (length(off.translation) < p.correction_min_m && rotation_angle(off.rotation) < p.correction_min_rad) {
-        return false;
-    }
+// A keyframe that was measured to lie so far `off`, by so much `information`, may lie where it is: a few points far
+// away tell its place to some centimetres only, and "correcting" it by less makes a map worse that knows better.
+bool is_noise(const SE3& off, const Matrix6& information, const LoopParameters& p) noexcept {
     const Vector6 xi = se3_log(off);
-    return xi.dot(information * xi) >= p.correction_chi2_min;
+    return xi.dot(information * xi) < p.correction_chi2_min;
 }
 
 }  // namespace
@@ -314,9 +311,16 @@ std::uint32_t LoopClosing::answer() noexcept {
     const Keyframe& here = *map_->keyframes().find(keyframe_);
     const Keyframe& there = *map_->keyframes().find(found_);
     const SE3 off = here.world_from_camera.inverse() * verifier.world_from_query();
-    loops_.push_over({found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query()});
-    rest_ = configuration_->loop.rest_keyframes;
-    if (!is_worth_a_correction(off, verifier.information(), configuration_->loop)) {
+    const LoopParameters& p = configuration_->loop;
+    const bool is_small =
+        length(off.translation) < p.correction_min_m && rotation_angle(off.rotation) < p.correction_min_rad;
+    const bool is_told = !is_noise(off, verifier.information(), p);
+    // The graph takes a loop at its word, to the millimetre: noise is none.
+    if (is_small || is_told) {
+        loops_.push_over({found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query()});
+    }
+    rest_ = p.rest_keyframes;
+    if (is_small || !is_told) {
         ++statistics_.confirmed;
         closed_frame_ = here.frame;
         has_closed_ = true;

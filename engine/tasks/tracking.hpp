@@ -140,12 +140,12 @@ private:
     void gather() noexcept;
     // Carries what each row saw to the middle row; `camera_motion` since the last frame.
     void apply_shutter(const SE3& camera_motion) noexcept;
-    // What is expected weighs nothing beside a good frame, and keeps a poor one from inventing a jump.
     // Lost for so long that nothing foretells this frame's pose.
     [[nodiscard]] bool is_out_of_touch() const noexcept {
         return lost_frames_ > configuration_.pose.lost_frames_max ||
                (lost_frames_ > 0 && seconds_between(measured_time_ns_, time_ns_) > configuration_.prediction.goes_on_s);
     }
+    // What is expected weighs nothing beside a good frame, and keeps a poor one from inventing a jump.
     [[nodiscard]] bool has_prior() const noexcept { return motion_.has_velocity() && lost_frames_ == 0; }
     [[nodiscard]] MotionPrior prior() const noexcept {
         return {context_.world_from_camera_predicted, context_.prediction_sigma_m, context_.prediction_sigma_rad};
