@@ -91,10 +91,11 @@ public:
     [[nodiscard]] bool is_taken(std::uint32_t slot) const noexcept {
         return slot < slots_.size() && slots_[slot].is_taken;
     }
-    // A hint that the slot's object, taken or not, will be read soon: its first two cache lines.
+    // A hint that the slot and its object, taken or not, will be read soon: of the object its first two cache lines.
     void prefetch(std::uint32_t slot) const noexcept {
         constexpr std::size_t kCacheLine = 64;
         const auto* const bytes = reinterpret_cast<const char*>(&objects_[slot]);
+        __builtin_prefetch(&slots_[slot]);
         __builtin_prefetch(bytes);
         __builtin_prefetch(bytes + kCacheLine);
     }

@@ -6,6 +6,10 @@
 namespace stillmesh {
 namespace {
 
+// Points lie in a pool that is larger than any cache: fetched so many ahead.
+constexpr std::uint32_t kAhead = 8;
+constexpr std::uint8_t kRoundMax = 0xfe;  // a round may take two marks
+
 double turn_cosine(const SE3& a, const SE3& b) noexcept {
     // Of the rotation between them.
     double trace = 0;
@@ -24,7 +28,7 @@ void LocalMap::create(Arena& arena, const Limits& limits, const LocalMapParamete
     const double turned_sine = std::sqrt(std::max(1.0 - turned * turned, 0.0));
     cone_cosine_ = std::max(view_cosine * turned - sine * turned_sine, 0.0);
     points_.create(arena, points_max(limits));
-    listed_ = arena.array<std::uint32_t>(limits.map_points_max);
+    listed_ = arena.array<std::uint8_t>(limits.map_points_max);
     is_local_ = arena.array<std::uint8_t>(limits.keyframes_max);
     counts_ = arena.array<std::uint16_t>(limits.keyframes_max);
     chosen_max_ = std::min(kKeyframesMax, std::max(limits.keyframes_max / 2, 1U));
@@ -33,7 +37,7 @@ void LocalMap::create(Arena& arena, const Limits& limits, const LocalMapParamete
 
 void LocalMap::reset() noexcept {
     points_.clear();
-    std::fill(listed_.begin(), listed_.end(), 0U);
+    std::fill(listed_.begin(), listed_.end(), std::uint8_t{0});
     std::fill(is_local_.begin(), is_local_.end(), std::uint8_t{0});
     begin_counting();
     chosen_count_ = 0;
@@ -89,13 +93,18 @@ void LocalMap::add(std::uint32_t point_slot) noexcept {
 }
 
 void LocalMap::build(const Map& map, const SE3& world_from_camera) noexcept {
-    const Pool<Keyframe>& keyframes = map.keyframes();
-    std::fill(is_local_.begin(), is_local_.end(), std::uint8_t{0});
-    chosen_count_ = 0;
     reference_ = reference(map);
     newest_ = map.recent_keyframe(0);
     built_at_ = world_from_camera;
     is_built_ = true;
+    choose_keyframes(map, world_from_camera);
+    list_points(map);
+}
+
+void LocalMap::choose_keyframes(const Map& map, const SE3& world_from_camera) noexcept {
+    const Pool<Keyframe>& keyframes = map.keyframes();
+    std::fill(is_local_.begin(), is_local_.end(), std::uint8_t{0});
+    chosen_count_ = 0;
     if (!newest_.is_null()) static_cast<void>(choose(newest_.slot()));
     // Those that share most with the frame.
     const LocalMapParameters& p = parameters_;
@@ -146,20 +155,37 @@ void LocalMap::build(const Map& map, const SE3& world_from_camera) noexcept {
         const std::uint32_t count = map.best_covisible(chosen_[i], best, p.shared_min);
         for (std::uint32_t k = 0; k < count; ++k) static_cast<void>(choose(neighbours[k]));
     }
-    if (++round_ == 0) {
-        std::fill(listed_.begin(), listed_.end(), 0U);
-        round_ = 1;
+}
+
+// Marks what is in view and lists it in the order of the pool, where memory is read quickest.
+void LocalMap::list_points(const Map& map) noexcept {
+    const Pool<MapPoint>& points = map.points();
+    if (round_ >= kRoundMax) {
+        std::fill(listed_.begin(), listed_.end(), std::uint8_t{0});
+        round_ = 0;
     }
+    ++round_;
+    points_.clear();
+    std::uint32_t count = 0;
+    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+        if (slot + kAhead < points.slots_count()) points.prefetch(slot + kAhead);
+        if (!points.is_taken(slot) || !may_be_seen(points.at(slot))) continue;
+        ++count;
+        add(slot);
+        listed_[slot] = round_;  // though there may be no room for it
+    }
+    if (count == points_.size()) return;
+    // Too many: those of the local keyframes first, then as many as there is room for.
+    const std::uint8_t in_view = round_++;
     points_.clear();
     for (std::uint32_t i = 0; i < chosen_count_; ++i) {
-        for (const Observation& observation : map.observations(keyframes.handle_of(chosen_[i]))) {
-            const MapPoint* const point = map.points().find(observation.point);
-            if (point != nullptr && may_be_seen(*point)) add(observation.point.slot());
+        for (const Observation& observation : map.observations(map.keyframes().handle_of(chosen_[i]))) {
+            if (observation.point.is_null() || listed_[observation.point.slot()] != in_view) continue;
+            if (points.find(observation.point) != nullptr) add(observation.point.slot());
         }
     }
-    const Pool<MapPoint>& points = map.points();
     for (std::uint32_t slot = 0; slot < points.slots_count() && !points_.is_full(); ++slot) {
-        if (points.is_taken(slot) && may_be_seen(points.at(slot))) add(slot);
+        if (listed_[slot] == in_view) add(slot);
     }
 }
 

@@ -1,10 +1,11 @@
 // The part of the map that a camera may see: the keyframes that share points with the last frame, their best covisible
-// neighbours and the neighbours of those, and keyframes with a near viewpoint; the points they observe within the
-// camera's view; and, while there is room, any other point of the map within it: keyframes that share most are the
-// newest, and without the points that only old ones observe the map would drift. Tracking projects these alone, so that
-// its time does not grow with the map. Limits: kKeyframesMax keyframes (at most half of the pool: something must remain
-// that may be evicted) and local_points_max points, nearest keyframes first. Cost of build(): the features of its
-// keyframes, one look at every keyframe's pose and at every point; of count(): matches times observers.
+// neighbours and the neighbours of those, and keyframes with a near viewpoint; and the map's points within the camera's
+// view, whoever observes them: keyframes that share most are the newest, and without the points that only old ones
+// observe the map would drift. Where there are too many, those of the local keyframes come first. Tracking projects
+// these alone, so that its time does not grow with the map. Limits: kKeyframesMax keyframes (at most half of the pool:
+// something must remain that may be evicted) and local_points_max points. Cost of build(): one look at every keyframe's
+// pose and at every point, and at the features of the local keyframes where there are too many points; of count():
+// matches times observers.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +22,7 @@ public:
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         FixedVector<std::uint32_t>::plan(arena, points_max(limits));
-        arena.array<std::uint32_t>(limits.map_points_max);
+        arena.array<std::uint8_t>(limits.map_points_max);
         arena.array<std::uint8_t>(limits.keyframes_max);
         arena.array<std::uint16_t>(limits.keyframes_max);
     }
@@ -58,16 +59,18 @@ private:
     }
     bool choose(std::uint32_t keyframe_slot) noexcept;
     [[nodiscard]] bool may_be_seen(const MapPoint& point) const noexcept;
+    void choose_keyframes(const Map& map, const SE3& world_from_camera) noexcept;
+    void list_points(const Map& map) noexcept;
 
     LocalMapParameters parameters_;
     FixedVector<std::uint32_t> points_;
-    std::span<std::uint32_t> listed_;  // by point slot: the round that listed it
+    std::span<std::uint8_t> listed_;  // by point slot: the round that listed it
     std::span<std::uint8_t> is_local_;
     std::span<std::uint16_t> counts_;
     std::uint32_t chosen_[kKeyframesMax] = {};
     std::uint32_t chosen_count_ = 0;
     std::uint32_t chosen_max_ = 0;
-    std::uint32_t round_ = 0;
+    std::uint8_t round_ = 0;
     double cone_cosine_ = 0;
     SE3 built_at_;
     Handle<Keyframe> reference_, newest_;

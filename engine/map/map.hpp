@@ -24,6 +24,7 @@ struct Keyframe;
 struct MapPoint {
     // What projecting it into a frame needs, together: some thousands are projected for each frame.
     double world[3] = {};  // m; best estimate. Of a moving point: where it was last seen
+    std::uint64_t last_seen_frame = 0;
     Descriptor descriptor;
     float distance_m = 0;             // from the camera that made it
     std::uint8_t level = 0;           // pyramid level of its feature
@@ -38,7 +39,6 @@ struct MapPoint {
     float anchor_by_readout[3] = {};  // m/s; likewise
     std::int64_t created_ns = 0;
     std::int64_t anchor_ns = 0;
-    std::uint64_t last_seen_frame = 0;
     float agreed_way_m = 0;       // the odometer's, when a frame last saw it where it is (engine/tasks/odometry.hpp)
     Handle<Keyframe> reference;   // whose corrections it follows; null only while nobody observes it
     float angle_rad = 0;          // of its feature, (-pi, pi]
@@ -96,8 +96,8 @@ struct Observation {
 
 // Points that must not go: those whose mark (by slot) is this one; no marks spare none.
 struct SparedPoints {
-    std::span<const std::uint32_t> marks;
-    std::uint32_t mark = 0;
+    std::span<const std::uint8_t> marks;
+    std::uint8_t mark = 0;
     [[nodiscard]] bool has(std::uint32_t slot) const noexcept { return !marks.empty() && marks[slot] == mark; }
 };
 

@@ -5,6 +5,7 @@ namespace stillmesh {
 void FeatureGrid::build(std::uint32_t width, std::uint32_t height, std::span<const Keypoint> keypoints) noexcept {
     columns_ = cells(width);
     rows_ = cells(height);
+    count_ = keypoints.size();
     const std::size_t count = static_cast<std::size_t>(columns_) * rows_;
     STILLMESH_CHECK(count + 1 <= begin_.size() && keypoints.size() <= order_.size());
     for (std::size_t i = 0; i <= count; ++i) begin_[i] = 0;

@@ -31,6 +31,13 @@ public:
     // row by row: a superset of those within the radius.
     template <typename Visit>
     void visit_near(double x, double y, double radius_px, Visit&& visit) const noexcept {
+        visit_rows(x, y, radius_px, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t k = begin; k < end; ++k) visit(std::uint32_t{order_[k]});
+        });
+    }
+    // The same by rows of cells: visit(begin, end) of in_order().
+    template <typename Visit>
+    void visit_rows(double x, double y, double radius_px, Visit&& visit) const noexcept {
         const auto last_column = static_cast<std::int32_t>(columns_) - 1;
         const auto last_row = static_cast<std::int32_t>(rows_) - 1;
         const std::int32_t x0 = floor_clamped((x - radius_px) / kCellSide_px, 0, last_column);
@@ -39,10 +46,12 @@ public:
         const std::int32_t y1 = floor_clamped((y + radius_px) / kCellSide_px, 0, last_row);
         for (std::int32_t row = y0; row <= y1; ++row) {
             const std::size_t cell = static_cast<std::size_t>(row) * columns_;
-            const std::uint32_t end = begin_[cell + static_cast<std::size_t>(x1) + 1];
-            for (std::uint32_t i = begin_[cell + static_cast<std::size_t>(x0)]; i < end; ++i) visit(order_[i]);
+            visit(std::size_t{begin_[cell + static_cast<std::size_t>(x0)]},
+                  std::size_t{begin_[cell + static_cast<std::size_t>(x1) + 1]});
         }
     }
+    // All features, cell by cell, ascending within a cell.
+    [[nodiscard]] std::span<const std::uint16_t> in_order() const noexcept { return order_.first(count_); }
 
 private:
     [[nodiscard]] static constexpr std::uint32_t cells(std::uint32_t pixels) noexcept {
@@ -59,6 +68,7 @@ private:
     std::span<std::uint16_t> begin_;  // of each cell in order_, and one past the last
     std::span<std::uint16_t> order_;  // features, cell by cell, ascending within a cell
     std::uint32_t columns_ = 0, rows_ = 0;
+    std::size_t count_ = 0;
 };
 
 }  // namespace stillmesh

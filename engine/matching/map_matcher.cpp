@@ -21,8 +21,9 @@ constexpr double kNearest_m = 0.1;
 constexpr double kMarginFactor = 0.6;
 constexpr double kMargin = 0.2;
 
-// The local map lists points all over the pool, which is larger than any cache: fetched so many points ahead.
+// The local map's points lie in a pool that is larger than any cache: fetched so many points ahead.
 constexpr std::uint32_t kAhead = 8;
+constexpr std::size_t kPicked = 64;  // features that are looked at together
 
 std::int32_t turn_bin(float from_rad, float to_rad) noexcept {
     const double turn = (static_cast<double>(to_rad) - static_cast<double>(from_rad)) / kTwoPi;
@@ -38,12 +39,18 @@ void MapMatcher::create(Arena& arena, const Limits& limits, const MatchingParame
     camera_ = camera;
     scale_of_level_ = scale_of_level;
     grid_.create(arena, limits);
+    places_ = arena.array<Place>(limits.features_max);
     claims_ = arena.array<Claim>(limits.features_max);
 }
 
 void MapMatcher::begin(const FeatureSet& features) noexcept {
     features_ = &features;
     grid_.build(camera_.width, camera_.height, features.keypoints.span());
+    for (std::size_t k = 0; k < features.size(); ++k) {
+        const std::uint16_t feature = grid_.in_order()[k];
+        const Keypoint& keypoint = features.keypoints[feature];
+        places_[k] = {keypoint.x, keypoint.y, feature, keypoint.level};
+    }
     clear();
 }
 
@@ -71,7 +78,6 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
     const double margin_x = kMarginFactor * width / camera_.fx + kMargin;
     const double margin_y = kMarginFactor * height / camera_.fy + kMargin;
     const auto levels = static_cast<std::int32_t>(scale_of_level_.size());
-    const auto levels_off = static_cast<std::int32_t>(parameters_.levels_off);
     const Pool<MapPoint>& points = map.points();
     const auto count = local != nullptr ? static_cast<std::uint32_t>(local->points().size()) : points.slots_count();
     for (std::uint32_t at = 0; at < count; ++at) {
@@ -100,42 +106,60 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
             ++level;
         }
         const double radius = radius_px * scale_of_level_[static_cast<std::size_t>(level)];
-        std::uint32_t best = parameters_.hamming_max + 1;
-        std::uint32_t second = kNoDistance;
-        std::uint32_t best_feature = 0;
-        std::int32_t best_level = 0;
-        std::int32_t second_level = -1;
-        grid_.visit_near(pixel.x(), pixel.y(), radius, [&](std::uint32_t i) {
-            const Keypoint& keypoint = features_->keypoints[i];
-            const std::int32_t off = static_cast<std::int32_t>(keypoint.level) - level;
-            if (off < -levels_off || off > levels_off) return;
-            const double dx = static_cast<double>(keypoint.x) - pixel.x();
-            const double dy = static_cast<double>(keypoint.y) - pixel.y();
-            if (dx * dx + dy * dy > radius * radius) return;
-            if (is_more && !claims_[i].is_free()) return;
-            const std::uint32_t distance = hamming_distance(features_->descriptors[i], point.descriptor);
-            if (distance < best) {
-                second = best;
-                second_level = best_level;
-                best = distance;
-                best_feature = i;
-                best_level = keypoint.level;
-            } else if (distance < second) {
-                second = distance;
-                second_level = keypoint.level;
-            }
-        });
-        if (best > parameters_.hamming_max) continue;
+        const Nearest nearest = find_nearest(point.descriptor, pixel, radius, level, is_more);
+        if (nearest.best > parameters_.hamming_max) continue;
         // Neighbours on other levels are often the same corner; only rivals on the same level count.
-        if (second_level == best_level &&
-            second<kNoDistance&& static_cast<double>(best)> parameters_.ratio_max * static_cast<double>(second)) {
-            continue;
-        }
-        Claim& claim = claims_[best_feature];
+        const bool has_rival = nearest.second != kNoDistance && nearest.second_level == nearest.level;
+        const double best_allowed = parameters_.ratio_max * static_cast<double>(nearest.second);
+        if (has_rival && static_cast<double>(nearest.best) > best_allowed) continue;
+        Claim& claim = claims_[nearest.feature];
         // Whatever the order of the list, the lower slot wins a tie.
-        const bool is_nearer = best < claim.distance_bits || (best == claim.distance_bits && slot < claim.point_slot());
-        if (claim.is_free() || is_nearer) claim = {slot + 1, best};
+        const bool is_nearer =
+            nearest.best < claim.distance_bits || (nearest.best == claim.distance_bits && slot < claim.point_slot());
+        if (claim.is_free() || is_nearer) claim = {slot + 1, nearest.best};
     }
+}
+
+// Those of `count` features that lie in the disc, in `picked`. Five of six do not, and which is anybody's guess: picked
+// without a jump. A function of its own, since the registers of a larger one do not suffice.
+[[gnu::noinline]] std::size_t MapMatcher::pick(const Place* places, std::size_t count, Disc disc,
+                                               std::uint8_t* picked) noexcept {
+    std::size_t picked_count = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+        const double dx = static_cast<double>(places[k].x) - disc.x;
+        const double dy = static_cast<double>(places[k].y) - disc.y;
+        picked[picked_count] = static_cast<std::uint8_t>(k);
+        // Below the lowest level the difference is huge.
+        picked_count += static_cast<std::size_t>((places[k].level - disc.lowest_level <= disc.levels) &
+                                                 (dx * dx + dy * dy <= disc.radius2));
+    }
+    return picked_count;
+}
+
+MapMatcher::Nearest MapMatcher::find_nearest(const Descriptor& descriptor, const Vector2& pixel, double radius_px,
+                                             std::int32_t level, bool is_free_only) const noexcept {
+    const Disc disc{pixel.x(), pixel.y(), radius_px * radius_px,
+                    static_cast<std::uint32_t>(level) - parameters_.levels_off, 2 * parameters_.levels_off};
+    Nearest nearest{parameters_.hamming_max + 1, kNoDistance};
+    const auto compare = [&](std::uint32_t feature, std::int32_t feature_level) {
+        if (is_free_only && !claims_[feature].is_free()) return;
+        const std::uint32_t distance = hamming_distance(features_->descriptors[feature], descriptor);
+        if (distance < nearest.best) {
+            nearest = {distance, nearest.best, feature, feature_level, nearest.level};
+        } else if (distance < nearest.second) {
+            nearest.second = distance;
+            nearest.second_level = feature_level;
+        }
+    };
+    grid_.visit_rows(pixel.x(), pixel.y(), radius_px, [&](std::size_t begin, std::size_t end) {
+        std::uint8_t picked[kPicked];
+        for (; begin < end; begin += kPicked) {
+            const Place* const some = &places_[begin];
+            const std::size_t picked_count = pick(some, std::min(kPicked, end - begin), disc, picked);
+            for (std::size_t k = 0; k < picked_count; ++k) compare(some[picked[k]].feature, some[picked[k]].level);
+        }
+    });
+    return nearest;
 }
 
 void MapMatcher::by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexcept {

@@ -32,6 +32,7 @@ class MapMatcher {
 public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         FeatureGrid::plan(arena, limits);
+        arena.array<Place>(limits.features_max);
         arena.array<Claim>(limits.features_max);
     }
     void create(Arena& arena, const Limits& limits, const MatchingParameters& parameters, const CameraModel& camera,
@@ -64,6 +65,25 @@ public:
     [[nodiscard]] const FeatureGrid& grid() const noexcept { return grid_; }
 
 private:
+    // What a search asks of a feature first; in the order of the grid, since thousands of points search.
+    struct Place {
+        float x = 0, y = 0;  // px
+        std::uint16_t feature = 0;
+        std::uint8_t level = 0;
+    };
+    struct Disc {
+        double x, y, radius2;                // px, px^2
+        std::uint32_t lowest_level, levels;  // modulo 2^32; how many above it
+    };
+    static std::size_t pick(const Place* places, std::size_t count, Disc disc, std::uint8_t* picked) noexcept;
+    // The feature whose descriptor is nearest, and the next.
+    struct Nearest {
+        std::uint32_t best, second;  // bits
+        std::uint32_t feature = 0;
+        std::int32_t level = 0, second_level = -1;
+    };
+    [[nodiscard]] Nearest find_nearest(const Descriptor& descriptor, const Vector2& pixel, double radius_px,
+                                       std::int32_t level, bool is_free_only) const noexcept;
     void project(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
                  const std::uint64_t* seen_frame) noexcept;
     void keep_common_turn(const Map& map) noexcept;
@@ -75,6 +95,7 @@ private:
     double readout_s_ = 0;
     Vector6 speed_ = Vector6::Zero();
     FeatureGrid grid_;
+    std::span<Place> places_;  // in the order of the grid
     std::span<Claim> claims_;  // by feature
 };
 

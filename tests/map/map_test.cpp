@@ -70,7 +70,7 @@ TEST(Map, ForgetsTheLeastRecentlySeen) {
     };
     EXPECT_EQ(map->make_room_for_points(0, 9, {}), 0U);
     EXPECT_EQ(alive().size(), 10U);
-    std::vector<std::uint32_t> marks(10, 0);
+    std::vector<std::uint8_t> marks(10, 0);
     marks[4] = 7;
     // Frames 1 (spared), 2 and two of the three seen in 3.
     EXPECT_EQ(map->make_room_for_points(3, 9, {marks, 7}), 3U);
@@ -98,7 +98,7 @@ TEST(Map, ForgetsWeakPointsFirst) {
         map->points().find(handles[i])->seen = seen[i];
     }
     map->points().find(handles[2])->is_suspect = true;
-    const std::vector<std::uint32_t> marks{0, 7, 7, 0, 7, 7};
+    const std::vector<std::uint8_t> marks{0, 7, 7, 0, 7, 7};
     std::vector<int> order;
     for (int round = 0; round < 6; ++round) {
         const std::uint32_t went = map->make_room_for_points(1, 9, {marks, 7});
@@ -629,6 +629,43 @@ TEST(LocalMap, ListsPointsOnce) {
     SE3 away;
     away.translation.x() = 0.2;
     EXPECT_TRUE(local->is_stale(*map, away));
+}
+
+// Promise: where more is in view than the list holds, what the local keyframes observe comes first, the rest in the
+// order of the pool; a list says the same however often it was built before, and who is spared is who is listed.
+TEST(LocalMap, LocalKeyframesComeFirst) {
+    Limits limits = small(8, 60, 20);
+    limits.local_points_max = 25;
+    MapInMemory map(limits);
+    test::InMemory<LocalMap> local(limits);
+    std::vector<Handle<MapPoint>> points;
+    for (int i = 0; i < 40; ++i) points.push_back(add_point_ahead(*map));
+    const Handle<Keyframe> far = add_keyframe(*map, 1);
+    map->keyframes().find(far)->world_from_camera.translation = Vector3(50, 0, 0);
+    const Handle<Keyframe> here = add_keyframe(*map, 2);
+    for (std::size_t i = 0; i < 20; ++i) {
+        map->add_observation(far, observation_of(points[i]));
+        map->add_observation(here, observation_of(points[20 + i]));
+    }
+    std::vector<std::uint32_t> expected;
+    for (std::size_t i = 20; i < 40; ++i) expected.push_back(points[i].slot());
+    for (std::size_t i = 0; i < 5; ++i) expected.push_back(points[i].slot());
+    SE3 elsewhere;  // where five other points are in view
+    elsewhere.translation.x() = 4;
+    for (int i = 0; i < 5; ++i) static_cast<void>(add_point_ahead(*map, {4, 0, 2}));
+    for (int round = 0; round < 700; ++round) {  // more than marks have values
+        const bool is_crowded = round % 3 != 0;
+        local->build(*map, is_crowded ? SE3{} : elsewhere);
+        if (!is_crowded) {
+            ASSERT_EQ(local->points().size(), 5U);
+            continue;
+        }
+        const std::vector<std::uint32_t> listed(local->points().begin(), local->points().end());
+        std::vector<bool> is_listed(60);
+        for (const std::uint32_t slot : listed) is_listed[slot] = true;
+        for (std::uint32_t slot = 0; slot < 60; ++slot) ASSERT_EQ(local->spared().has(slot), is_listed[slot]) << round;
+        ASSERT_EQ(listed, expected) << round;
+    }
 }
 
 }  // namespace

@@ -33,7 +33,7 @@ std::vector<std::uint32_t> visited(const FeatureGrid& grid, double x, double y, 
 }
 
 // Promise: everything within the radius is visited, once; nothing farther than a cell beyond the square is; in the same
-// order whatever the radius: row by row of cells, ascending within a cell.
+// order whatever the radius: row by row of cells, ascending within a cell; by rows at once the same.
 TEST(FeatureGrid, VisitsASupersetOnce) {
     Random random(1);
     for (int round = 0; round < 200; ++round) {
@@ -53,6 +53,11 @@ TEST(FeatureGrid, VisitsASupersetOnce) {
                 const double y = random.uniform(-50.0, height + 50.0);
                 const double radius = random.uniform(0, 80);
                 const auto seen = visited(*grid, x, y, radius);
+                std::vector<std::uint32_t> by_rows;
+                grid->visit_rows(x, y, radius, [&](std::size_t begin, std::size_t end) {
+                    for (std::size_t k = begin; k < end; ++k) by_rows.push_back(grid->in_order()[k]);
+                });
+                ASSERT_EQ(by_rows, seen);
                 std::vector<bool> is_seen(keypoints.size());
                 std::uint64_t last = 0;
                 for (const std::uint32_t i : seen) {

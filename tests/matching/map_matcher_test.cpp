@@ -100,6 +100,10 @@ TEST_F(MapMatcherTest, ProjectionEqualsBruteForce) {
                     std::min(std::max(pixel.y() + random_.uniform(-9, 9), 1.0), 478.0), with_errors(d, 14, random_), 0,
                     static_cast<std::uint8_t>(random_.below(3)));
     }
+    for (int i = 0; i < 200; ++i) {  // a crowd: more in one row of cells than are looked at together
+        add_feature(random_.uniform(250, 390), random_.uniform(241, 255),
+                    with_errors(pool[random_.below(60)], 14, random_), 0, static_cast<std::uint8_t>(random_.below(3)));
+    }
     matcher_.begin(features_);
     const double radius = 15;
     matcher_.by_projection(map_, nullptr, SE3{}, radius);
