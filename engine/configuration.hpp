@@ -73,8 +73,8 @@ struct RegionParameters {
     double anchor_chi2_share = 0.5;
     double badness_max = 16.0;
     double agreement_floor = 0.5;
-    double agreement_base = 20.0;
-    double agreement_share = 0.3;
+    double agreement_base = 10.0;
+    double agreement_share = 0.1;
     double reach_factor = 4.0;
     double group_inliers_start = 0.7;
     std::uint32_t left_over_min = 12;

@@ -200,7 +200,7 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
     // A body agrees with a motion that explains it about as well as its own best motion does: many small residuals that
     // each pass say "moves" together long before one of them does. What fitting six unknowns gains does not grow with
     // the points, so a large body may bear less for each of them than a small one.
-    for (std::uint32_t g = 0; g < fitted_groups_; ++g) groups_[g].agreement = agreement_of(groups_[g], region);
+    for (std::uint32_t g = 0; g < fitted_groups_; ++g) groups_[g].agreement = agreement(groups_[g], region);
     double votes = 0;
     double votes_all = 0;
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
@@ -250,7 +250,7 @@ StaticRegion::Support StaticRegion::support_of(std::span<const Correspondence> c
     return support;
 }
 
-double StaticRegion::agreement_of(const Group& group, const RegionParameters& region) noexcept {
+double StaticRegion::agreement(const Group& group, const RegionParameters& region) noexcept {
     if (group.voters == 0) return 1.0;
     const double excess = group.badness_sum - group.voters * group.badness_best;
     const double bearable = region.agreement_base + region.agreement_share * group.voters;

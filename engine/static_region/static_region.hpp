@@ -93,6 +93,10 @@ public:
     }
     [[nodiscard]] std::uint32_t groups_count() const noexcept { return groups_count_; }
     [[nodiscard]] const Group& group(std::size_t i) const noexcept { return groups_[i]; }
+    // Of a group with the choice, [0, 1]; 1 where there is no group, or none that could be asked.
+    [[nodiscard]] double agreement_of(std::uint16_t group) const noexcept {
+        return group < fitted_groups_ ? groups_[group].agreement : 1.0;
+    }
     // Those that vote, and for each the best motion of its own group; null when it has none.
     [[nodiscard]] std::span<const std::uint16_t> voters() const noexcept { return all_.span(); }
     [[nodiscard]] const SE3* own_motion(std::size_t correspondence) const noexcept {
@@ -117,10 +121,9 @@ private:
     void group_vertices(std::span<const Correspondence> correspondences, const RegionParameters& parameters) noexcept;
     void fit_groups(std::span<const Correspondence> correspondences, const Configuration& parameters,
                     RegionChoice& choice, Random& random) noexcept;
-    [[nodiscard]] static double agreement_of(const Group& group, const RegionParameters& region) noexcept;
+    [[nodiscard]] static double agreement(const Group& group, const RegionParameters& region) noexcept;
     [[nodiscard]] double agreement_at(std::size_t correspondence) const noexcept {
-        const std::uint16_t g = group_of_correspondence_[correspondence];
-        return g < fitted_groups_ ? groups_[g].agreement : 1.0;
+        return agreement_of(group_of_correspondence_[correspondence]);
     }
     [[nodiscard]] std::uint16_t root_of(std::uint16_t triangle) noexcept;
 

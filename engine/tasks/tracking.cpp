@@ -283,6 +283,7 @@ RegionChoice Tracking::choose_region() noexcept {
     for (std::size_t i = 0; i < correspondences_.size(); ++i) {
         groups_[correspondences_[i].feature] = region_.group_of(i);
     }
+    weigh_by_agreement();
     frame_statistics_.mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
     frame_statistics_.mesh_edges_kept = region_.kept_count();
     frame_statistics_.groups = region_.groups_count();
@@ -296,6 +297,12 @@ void Tracking::choose_again(RegionChoice& choice) noexcept {
     gather();
     region_.build(correspondences_.span(), measured_.keypoints(), configuration_.region, context_);
     choice = region_.choose(correspondences_.span(), configuration_, context_, random_);
+}
+
+// What many small residuals say together counts in the pose as it did in the choice: each point of a body that sways
+// may pass by itself, and all of them take the camera along.
+void Tracking::weigh_by_agreement() noexcept {
+    for (Correspondence& c : correspondences_) c.vote *= region_.agreement_of(groups_[c.feature]);
 }
 
 PoseFit Tracking::fit_pose(const RegionChoice& choice) noexcept {
@@ -326,6 +333,7 @@ void Tracking::match_more(PoseFit& fit) noexcept {
                                 region.more_radius_share * configuration_.matching.radius_px, frame_);
     if (lost_frames_ == 0) apply_shutter(world_from_camera().inverse() * fit.world_from_camera);
     gather();
+    weigh_by_agreement();
     choose_agreeing(correspondences_.span(), fit.world_from_camera, region.more_factor * region.point_chi2_max,
                     region.more_anchor_factor * region.point_chi2_max, chosen_);
     const PoseFit refined = optimise(chosen_.span(), fit.world_from_camera);

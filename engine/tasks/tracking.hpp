@@ -116,6 +116,7 @@ private:
     void match() noexcept;
     [[nodiscard]] RegionChoice choose_region() noexcept;
     void choose_again(RegionChoice& choice) noexcept;
+    void weigh_by_agreement() noexcept;
     [[nodiscard]] PoseFit fit_pose(const RegionChoice& choice) noexcept;
     void match_more(PoseFit& fit) noexcept;
     void accept(const PoseFit& fit, bool is_sure, bool is_choice_clear) noexcept;

@@ -334,6 +334,30 @@ TEST(StaticRegion, TwoBodiesMovingApartAreSeparated) {
     EXPECT_GE(static_cast<double>(accepted_still), 0.9 * static_cast<double>(still));
 }
 
+// Promise: how far a group agrees with the choice can be asked: a body that moved by five millimetres does not, the
+// room does, and who was given no motion of his own is not judged.
+TEST(StaticRegion, AgreementTellsWhoMoved) {
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        const SE3 pose = test::random_motion(random, 0.5, 0.3);
+        SE3 motion;
+        motion.translation = pose.rotation * Vector3(0.005, 0, 0);
+        const Scene scene = room_and_body(250, 150, pose, motion, random);
+        Region region(limits_of(400));
+        const RegionContext context = context_at(pose * test::random_motion(random, 0.01, 0.01));
+        region->build(scene.correspondences, scene.keypoints, {}, context);
+        ASSERT_TRUE(region->choose(scene.correspondences, Configuration{}, context, random).is_valid);
+        double agreement[2] = {0, 0};
+        for (std::size_t i = 0; i < scene.body.size(); ++i) {
+            agreement[scene.body[i]] += region->agreement_of(region->group_of(i));
+        }
+        EXPECT_LT(agreement[1], 0.1 * static_cast<double>(scene.count(1))) << seed;
+        EXPECT_GT(agreement[0], 0.75 * static_cast<double>(scene.count(0))) << seed;
+        EXPECT_EQ(region->agreement_of(kNoGroup), 1.0);
+        EXPECT_EQ(region->agreement_of(static_cast<std::uint16_t>(region->groups_count())), 1.0);
+    }
+}
+
 // Promise: what the past knows counts for more than numbers: a crowd that has no past does not outvote the room.
 TEST(StaticRegion, ThePastOutvotesTheCrowd) {
     for (std::uint64_t seed = 0; seed < 20; ++seed) {
