@@ -73,7 +73,7 @@ public:
     [[nodiscard]] Status reserve(std::uint32_t point) noexcept;
     void fill() noexcept;
     // kFull: more than were reserved for the point. kInvalid: a number that is not finite, or no variance.
-    [[nodiscard]] Status add_observation(const GlobalObservation& observation) noexcept;
+    [[nodiscard]] Status add_observation(const GlobalObservation& given) noexcept;
     // If no keyframe is fixed the first one is.
     void start(const GlobalOptions& options) noexcept;
 

@@ -101,7 +101,7 @@ public:
     [[nodiscard]] Result<std::uint32_t> add_point(const Vector3& world) noexcept;
     // kFull. kInvalid: not finite, or a variance that is not positive. A second observation of a point by the same
     // keyframe is taken, counts as an outlier, and has no say. Observations are numbered 0, 1, ... in this order.
-    [[nodiscard]] Status add_observation(const AdjustmentObservation& observation) noexcept;
+    [[nodiscard]] Status add_observation(const AdjustmentObservation& given) noexcept;
     // If no keyframe is fixed the first one is: somebody must say where the world is.
     void start(const AdjustmentOptions& options) noexcept;
 

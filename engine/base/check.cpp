@@ -1,6 +1,7 @@
 #include "engine/base/check.hpp"
 
 // Weak here alone, so that a program's definition is an ordinary one, and two of them are an error.
+// NOLINTNEXTLINE(readability-redundant-declaration)
 extern "C" __attribute__((weak)) void stillmesh_check_failed(const char*, const char*, std::int32_t) noexcept;
 
 namespace stillmesh {

@@ -186,7 +186,7 @@ public:
     // One more look, from near by, at what a feature with depth shows: where it lies in the keyframe's camera, m. The
     // keyframe's measurement is the mean of the looks, a sliding one beyond map.looks_max of them. Nothing happens
     // when the feature does not show `point` any more, or the keyframe is gone.
-    void average(Handle<Keyframe> keyframe, std::uint32_t index, Handle<MapPoint> point, const Vector3& look) noexcept;
+    void average(Handle<Keyframe> handle, std::uint32_t index, Handle<MapPoint> point, const Vector3& look) noexcept;
     // The feature shows nothing any more; a point without observers stays until somebody releases it.
     void unlink(Handle<Keyframe> keyframe, std::uint32_t index) noexcept;
     [[nodiscard]] bool is_observed_by(std::uint32_t point_slot, std::uint32_t keyframe_slot) const noexcept {
@@ -216,7 +216,7 @@ public:
     // are asked for. Cost: one pass over both pools.
     void express_with_readout(double readout_s) noexcept;
     // The observations of a live keyframe with the map's readout; what was done.
-    bool carry_observations(Handle<Keyframe> keyframe, std::uint32_t image_height) noexcept;
+    bool carry_observations(Handle<Keyframe> handle, std::uint32_t image_height) noexcept;
 
     // Everything that is kept incrementally, computed anew: nullptr, or what is wrong. For tests; slow.
     [[nodiscard]] const char* find_fault() const noexcept;

@@ -57,6 +57,7 @@ void FrameWords::weigh(const Vocabulary& vocabulary, std::span<const std::uint8_
         sum += static_cast<std::uint64_t>(count) * weight;
         STILLMESH_CHECK(bag_.push({count, word}));
     }
+    if (sum == 0) return;
     // weight: count times rarity, as its share of the sum. Below 2^14 * 2^24 * 2^24.
     for (WordWeight& entry : bag_) {
         const std::uint64_t part = static_cast<std::uint64_t>(entry.weight) * vocabulary.weight(entry.word);

@@ -143,6 +143,8 @@ bool MapCopy::is_staged(const Map& map, std::uint32_t slot) const noexcept {
            staged.observations_changed == map.keyframes().at(slot).observations_changed;
 }
 
+// Not const: the parts that it writes are behind spans.
+// NOLINTNEXTLINE(readability-make-member-function-const)
 std::uint32_t MapCopy::stage(const Map& map, std::uint32_t slot) noexcept {
     StagedKeyframe& staged = parts_.keyframes[slot];
     staged.handle = map.keyframes().handle_of(slot);

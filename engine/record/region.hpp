@@ -31,7 +31,7 @@ struct RegionInfo {
 [[nodiscard]] std::uint64_t point_name(const MapPoint& point) noexcept;
 
 // What may be kept of a keyframe: features that show a static point. At most `out` has room for; bytes written.
-[[nodiscard]] std::size_t encode_region(const Map& map, Handle<Keyframe> keyframe, std::uint32_t weight_min,
+[[nodiscard]] std::size_t encode_region(const Map& map, Handle<Keyframe> handle, std::uint32_t weight_min,
                                         std::uint64_t left_at, std::span<std::byte> out) noexcept;
 
 // Whether the bytes are a region that this engine can take: version, counts, every number.

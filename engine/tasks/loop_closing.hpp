@@ -83,7 +83,7 @@ public:
                 Mapping& mapping, PlaceSearch& places) noexcept;
     void reset() noexcept;
 
-    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
+    [[nodiscard]] Progress step(WorkBudget& budget) noexcept override;
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
     void fill(EngineStatistics& statistics) const noexcept;
     [[nodiscard]] Stage stage() const noexcept { return stage_; }

@@ -56,7 +56,7 @@ public:
 
     [[nodiscard]] bool is_on() const noexcept { return store_ != nullptr && places_->is_on(); }
     [[nodiscard]] StoreContent content() const noexcept { return store_->content(); }
-    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
+    [[nodiscard]] Progress step(WorkBudget& budget) noexcept override;
     // Everything that has not been kept yet; kIdle: nothing is left.
     [[nodiscard]] Progress keep_all(WorkBudget& budget) noexcept;
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }

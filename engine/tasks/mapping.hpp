@@ -63,7 +63,7 @@ public:
                 Tracking& tracking) noexcept;
     void reset() noexcept;
 
-    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
+    [[nodiscard]] Progress step(WorkBudget& budget) noexcept override;
     // The most that one piece of work takes, and hence the most that a slice overdraws.
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
 

@@ -313,7 +313,7 @@ PoseFit Tracking::fit_pose(const RegionChoice& choice) noexcept {
     const RansacResult final =
         ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
     frame_statistics_.pose_iterations += final.iterations;
-    const PoseFit fit = optimise(region_.chosen(), final.world_from_camera);
+    PoseFit fit = optimise(region_.chosen(), final.world_from_camera);
     observe(Stage::kPose, false);
     return fit;
 }
@@ -592,7 +592,8 @@ void Tracking::fill(EngineStatistics& statistics) const noexcept {
 std::uint64_t Tracking::reference_keyframe() const noexcept {
     Handle<Keyframe> reference = configuration_.mapping.is_enabled ? local_map_.reference(map_) : Handle<Keyframe>{};
     if (reference.is_null()) reference = map_.recent_keyframe(0);
-    return reference.is_null() ? kNoKeyframe : map_.keyframes().find(reference)->frame;
+    const Keyframe* const keyframe = map_.keyframes().find(reference);
+    return keyframe == nullptr ? kNoKeyframe : keyframe->frame;
 }
 
 TrackingView Tracking::view() noexcept {

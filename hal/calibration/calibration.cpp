@@ -308,7 +308,7 @@ Status parse_ros(const YAML::Node& root, const std::string& file, CameraInfo& in
         if (key == "distortion_coefficients" || key == "D" || key == "d") {
             std::vector<double> d;
             STILLMESH_TRY(yaml_numbers(entry.second, key, file, d, message));
-            if (d.size() != 0 && d.size() != 4 && d.size() != 5) {
+            if (!d.empty() && d.size() != 4 && d.size() != 5) {
                 return fail(message, file, "key " + quoted(key) + " must have 4 or 5 numbers (k1 k2 p1 p2 k3).");
             }
             for (std::size_t i = 0; i < d.size(); ++i) STILLMESH_TRY(set_field(fields[6 + i], d[i], file, message));

@@ -38,8 +38,8 @@ constexpr std::uint32_t kBuffers = 4;
 
 // Asked once: a camera that is opened again goes on in the same time, whatever happens to the time of day.
 [[nodiscard]] std::int64_t unix_minus_monotonic_ns() noexcept {
-    static const std::int64_t offset_ns = clock_ns(CLOCK_REALTIME) - monotonic_ns();
-    return offset_ns;
+    static const std::int64_t kOffset_ns = clock_ns(CLOCK_REALTIME) - monotonic_ns();
+    return kOffset_ns;
 }
 
 // The images of one kind and who has which.

@@ -30,8 +30,8 @@ constexpr std::int64_t kRecent_ns = 500'000'000;  // what explains a silence has
 
 // What is added to the monotonic clock to get the time of day: once per process, so that no time jumps.
 [[nodiscard]] std::int64_t unix_minus_monotonic_ns() noexcept {
-    static const std::int64_t offset_ns = clock_ns(CLOCK_REALTIME) - clock_ns(CLOCK_MONOTONIC);
-    return offset_ns;
+    static const std::int64_t kOffset_ns = clock_ns(CLOCK_REALTIME) - clock_ns(CLOCK_MONOTONIC);
+    return kOffset_ns;
 }
 
 }  // namespace

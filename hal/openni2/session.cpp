@@ -146,13 +146,12 @@ bool Session::take(openni::VideoStream& stream, std::int64_t arrival_ns) {
     ++(is_colour ? counts.images_colour : counts.images_depth);
     // Both streams have one clock: each image tells something about it.
     if (!is_file) static_cast<void>(clock.host_ns(time_us, arrival_ns));
-    std::optional<Pairer::Pair> pair =
-        is_colour ? pairer.add_colour(std::move(image), time_us) : pairer.add_depth(std::move(image), time_us);
+    std::optional<Pairer::Pair> pair = is_colour ? pairer.add_colour(image, time_us) : pairer.add_depth(image, time_us);
     if (!pair) return false;
     if (slot.is_full) ++counts.dropped;
     old = std::move(slot);
-    slot.colour = std::move(pair->colour);
-    slot.depth = std::move(pair->depth);
+    slot.colour = pair->colour;
+    slot.depth = pair->depth;
     slot.colour_us = pair->colour_us;
     slot.depth_us = pair->depth_us;
     slot.taken_ns = is_file ? arrival_ns : clock.host_ns(pair->colour_us, arrival_ns);

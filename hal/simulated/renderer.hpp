@@ -67,7 +67,7 @@ public:
     [[nodiscard]] const Pinhole& camera() const noexcept { return camera_; }
 
 private:
-    void fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end, const ImagePlane& inverse_depth,
+    void fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end, const ImagePlane& plane,
                   std::uint32_t id) noexcept;
 
     Pinhole camera_;

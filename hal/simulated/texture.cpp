@@ -162,7 +162,7 @@ private:
         return static_cast<std::uint8_t>(std::clamp(grey, 0, 255));
     }
     [[nodiscard]] std::uint8_t& at(std::int32_t x, std::int32_t y) {
-        return pixels_[static_cast<std::size_t>(y * width_ + x)];
+        return pixels_[static_cast<std::size_t>(std::ptrdiff_t{y} * width_ + x)];
     }
 
     std::int32_t width_;

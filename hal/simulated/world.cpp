@@ -347,7 +347,7 @@ void World::add_people(std::uint32_t count) {
         {is_round ? desk.x + side_ * (desk.half_x + 0.2) : desk.x - 0.35 * side_, desk.y + desk.half_y + 0.35,
          radians(-90)},
         {beside, is_round ? desk.y + desk.half_y + 0.2 : desk.y - 0.05, side_ > 0 ? radians(-30) : radians(210)}};
-    for (std::uint32_t i = 0; i < count; ++i) {
+    for (std::uint32_t i = 0; i < std::min(count, 2U); ++i) {
         const double heading = seats[i].z + random_.uniform(-0.4, 0.4);
         // The chair's back is +y of its own; the person looks along -y of the chair.
         add_chair(seats[i].x, seats[i].y, heading + kPi / 2);

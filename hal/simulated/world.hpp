@@ -69,7 +69,7 @@ private:
     static void draw_movable(Renderer& renderer, const Movable& movable, double time_s);
     // The largest share of the picture it holds in the first 10 s, were nothing before it.
     [[nodiscard]] double trolley_peak() const;
-    [[nodiscard]] float light_at(const Vec3& p, const Vec3& normal) const noexcept;
+    [[nodiscard]] float light_at(const Vec3& at, const Vec3& normal) const noexcept;
     [[nodiscard]] Rigid trolley_at(double time_s) const noexcept;
 
     Scene scene_;

@@ -98,7 +98,7 @@ int capture_command(const CaptureArguments& arguments) {
     } else {
         std::printf("%s: %llu frames in %.1f s; %llu left out because the disk or the processor had no time\n",
                     arguments.out.c_str(), static_cast<unsigned long long>(frames), seconds,
-                    static_cast<unsigned long long>(left_out + dropped));
+                    static_cast<unsigned long long>(left_out) + dropped);
     }
     return code;
 }

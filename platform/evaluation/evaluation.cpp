@@ -164,12 +164,11 @@ std::optional<Evaluation> evaluate(const Trajectory& truth, const Trajectory& es
     result.rpe_translation_rmse_m = rmse(translations);
     result.rpe_rotation_rmse_deg = rmse(rotations);
     result.coverage = coverage_of(truth, estimate, options.hole_ns);
-    for (int row = 0; row < 3; ++row) {
-        for (int column = 0; column < 3; ++column) {
-            result.truth_from_estimate_r[static_cast<std::size_t>(row * 3 + column)] =
-                truth_from_estimate.r(row, column);
-        }
-        result.truth_from_estimate_t[static_cast<std::size_t>(row)] = truth_from_estimate.t[row];
+    for (int i = 0; i < 9; ++i) {
+        result.truth_from_estimate_r[static_cast<std::size_t>(i)] = truth_from_estimate.r(i / 3, i % 3);
+    }
+    for (int i = 0; i < 3; ++i) {
+        result.truth_from_estimate_t[static_cast<std::size_t>(i)] = truth_from_estimate.t[i];
     }
     return result;
 }

@@ -99,14 +99,16 @@ struct TimeChart {
         std::string svg =
             fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">", width, height, title);
         const double step = nice_step(top, 5);
-        for (double value = 0; value <= top * 1.0001; value += step) {
+        for (int i = 0; i * step <= top * 1.0001; ++i) {
+            const double value = i * step;
             svg += fmt::format(
                 "<line class=\"grid\" x1=\"{0}\" x2=\"{1}\" y1=\"{2:.1f}\" y2=\"{2:.1f}\"/>"
                 "<text x=\"{3}\" y=\"{4:.1f}\" text-anchor=\"end\">{5:g}</text>",
                 left, width - right, y(value), left - 7, y(value) + 4, value);
         }
         const double second = nice_step(seconds, 12);
-        for (double s = 0; s <= seconds * 1.0001; s += second) {
+        for (int i = 0; i * second <= seconds * 1.0001; ++i) {
+            const double s = i * second;
             svg += fmt::format("<text x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{:g}{}</text>", x(s),
                                height - below + 18, s, s == 0 ? " s" : "");
         }

@@ -8,7 +8,7 @@
 
 namespace stillmesh {
 
-[[nodiscard]] std::string report_html(const RunRecord& record);
+[[nodiscard]] std::string report_html(const RunRecord& run);
 // False: `message` says why; an older report is then left as it was.
 [[nodiscard]] bool write_report(const RunRecord& record, const std::string& file, std::string& message);
 

@@ -176,7 +176,10 @@ std::pair<std::uint64_t, std::uint64_t> count(const Node& node) {  // blocks, wo
 // artanh((x-1)/(x+1)).
 double natural_logarithm(double x) {
     double halvings = 0;
-    for (; x >= 2; x /= 2) ++halvings;
+    while (x >= 2) {
+        x /= 2;
+        ++halvings;
+    }
     const double t = (x - 1) / (x + 1);
     double sum = 0;
     double power = t;
