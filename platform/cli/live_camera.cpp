@@ -1,5 +1,6 @@
 #include "platform/cli/live_camera.hpp"
 
+#include <algorithm>
 #include <charconv>
 
 #include "platform/cli/complaint.hpp"
@@ -18,6 +19,9 @@
 
 namespace stillmesh {
 namespace {
+
+// Different reasons why a camera that is waited for does not open, that are told.
+constexpr std::size_t kReasonsMax = 16;
 
 #if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT)
 // What both drivers count.
@@ -175,15 +179,18 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
 Status open_live_camera(DepthCamera& camera, const std::function<std::string()>& camera_message, bool does_wait,
                         std::string& message) {
     ServiceNotifier service;
-    for (bool has_told = false;; has_told = true) {
+    std::vector<std::string> told;
+    for (;;) {
         const Status status = camera.open();
         if (status == Status::kOk) return status;
         message = camera_message();
         if (message.empty()) message = std::string("the camera is ") + status_name(status) + ".";
         if (status != Status::kUnavailable || !does_wait || stop_signal() != 0) return status;
-        if (!has_told) {
+        // Plugged in, it may still not be opened: each reason is told, once, since two of them may take turns for days.
+        if (told.size() < kReasonsMax && std::find(told.begin(), told.end(), message) == told.end()) {
             complain(message + " Waiting for one; Ctrl-C ends it.", LogLevel::kWarning);
-            service.ready();  // a service that waits for its camera has started
+            if (told.empty()) service.ready();  // a service that waits for its camera has started
+            told.push_back(message);
         }
         service.alive(monotonic_ns());
         const std::int64_t until_ns = monotonic_ns() + 300'000'000;

@@ -3,6 +3,7 @@
 #include <sys/wait.h>
 
 #include <cstdio>
+#include <sstream>
 #include <string>
 
 #include "tests/replay/recording_folder.hpp"
@@ -32,6 +33,24 @@ TEST(Program, Helps) {
     EXPECT_EQ(answer.code, 0);
     EXPECT_NE(answer.text.find("Exit codes: 0 done"), std::string::npos) << answer.text;
     EXPECT_EQ(stillmesh_says("run --help").code, 0);
+}
+
+// Promise: the manual page has every command of this build, and the program tells its version.
+TEST(Program, TheManualHasEveryCommand) {
+    const std::string manual = test::read_text(STILLMESH_MANUAL);
+    const std::string help = stillmesh_says("--help").text;
+    int commands = 0;
+    std::istringstream lines(help.substr(help.find("Subcommands:")));
+    for (std::string line; std::getline(lines, line);) {
+        if (line.rfind("  ", 0) != 0 || line.find("not in this build") != std::string::npos) continue;
+        const std::string name = line.substr(2, line.find(' ', 2) - 2);
+        EXPECT_NE(manual.find("\n.B " + name + "\n"), std::string::npos) << name;
+        ++commands;
+    }
+    EXPECT_GE(commands, 7) << help;
+    const Answer version = stillmesh_says("--version");
+    EXPECT_EQ(version.code, 0);
+    EXPECT_EQ(version.text.rfind("stillmesh ", 0), 0U) << version.text;
 }
 
 // Promise: what comes with later issues is known and refused with a sentence and exit 2.
