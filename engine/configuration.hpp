@@ -224,7 +224,7 @@ struct ScheduleParameters {
     std::uint32_t slice_units = 2000;       // the most one task gets before the one above it is asked again
 };
 
-// The map in the shadow of tracking (engine/tasks/mapping.hpp).
+// The map in the shadow of tracking (engine/mapping/mapping.hpp).
 struct MappingParameters {
     bool is_enabled = true;    // off: tracking alone, over a sliding set of keyframes (to measure what mapping earns)
     bool is_adjusting = true;  // local bundle adjustment
@@ -283,7 +283,7 @@ struct LocalMapParameters {
     double farther_max = 3.0;
 };
 
-// Coming home (engine/tasks/loop_closing.hpp, relocalisation.hpp). Nothing of it without a vocabulary.
+// Coming home (engine/loop_closing/loop_closing.hpp, relocalisation.hpp). Nothing of it without a vocabulary.
 struct LoopParameters {
     bool is_enabled = true;
     bool is_relocalising = true;
@@ -316,7 +316,7 @@ struct LoopParameters {
     double correction_chi2_min = 12.59;  // 95 % of six unknowns
 };
 
-// Places beyond memory (engine/tasks/map_pager.hpp). Nothing of it without a store.
+// Places beyond memory (engine/paging/map_pager.hpp). Nothing of it without a store.
 struct StoreParameters {
     std::uint32_t regions_max = 20000;   // full: the ones longest without use go
     std::uint32_t points_min = 20;       // static ones; a region with fewer is not kept

@@ -6,6 +6,7 @@
 #include "engine/engine_state.hpp"
 #include "engine/frame/pyramid.hpp"
 #include "engine/geometry/camera.hpp"
+#include "engine/map/map_readout.hpp"
 #include "engine/record/map_load.hpp"
 #include "engine/static_bytes_needed.hpp"
 
@@ -131,21 +132,19 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     }
     Arena arena(block);
     EngineState& state = arena.array<EngineState>(1)[0];
-    state.limits = limits;
-    state.camera = camera;
     state.vocabulary = opened;
     state.map_origin = {camera, configuration.features.levels, configuration.features.scale_factor, 0};
-    state.tracking.create(arena, limits, configuration, camera, kernels, extractor);
-    state.mapping.create(arena, limits, configuration, camera, state.tracking);
-    state.places.create(arena, limits, state.tracking.configuration(), camera, state.vocabulary);
-    state.loop_closing.create(arena, limits, state.tracking.configuration(), state.tracking, state.mapping,
-                              state.places);
-    state.relocalisation.create(state.tracking.configuration(), state.places);
+    World& world = state.world;
+    world.create(arena, limits, configuration, camera);
+    state.tracking.create(arena, world, kernels, extractor);
+    state.mapping.create(arena, world);
+    state.places.create(arena, limits, world.configuration, camera, state.vocabulary);
+    state.loop_closing.create(arena, world, state.places, state.mapping.fusion());
+    state.relocalisation.create(world.configuration, state.places);
     if (state.relocalisation.is_on()) state.tracking.set_relocalisation(&state.relocalisation);
     if (limits.store_features_max > 0) {
         state.pager = arena.array<MapPager>(1);
-        state.pager[0].create(arena, limits, state.tracking.configuration(), state.tracking, state.places,
-                              state.loop_closing, store);
+        state.pager[0].create(arena, world, state.places, store);
     }
     state.scheduler.create(configuration.schedule.slice_units);
     // First: what it does in a while is bounded by its configuration.
@@ -164,13 +163,13 @@ Status Engine::submit(const Frame& frame) noexcept {
     const std::uint32_t channels = channels_of(frame.format);
     const bool is_known =
         frame.format == PixelFormat::kGrey8 || frame.format == PixelFormat::kRgb8 || frame.format == PixelFormat::kBgr8;
-    const bool is_valid = is_known && frame.colour.data != nullptr && frame.depth.data != nullptr &&
-                          frame.colour.width == state.camera.width && frame.colour.height == state.camera.height &&
-                          frame.depth.width == state.camera.width && frame.depth.height == state.camera.height &&
-                          frame.colour.stride >= static_cast<std::size_t>(frame.colour.width) * channels &&
-                          frame.depth.stride >= frame.depth.width && frame.depth_units_per_m > 0.0 &&
-                          frame.depth_units_per_m < 1e9 && frame.time_ns >= 0 && frame.time_ns <= kTimeMax_ns &&
-                          (!state.has_time || frame.time_ns > state.last_time_ns);
+    const bool is_valid =
+        is_known && frame.colour.data != nullptr && frame.depth.data != nullptr &&
+        frame.colour.width == state.world.camera.width && frame.colour.height == state.world.camera.height &&
+        frame.depth.width == state.world.camera.width && frame.depth.height == state.world.camera.height &&
+        frame.colour.stride >= static_cast<std::size_t>(frame.colour.width) * channels &&
+        frame.depth.stride >= frame.depth.width && frame.depth_units_per_m > 0.0 && frame.depth_units_per_m < 1e9 &&
+        frame.time_ns >= 0 && frame.time_ns <= kTimeMax_ns && (!state.has_time || frame.time_ns > state.last_time_ns);
     if (!is_valid) {
         ++state.frames_refused;
         return Status::kInvalid;
@@ -186,7 +185,7 @@ Progress Engine::step(std::uint32_t units) noexcept {
 }
 
 const PoseEstimate& Engine::pose() const noexcept {
-    return state_of(this).tracking.pose();
+    return state_of(this).world.pose;
 }
 const FrameStatistics& Engine::frame_statistics() const noexcept {
     return state_of(this).tracking.frame_statistics();
@@ -208,7 +207,7 @@ TrackingView Engine::tracking_view() noexcept {
     return state_of(this).tracking.view();
 }
 std::uint32_t Engine::keyframes(std::span<KeyframePose> out) const noexcept {
-    return state_of(this).tracking.keyframes(out);
+    return list_keyframes(state_of(this).world.map, out);
 }
 std::uint64_t Engine::reference_keyframe() const noexcept {
     return state_of(this).tracking.reference_keyframe();
@@ -218,22 +217,22 @@ std::uint64_t Engine::state_hash() const noexcept {
     StateHash hash;
     hash.add(state.tracking.state_hash());
     state.scheduler.add_to(hash);
-    hash.add(state.tracking.map().changes_hash());
+    hash.add(state.world.map.changes_hash());
     if (has_store(state)) hash.add(state.pager[0].state_hash());
     return hash.value();
 }
 Status Engine::begin_map_copy(std::span<std::byte> workspace, std::uint8_t extractor) noexcept {
     EngineState& state = state_of(this);
     state.map_copy.cancel();
-    if (state.tracking.map().keyframes().size() == 0) return Status::kNotFound;
+    if (state.world.map.keyframes().size() == 0) return Status::kNotFound;
     MapOrigin origin = state.map_origin;
     origin.extractor = extractor;
-    return state.map_copy.begin(workspace, state.limits, origin);
+    return state.map_copy.begin(workspace, state.world.limits, origin);
 }
 Progress Engine::step_map_copy(std::uint32_t units) noexcept {
     EngineState& state = state_of(this);
     WorkBudget budget(units);
-    return state.map_copy.step(state.tracking.map(), {state.tracking.frame(), state.tracking.map_time_ns()}, budget);
+    return state.map_copy.step(state.world.map, {state.world.clock.frame, state.world.clock.time_ns}, budget);
 }
 Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProblem& problem,
                         std::uint8_t extractor) noexcept {
@@ -241,9 +240,9 @@ Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProb
     MapOrigin origin = state.map_origin;
     origin.extractor = extractor;
     MapFileInfo info;
-    STILLMESH_TRY(check_map_file(file, state.limits, origin, state.tracking.map(), info, problem));
+    STILLMESH_TRY(check_map_file(file, state.world.limits, origin, state.world.map, info, problem));
     reset();
-    restore_map(file, info, state.tracking.map());
+    restore_map(file, info, state.world.map);
     std::uint64_t frames = info.frames;
     std::int64_t time_ns = info.time_ns;
     if (has_store(state)) {  // regions kept after the map was saved have later names
@@ -262,7 +261,7 @@ Progress Engine::step_store(std::uint32_t units) noexcept {
 }
 std::uint64_t Engine::map_hash() noexcept {
     EngineState& state = state_of(this);
-    return stillmesh::map_hash(state.tracking.map(), state.camera);
+    return stillmesh::map_hash(state.world.map, state.world.camera);
 }
 void Engine::set_stage_observer(StageObserver observer) noexcept {
     state_of(this).tracking.set_observer(observer);
@@ -271,6 +270,7 @@ void Engine::reset() noexcept {
     EngineState& state = state_of(this);
     state.has_time = false;
     state.frames_refused = 0;
+    state.world.reset();
     state.tracking.reset();
     state.mapping.reset();
     state.places.reset();

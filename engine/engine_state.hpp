@@ -9,18 +9,17 @@
 #include "engine/place/vocabulary.hpp"
 #include "engine/record/map_copy.hpp"
 #include "engine/schedule/scheduler.hpp"
-#include "engine/tasks/loop_closing.hpp"
-#include "engine/tasks/map_pager.hpp"
-#include "engine/tasks/mapping.hpp"
-#include "engine/tasks/place_search.hpp"
-#include "engine/tasks/relocalisation.hpp"
-#include "engine/tasks/tracking.hpp"
+#include "engine/loop_closing/loop_closing.hpp"
+#include "engine/paging/map_pager.hpp"
+#include "engine/mapping/mapping.hpp"
+#include "engine/recognition/place_search.hpp"
+#include "engine/recognition/relocalisation.hpp"
+#include "engine/tracking/tracking.hpp"
 
 namespace stillmesh {
 
 struct EngineState final : Engine {
-    Limits limits;
-    CameraModel camera;
+    World world;
     Vocabulary vocabulary;  // empty: none
     Tracking tracking;
     Mapping mapping;

@@ -23,6 +23,7 @@ namespace stillmesh {
 [[nodiscard]] constexpr std::size_t static_bytes_needed(const Limits& limits) noexcept {
     ArenaPlan plan;
     plan.array<EngineState>(1);
+    World::plan(plan, limits);
     Tracking::plan(plan, limits);
     Mapping::plan(plan, limits);
     PlaceSearch::plan(plan, limits);

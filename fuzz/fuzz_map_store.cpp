@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "engine/base/crc.hpp"
-#include "engine/record/region.hpp"
+#include "engine/paging/region.hpp"
 #include "fuzz/fuzz.hpp"
 #include "platform/store/region_store.hpp"
 

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/tasks/mapping.hpp"
+#include "engine/mapping/mapping.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -42,6 +42,7 @@ double cpu_us() {
 
 struct Copy {
     std::vector<std::byte> memory;
+    World world;
     Tracking tracking;
     Mapping mapping;
 };
@@ -73,6 +74,7 @@ int run(const Arguments& arguments, DepthCamera& camera) {
         configuration.keyframes.gap_min = arguments.gap;
     }
     ArenaPlan plan;
+    World::plan(plan, limits);
     Tracking::plan(plan, limits);
     Mapping::plan(plan, limits);
     std::vector<std::unique_ptr<Copy>> copies;
@@ -82,8 +84,9 @@ int run(const Arguments& arguments, DepthCamera& camera) {
         copy.memory.resize(plan.used_bytes() + 4096);
         Arena arena({copy.memory.data() + 4096 - reinterpret_cast<std::uintptr_t>(copy.memory.data()) % 4096,
                      plan.used_bytes()});
-        copy.tracking.create(arena, limits, configuration, camera.info().model, cpu_kernels(), nullptr);
-        copy.mapping.create(arena, limits, configuration, camera.info().model, copy.tracking);
+        copy.world.create(arena, limits, configuration, camera.info().model);
+        copy.tracking.create(arena, copy.world, cpu_kernels(), nullptr);
+        copy.mapping.create(arena, copy.world);
     }
 
     std::vector<Piece> slices;  // their stage is that of their first piece
@@ -153,8 +156,8 @@ int run(const Arguments& arguments, DepthCamera& camera) {
     }
     const double ns_per_unit = 1e3 * us / static_cast<double>(units);
     fmt::print("{} frames of {}, {} copies, {} keyframes, {} points; least processor time of a piece\n", frames,
-               arguments.input, arguments.copies, copies.front()->tracking.map().keyframes().size(),
-               copies.front()->tracking.map().points().size());
+               arguments.input, arguments.copies, copies.front()->world.map.keyframes().size(),
+               copies.front()->world.map.points().size());
     fmt::print("{:>12} {:>8} {:>10} {:>10} {:>9} {:>8} {:>10} {:>10} {:>10}\n", "stage", "pieces", "units", "units max",
                "ms", "share", "ns/unit", "max us", "its units");
     double spread = 1;

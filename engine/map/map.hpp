@@ -39,7 +39,7 @@ struct MapPoint {
     float anchor_by_readout[3] = {};  // m/s; likewise
     std::int64_t created_ns = 0;
     std::int64_t anchor_ns = 0;
-    float agreed_way_m = 0;       // the odometer's, when a frame last saw it where it is (engine/tasks/odometry.hpp)
+    float agreed_way_m = 0;       // the odometer's, when a frame last saw it where it is (engine/tracking/odometry.hpp)
     Handle<Keyframe> reference;   // whose corrections it follows; null only while nobody observes it
     float angle_rad = 0;          // of its feature, (-pi, pi]
     std::uint16_t seen = 0;       // frames that matched it

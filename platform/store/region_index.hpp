@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/map/map_store.hpp"
+#include "engine/paging/map_store.hpp"
 #include "platform/store/paged_array.hpp"
 
 namespace stillmesh {

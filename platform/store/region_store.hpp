@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/map/map_store.hpp"
+#include "engine/paging/map_store.hpp"
 #include "platform/store/region_index.hpp"
 #include "platform/store/store_records.hpp"
 

@@ -38,7 +38,7 @@ namespace stillmesh {
     return out;
 }
 
-// Room for any region of an engine with these limits (engine/record/region.hpp counts them; this is never less).
+// Room for any region of an engine with these limits (engine/paging/region.hpp counts them; this is never less).
 [[nodiscard]] inline std::size_t store_body_bytes_max(const Limits& limits) {
     return std::size_t{512} + std::size_t{256} * limits.store_features_max;
 }

@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "engine/map/map_store.hpp"
+#include "engine/paging/map_store.hpp"
 #include "platform/store/region_store.hpp"
 
 namespace stillmesh {

@@ -17,7 +17,7 @@ namespace stillmesh::test {
 using Bytes = std::vector<std::byte>;
 
 inline Map& map_of(Engine& engine) {
-    return static_cast<EngineState&>(engine).tracking.map();
+    return static_cast<EngineState&>(engine).world.map;
 }
 
 // A workspace for copies; what lies behind it must stay as it is.

@@ -1,5 +1,5 @@
 // The engine with a store: a world larger than the pools, in memory that a test can look into and spoil.
-#include "engine/tasks/map_pager.hpp"
+#include "engine/paging/map_pager.hpp"
 
 #include <gtest/gtest.h>
 
@@ -157,7 +157,7 @@ public:
     }
     Engine& operator*() { return *engine_; }
     Engine* operator->() { return engine_; }
-    Map& map() { return static_cast<EngineState*>(engine_)->tracking.map(); }
+    Map& map() { return static_cast<EngineState*>(engine_)->world.map; }
 
     Ran run(std::uint32_t units = 20000, std::uint32_t parts = 1) {
         Ran out;

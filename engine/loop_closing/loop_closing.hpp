@@ -1,0 +1,169 @@
+// Loop closing (paper, method.md 9): every keyframe, once it is no longer the newest and its weights have settled, is
+// looked up by the words of its static points. A place that scores like a neighbour, again and again (k queries agree),
+// is verified by geometry; then
+//   solve    pose graph over the essential graph: spanning tree, strong covisibility, loops
+//   commit   in one bounded step keyframes, points and the camera move: newer keyframes follow their parent, points
+//            their reference keyframe; map_from_odom takes the jump. A local adjustment that runs is dropped.
+//   fuse     what both sides know of the place becomes one
+//   adjust   global bundle adjustment, whenever no keyframe waits; another loop drops it, and it begins anew
+// A place that the map has where verification puts it is confirmed, not corrected: tracking has come home by itself.
+// Tracking never waits. Beyond the paper: a loop that would need more drift than odometry can have gathered on the way
+// is none, however alike the places are (rooms of one building look alike).
+// Limits: keyframes_max nodes, edges_max() edges (weaker ones are left out), loops_max() loops (the oldest is
+// forgotten). Units: a residual or an edge evaluated, 32 descriptors compared, 32 postings. No piece takes more than
+// piece_units_max(); the result does not depend on how the pieces are cut into slices.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/adjust/global_adjustment.hpp"
+#include "engine/adjust/pose_graph.hpp"
+#include "engine/base/ring.hpp"
+#include "engine/configuration.hpp"
+#include "engine/mapping/point_fusion.hpp"
+#include "engine/outputs.hpp"
+#include "engine/recognition/place_search.hpp"
+#include "engine/schedule/task.hpp"
+#include "engine/world/world.hpp"
+
+namespace stillmesh {
+
+class LoopClosing final : public Task {
+public:
+    enum class Stage : std::uint8_t {
+        kIdle,
+        kWords,
+        kQuery,
+        kChoose,
+        kAsk,
+        kVerify,
+        kBuild,
+        kSolve,
+        kCommit,
+        kFuseMatches,
+        kFuseNeighbours,
+    };
+    static constexpr std::uint32_t kLoopsMax = 64;
+    static constexpr std::uint32_t kConsistencyMax = 5;
+
+    static constexpr std::uint32_t loops_max(const Limits& limits) noexcept {
+        return limits.keyframes_max < kLoopsMax ? limits.keyframes_max : kLoopsMax;
+    }
+    // Fewer keyframes than this hold no loop: their places are known, for a lost camera, and no more.
+    static constexpr std::uint32_t kKeyframesMin = 16;
+    static constexpr std::uint32_t keyframes_max(const Limits& limits) noexcept {
+        return limits.keyframes_max < kKeyframesMin ? 0 : limits.keyframes_max;
+    }
+    static constexpr std::uint32_t edges_max(const Limits& limits) noexcept { return 6 * keyframes_max(limits); }
+    // A local window holds all of a small map: no global adjustment there.
+    static constexpr GlobalSizes global_sizes(const Limits& limits) noexcept {
+        if (limits.keyframes_max < kKeyframesMin) return {};
+        const std::uint64_t seen = std::uint64_t{limits.keyframes_max} * limits.features_max;
+        const std::uint64_t usual = std::uint64_t{8} * limits.map_points_max;
+        return {limits.keyframes_max, limits.map_points_max, static_cast<std::uint32_t>(seen < usual ? seen : usual)};
+    }
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        GlobalAdjustment::plan(arena, global_sizes(limits));
+        arena.array<std::uint32_t>(global_sizes(limits).points_max);
+        arena.array<Handle<MapPoint>>(global_sizes(limits).points_max);
+        PoseGraph::plan(arena, {keyframes_max(limits), edges_max(limits)});
+        arena.array<Moved>(keyframes_max(limits));
+        arena.array<std::uint16_t>(keyframes_max(limits));
+        Ring<Loop>::plan(arena, loops_max(limits));
+        FixedVector<PlaceMatch>::plan(arena, PlaceVerifier::pairs_max(limits));
+    }
+    void create(Arena& arena, World& world, PlaceSearch& places, PointFusion& fusion) noexcept;
+    void reset() noexcept;
+
+    [[nodiscard]] Progress step(WorkBudget& budget) noexcept override;
+    [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
+    void fill(EngineStatistics& statistics) const noexcept;
+    [[nodiscard]] Stage stage() const noexcept { return stage_; }
+
+private:
+    static constexpr std::uint32_t kHistoryMax = 24;    // places of one query that later ones are compared with
+    static constexpr std::uint32_t kCandidatesMax = 8;  // verified for one keyframe
+    static constexpr std::uint32_t kFuseSources = 9;
+    static constexpr std::uint32_t kFuseTargets = 6;
+
+    enum class Adjusting : std::uint8_t { kNone, kWanted, kPoints, kReserve, kObservations, kRun, kCommit };
+    struct Places {
+        Handle<Keyframe> keyframes[kHistoryMax];
+        std::uint32_t count = 0;
+    };
+    struct Loop {
+        Handle<Keyframe> a, b;  // old and new
+        SE3 a_from_b;
+    };
+    struct Moved {
+        Handle<Keyframe> handle;  // of the node
+        SE3 before;               // when the graph was built
+        SE3 world_from_world;     // new from old
+        bool is_any = false;
+        bool is_looked_at = false;
+    };
+
+    [[nodiscard]] bool take() noexcept;
+    void enter(Stage stage) noexcept;
+    void drop() noexcept;
+    void finish() noexcept;
+    [[nodiscard]] bool is_searching() const noexcept { return stage_ >= Stage::kWords && stage_ <= Stage::kVerify; }
+    [[nodiscard]] std::uint32_t find_words() noexcept;
+    [[nodiscard]] std::uint32_t choose() noexcept;
+    [[nodiscard]] std::uint32_t ask() noexcept;
+    [[nodiscard]] std::uint32_t answer() noexcept;
+    [[nodiscard]] std::uint32_t build() noexcept;
+    [[nodiscard]] std::uint32_t commit() noexcept;
+    void move_map(bool is_adjusted) noexcept;
+    void adjust(WorkBudget& budget) noexcept;
+    [[nodiscard]] std::uint32_t begin_adjustment() noexcept;
+    [[nodiscard]] std::uint32_t collect_points() noexcept;
+    [[nodiscard]] std::uint32_t collect_observations(bool is_reserving) noexcept;
+    [[nodiscard]] std::uint32_t commit_adjustment() noexcept;
+    void drop_adjustment() noexcept;
+    [[nodiscard]] std::uint32_t fuse_matches() noexcept;
+    [[nodiscard]] std::uint32_t fuse_neighbours() noexcept;
+    [[nodiscard]] bool agrees(const Places& places, Handle<Keyframe> candidate) const noexcept;
+    [[nodiscard]] bool is_near(Handle<Keyframe> a, Handle<Keyframe> b) const noexcept;
+    [[nodiscard]] Refusal judge(const SE3& world_from_keyframe) const noexcept;
+    void refused(Refusal refusal) noexcept;
+    void add_edge(std::uint32_t slot_a, std::uint32_t slot_b, double shared) noexcept;
+    void find_fuse_sides() noexcept;
+
+    World* world_ = nullptr;  // this and the others outlive it
+    PlaceSearch* places_ = nullptr;
+    PointFusion* fusion_ = nullptr;
+    PoseGraph graph_;
+    GlobalAdjustment global_;
+    std::span<std::uint32_t> point_index_;  // by point slot: its index in global_ + 1
+    std::span<Handle<MapPoint>> adjusted_;  // by index in global_
+    std::uint64_t adjusting_since_ = 0;     // frame
+    std::uint32_t adjusting_cursor_ = 0;
+    Adjusting adjusting_ = Adjusting::kNone;
+    std::span<Moved> moved_;         // by keyframe slot
+    std::span<std::uint16_t> node_;  // by keyframe slot: its node + 1, 0: none
+    Ring<Loop> loops_;
+    Places history_[kConsistencyMax];  // the last queries, the newest first
+    std::uint32_t history_count_ = 0;
+    Handle<Keyframe> candidates_[kCandidatesMax];
+    std::uint32_t candidates_count_ = 0;
+    Handle<Keyframe> keyframe_;        // at hand
+    Handle<Keyframe> found_;           // the place
+    FixedVector<PlaceMatch> matches_;  // features of the keyframe, points of the place
+    Handle<Keyframe> sources_[kFuseSources];
+    std::uint32_t sources_count_ = 0;
+    Handle<Keyframe> targets_[kFuseTargets];
+    std::uint32_t targets_count_ = 0;
+    Stage stage_ = Stage::kIdle;
+    std::uint32_t cursor_ = 0;
+    std::uint32_t source_ = 0, target_ = 0;
+    std::uint64_t next_frame_ = 0;    // keyframes made before have been looked up
+    std::uint64_t closed_frame_ = 0;  // keyframes up to here lie right
+    bool has_closed_ = false;
+    std::uint32_t rest_ = 0;  // keyframes until a loop is sought again
+    std::uint32_t piece_units_max_ = 0;
+    LoopStatistics statistics_;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,67 @@
+// The same place twice in the map: a static point is projected into a keyframe that missed it. Where a feature there
+// looks alike and has no point, the point is observed by that keyframe too; where it has one at the same place, as far
+// as the two are known, the two become one, the older. Mapping asks it of neighbours, loop closing of what met again.
+// Limits: features_max features. Cost: some four units a point; pointing it at another keyframe one unit for 8
+// features.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/base/arena.hpp"
+#include "engine/base/fixed_vector.hpp"
+#include "engine/configuration.hpp"
+#include "engine/geometry/camera.hpp"
+#include "engine/limits.hpp"
+#include "engine/map/map.hpp"
+#include "engine/matching/feature_grid.hpp"
+#include "engine/world/world.hpp"
+
+namespace stillmesh {
+
+class PointFusion {
+public:
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        FeatureGrid::plan(arena, limits);
+        FixedVector<Keypoint>::plan(arena, limits.features_max);
+    }
+    // The most that fuse() takes for one point.
+    static constexpr std::uint32_t units_max(const Limits& limits) noexcept {
+        return kObserversMax * limits.features_max / 64 + 8;
+    }
+    void create(Arena& arena, World& world) noexcept;
+    void reset() noexcept {
+        forget_target();
+        observations_found_ = 0;
+    }
+
+    // The keyframe that points are projected into. All three return the units it took.
+    [[nodiscard]] bool has_target(Handle<Keyframe> keyframe) const noexcept { return target_ == keyframe; }
+    [[nodiscard]] std::uint32_t set_target(Handle<Keyframe> keyframe) noexcept;
+    void forget_target() noexcept { target_ = {}; }
+    // `noise_depth`: the factor of all depth variances.
+    [[nodiscard]] std::uint32_t fuse(Handle<MapPoint> handle, double noise_depth) noexcept;
+    [[nodiscard]] std::uint32_t fuse_into(Handle<MapPoint> handle, Handle<Keyframe> keyframe,
+                                          double noise_depth) noexcept;
+
+    [[nodiscard]] std::uint64_t observations_found() const noexcept { return observations_found_; }
+
+private:
+    static constexpr std::uint32_t kObserversMax = 16;  // a point with more stays: its fusion would be a long piece
+    static constexpr std::uint32_t kNone = 0xffffffffU;
+
+    // In the target, around the projection `pixel` of a point `z_m` away: the feature that is most alike, or kNone.
+    [[nodiscard]] std::uint32_t find_alike(const MapPoint& point, const Vector2& pixel, double z_m,
+                                           double noise_depth) const noexcept;
+
+    // Of the world, which outlives it.
+    const Configuration* configuration_ = nullptr;
+    const CameraModel* camera_ = nullptr;
+    const PixelNoise* pixel_noise_ = nullptr;
+    Map* map_ = nullptr;
+    Handle<Keyframe> target_;
+    FixedVector<Keypoint> keypoints_;  // of the target
+    FeatureGrid grid_;                 // of them
+    std::uint64_t observations_found_ = 0;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,169 @@
+// What the engine says of itself: the pose with its state and covariance, what became of a frame, and what the pools
+// and tasks have done. Plain data, for every room and every program.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "engine/schedule/scheduler.hpp"
+
+namespace stillmesh {
+
+// How far a pose can be trusted.
+enum class PoseState : std::uint8_t {
+    kNone = 0,       // no pose: the transform is the last one known
+    kPredicted = 1,  // no measurement in this frame: carried on from the motion before
+    kUnsure = 2,     // measured, but another explanation of the frame is nearly as good
+    kTracked = 3,
+};
+[[nodiscard]] constexpr const char* pose_state_name(PoseState state) noexcept {
+    constexpr const char* kNames[] = {"none", "predicted", "unsure", "tracked"};
+    return kNames[static_cast<std::uint32_t>(state)];
+}
+
+struct RigidTransform {
+    double rotation_xyzw[4] = {0, 0, 0, 1};  // unit quaternion
+    double translation_m[3] = {0, 0, 0};
+};
+
+struct PoseEstimate {
+    std::int64_t time_ns = 0;
+    PoseState state = PoseState::kNone;
+    RigidTransform odom_from_camera;  // continuous
+    RigidTransform map_from_odom;     // changed by loop closing and relocalisation alone
+    // Of xi in odom_from_camera * exp(xi), xi = [translation m, rotation rad] in the camera frame; row by row.
+    double covariance[36] = {};
+};
+
+// A keyframe of the map as it lies now. Its name is the number of the frame that it was made from.
+inline constexpr std::uint64_t kNoKeyframe = ~std::uint64_t{0};
+struct KeyframePose {
+    std::uint64_t id = kNoKeyframe;
+    std::uint64_t parent_id = kNoKeyframe;  // in the spanning tree
+    RigidTransform map_from_camera;
+};
+
+// The steps of a frame, for whoever wants to time them.
+enum class Stage : std::uint8_t { kPrepare, kFeatures, kMatching, kMesh, kRegion, kPose, kLocalMap, kMapUpdate };
+inline constexpr std::uint32_t kStages = 8;
+[[nodiscard]] constexpr const char* stage_name(Stage stage) noexcept {
+    constexpr const char* kNames[kStages] = {"prepare", "features", "matching",  "mesh",
+                                             "region",  "pose",     "local map", "map update"};
+    return kNames[static_cast<std::uint32_t>(stage)];
+}
+// Called at the begin and the end of every stage; the engine itself reads no clock.
+struct StageObserver {
+    void (*on_stage)(void* user, Stage stage, bool is_begin) noexcept = nullptr;
+    void* user = nullptr;
+};
+
+struct FrameStatistics {
+    std::uint64_t frame = 0;  // 0 for the first
+    std::uint32_t features = 0;
+    std::uint32_t features_with_depth = 0;
+    std::uint32_t matches = 0;
+    std::uint32_t static_matches = 0;   // accepted as static under the pose given out
+    std::uint32_t dynamic_matches = 0;  // matched, and moving against it
+    std::uint32_t mesh_edges = 0;
+    std::uint32_t mesh_edges_kept = 0;
+    std::uint32_t groups = 0;
+    double region_score = 0;   // Eq. 1 of the chosen group
+    double region_margin = 0;  // how much better the choice explains the past than the next one, [0, 1]
+    bool is_keyframe = false;
+    std::uint32_t pose_iterations = 0;
+};
+
+struct PoolStatistics {
+    std::uint32_t size = 0, high_water = 0, capacity = 0;
+};
+// What the mapping task has done.
+struct MappingStatistics {
+    std::uint64_t keyframes_inserted = 0;  // taken from the queue
+    std::uint64_t adjustments = 0;         // bundle adjustments started
+    std::uint64_t adjustments_dropped = 0;
+    std::uint64_t adjustment_slices = 0;
+    std::uint64_t adjustment_iterations = 0;
+    std::uint64_t observations_found = 0;    // that tracking had missed
+    std::uint64_t observations_dropped = 0;  // outliers of an adjustment
+    std::uint64_t points_triangulated = 0;
+};
+// What loop closing and relocalisation have done.
+struct LoopStatistics {
+    std::uint64_t queries = 0;     // keyframes looked up
+    std::uint64_t candidates = 0;  // places verified
+    std::uint64_t closed = 0;      // loops that corrected the map
+    std::uint64_t confirmed = 0;   // places found again where the map has them already
+    // Candidates refused: by geometry, and because they are farther than they can be.
+    std::uint64_t refused_matches = 0, refused_pose = 0, refused_inliers = 0, refused_spread = 0;
+    std::uint64_t refused_far = 0, refused_unlikely = 0, refused_gone = 0;
+    std::uint64_t dropped = 0;  // jobs that were overtaken
+    std::uint64_t points_fused = 0, observations_found = 0;
+    std::uint64_t graph_iterations = 0;
+    std::uint64_t adjustments = 0, adjustments_dropped = 0, adjustment_iterations = 0;  // global
+    double largest_correction_m = 0;                                                    // of the camera
+    double last_correction_m = 0;
+    std::uint64_t relocalisations = 0;
+    std::uint64_t matched_by_words = 0;  // keyframes that frames of a lost camera were matched with by words
+    std::uint64_t relocalisation_queries = 0, relocalisation_candidates = 0;
+};
+// What went to the map store and what came back (docs/map-store.md).
+struct StoreStatistics {
+    std::uint64_t kept = 0;          // regions given to the store
+    std::uint64_t known = 0;         // keyframes not given: one that was sees the same place
+    std::uint64_t poor = 0;          // likewise: too few static points
+    std::uint64_t refused = 0;       // the store had no room at the moment
+    std::uint64_t asked = 0;         // questions
+    std::uint64_t not_found = 0;     // answers: nothing looks like it
+    std::uint64_t late = 0;          // answers given up, or to another question
+    std::uint64_t damaged = 0;       // answers that were no region for this engine
+    std::uint64_t no_room = 0;       // answers left out: the local map fills the pools
+    std::uint64_t returned = 0;      // regions back in the map
+    std::uint64_t useful = 0;        // of them, seen by tracking since
+    std::uint64_t points_made = 0;   // points that came back with them
+    std::uint64_t points_known = 0;  // and those that were still there
+    std::uint64_t corrections = 0;   // loops that regions outside follow when they come back
+};
+struct EngineStatistics {
+    std::uint64_t frames = 0;
+    std::uint64_t frames_refused = 0;
+    std::uint64_t keyframes_made = 0;
+    std::uint64_t keyframes_forgotten = 0;
+    std::uint64_t points_forgotten = 0;
+    std::uint64_t frames_lost = 0;        // state none after the first pose
+    std::uint64_t recoveries = 0;         // back from lost against a keyframe
+    std::uint64_t keyframes_refused = 0;  // mapping was behind: its queue had no room
+    // Of keyframes_forgotten and points_forgotten, by reason.
+    std::uint64_t keyframes_evicted = 0;    // to make room
+    std::uint64_t keyframes_redundant = 0;  // nearly all they see is seen by others
+    std::uint64_t points_culled = 0;        // weak, or moving and not seen again
+    std::uint64_t points_emptied = 0;       // their place was seen to be empty
+    std::uint64_t points_fused = 0;
+    std::uint64_t points_evicted = 0;  // to make room, or with their last keyframe
+    PoolStatistics keyframes, map_points;
+    PoolStatistics keyframe_queue;  // waiting for mapping
+    ScheduleStatistics schedule;
+    MappingStatistics mapping;
+    LoopStatistics loop;
+    StoreStatistics store;
+    std::size_t arena_used_bytes = 0;
+};
+
+// What tracking saw in the last frame, for drawing and for measuring. Borrowed until the next submit.
+struct TrackedFeature {
+    float x = 0, y = 0;       // px
+    std::int32_t group = -1;  // of the mesh; -1: in none
+    bool is_matched = false;
+    bool is_static = false;   // voted for the pose given out
+    bool is_dynamic = false;  // matched, and judged to move
+};
+struct TrackedEdge {
+    float x0 = 0, y0 = 0, x1 = 0, y1 = 0;  // px
+    bool is_kept = false;
+};
+struct TrackingView {
+    std::span<const TrackedFeature> features;
+    std::span<const TrackedEdge> edges;
+};
+
+}  // namespace stillmesh

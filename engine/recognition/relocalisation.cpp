@@ -1,0 +1,182 @@
+#include "engine/recognition/relocalisation.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "engine/recognition/recovery.hpp"
+
+namespace stillmesh {
+
+void Relocalisation::create(const Configuration& configuration, PlaceSearch& places) noexcept {
+    configuration_ = &configuration;
+    places_ = &places;
+    STILLMESH_CHECK(places.database().slots_count() <= kSlotsMax);
+    reset();
+}
+
+void Relocalisation::reset() noexcept {
+    forget(kDismissed | kTried);
+    rival_ = {};
+    matched_ = queries_ = candidates_ = successes_ = 0;
+}
+
+bool Relocalisation::match(const Map& map, Handle<Keyframe> keyframe, std::span<const Descriptor> descriptors,
+                           MapMatcher& matcher) noexcept {
+    if (!is_on() || !places_->has(keyframe)) return false;
+    places_->take(PlaceSearch::User::kRelocalisation);
+    FrameWords& words = places_->words();
+    words.find(places_->vocabulary(), descriptors);
+    matcher.by_words(map, keyframe, places_->vocabulary(), configuration_->loop.nodes_level, words.by_word(),
+                     places_->database().direct_index(keyframe.slot()));
+    ++matched_;
+    return true;
+}
+
+void Relocalisation::begin(std::span<const Descriptor> descriptors, const NoiseFactors& noise) noexcept {
+    descriptors_ = descriptors;
+    noise_ = noise;
+    places_->take(PlaceSearch::User::kRelocalisation);
+    places_->verifier().begin_query(descriptors);
+}
+
+void Relocalisation::add_feature(const Observation& observation) noexcept {
+    places_->verifier().add_feature(observation, observation.var_z >= 0);
+}
+
+bool Relocalisation::ask(const Map& map) noexcept {
+    PlaceVerifier& verifier = places_->verifier();
+    const std::span<const Observation> features = verifier.query();
+    STILLMESH_CHECK(features.size() == descriptors_.size());
+    if (features.size() < configuration_->loop.inliers_min) return false;  // a covered lens
+    const std::span<std::uint8_t> eligible = places_->eligible().first(features.size());
+    for (std::size_t i = 0; i < features.size(); ++i) eligible[i] = features[i].var_z >= 0 ? 1 : 0;
+    FrameWords& words = places_->words();
+    words.find(places_->vocabulary(), descriptors_);
+    words.weigh(places_->vocabulary(), eligible);
+    verifier.end_query(words.by_word());
+    places_->purge(map);
+    WorkBudget unlimited(UINT32_MAX);
+    places_->query().begin(places_->database(), words.bag());
+    static_cast<void>(places_->query().step(places_->database(), unlimited));
+    ++queries_;
+    return true;
+}
+
+std::uint32_t Relocalisation::count_alike(const Map& map, Handle<Keyframe> keyframe) const noexcept {
+    return places_->verifier().count_alike(map, places_->vocabulary(), keyframe,
+                                           places_->database().direct_index(keyframe.slot()));
+}
+
+bool Relocalisation::verify(const Map& map, Handle<Keyframe> keyframe) noexcept {
+    // Less than of a loop, which nothing else is asked about: tracking has the last word here, and a probation follows.
+    const PlaceVerifier::Demands demands{configuration_->loop.first_inliers_min,
+                                         kPlacedFactor * configuration_->pose.inliers_min};
+    ++candidates_;
+    PlaceVerifier& verifier = places_->verifier();
+    verifier.start(map, keyframe, noise_, demands);
+    WorkBudget unlimited(UINT32_MAX);
+    static_cast<void>(
+        verifier.step(map, places_->vocabulary(), places_->database().direct_index(keyframe.slot()), unlimited));
+    return verifier.is_accepted();
+}
+
+bool Relocalisation::find(const Map& map) noexcept {
+    if (!ask(map)) return false;
+    Place best[kTriesPerFrame];  // the worthiest first
+    std::uint32_t looks = 0;
+    for (const PlaceCandidate& place : places_->query().candidates()) {
+        const std::uint32_t slot = place.keyframe_slot;
+        if (looks == kLooksPerFrame) break;
+        if ((marks_[slot] & kDismissed) != 0 || !map.keyframes().is_taken(slot)) continue;
+        Place look{map.keyframes().handle_of(slot)};
+        if (!places_->has(look.keyframe)) continue;
+        ++looks;
+        const std::uint32_t alike = count_alike(map, look.keyframe);
+        if (alike < kAlikeMin) {
+            marks_[slot] |= kDismissed;
+            continue;
+        }
+        look.worth = (marks_[slot] & kTried) != 0 ? alike / 2 : alike;
+        if (look.keyframe == rival_) look.worth = UINT32_MAX;
+        for (Place& other : best) {
+            if (look.worth > other.worth) std::swap(look, other);
+        }
+    }
+    rival_ = {};
+    const bool is_all = looks < kLooksPerFrame;
+    if (is_all) forget(kDismissed);  // begin again
+    Handle<Keyframe> found;
+    std::uint64_t likeness = 0;
+    for (std::uint32_t i = kTriesPerFrame; i-- > 0;) {  // the worthiest last: mostly it is the one to be held
+        if (best[i].worth == 0) continue;
+        marks_[best[i].keyframe.slot()] |= kTried;
+        if (!verify(map, best[i].keyframe) || places_->verifier().likeness(map) < likeness) continue;
+        found = best[i].keyframe;
+        likeness = places_->verifier().likeness(map);
+    }
+    if (is_all && likeness == 0) forget(kTried);
+    return likeness > 0 && (places_->verifier().candidate() == found || verify(map, found));
+}
+
+Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_from_camera) noexcept {
+    Evidence out;
+    rival_ = {};
+    if (!ask(map)) return out;
+    // Verification finds a camera no farther from a keyframe than this: who is farther away speaks for another place.
+    const double near_m = configuration_->loop.distance_max_m;
+    Place here, elsewhere[2];  // the worthiest first
+    std::uint32_t looks_near = 0, looks_far = 0;
+    for (const PlaceCandidate& place : places_->query().candidates()) {
+        const std::uint32_t slot = place.keyframe_slot;
+        if (!map.keyframes().is_taken(slot)) continue;
+        Place look{map.keyframes().handle_of(slot)};
+        if (!places_->has(look.keyframe)) continue;
+        const SE3& there = map.keyframes().at(slot).world_from_camera;
+        const bool is_near = (there.translation - world_from_camera.translation).squaredNorm() <= near_m * near_m;
+        std::uint32_t& looks = is_near ? looks_near : looks_far;
+        if (looks == (is_near ? kLooksNear : kLooksPerFrame - kLooksNear)) continue;
+        ++looks;
+        look.worth = count_alike(map, look.keyframe);
+        if (look.worth < kAlikeMin) continue;
+        if (is_near) {
+            if (look.worth > here.worth) here = look;
+            continue;
+        }
+        // Each for a place of its own: neighbours say the same.
+        const auto is_with = [&](const Place& other) {
+            if (other.worth == 0) return false;
+            const Vector3& beside = map.keyframes().at(other.keyframe.slot()).world_from_camera.translation;
+            return (there.translation - beside).squaredNorm() <= near_m * near_m;
+        };
+        Place& first = elsewhere[0];
+        Place& second = elsewhere[1];
+        if (look.worth > first.worth) {
+            if (!is_with(first)) second = first;
+            first = look;
+            if (is_with(second)) second = {};
+        } else if (look.worth > second.worth && !is_with(first)) {
+            second = look;
+        }
+    }
+    for (const Place& place : {here, elsewhere[0], elsewhere[1]}) {
+        if (place.worth == 0 || !verify(map, place.keyframe)) continue;
+        const SE3 off = world_from_camera.inverse() * places_->verifier().world_from_query();
+        const bool is_here =
+            off.translation.squaredNorm() <= kSame_m * kSame_m && rotation_angle(off.rotation) <= kSame_rad;
+        const std::uint64_t likeness = places_->verifier().likeness(map);
+        std::uint64_t& most = is_here ? out.here : out.elsewhere;
+        if (likeness <= most) continue;
+        most = likeness;
+        if (!is_here) rival_ = place.keyframe;
+    }
+    return out;
+}
+
+void Relocalisation::fill(EngineStatistics& statistics) const noexcept {
+    statistics.loop.relocalisations = successes_;
+    statistics.loop.matched_by_words = matched_;
+    statistics.loop.relocalisation_queries = queries_;
+    statistics.loop.relocalisation_candidates = candidates_;
+}
+
+}  // namespace stillmesh

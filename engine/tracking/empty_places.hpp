@@ -1,0 +1,46 @@
+// Points whose place is in view, with depth measured clearly beyond it: what they showed has gone, and after some such
+// frames so do they. A lone hole or border in the depth image proves nothing: all looks around the place must agree.
+// The same look tells whether a camera that was lost can be where somebody believes it is: walls and shelves of one
+// building look alike, but where the room is another one, the depth image looks through the map.
+// Cost: places_per_frame points of the local map a frame, in turn.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/configuration.hpp"
+#include "engine/frame/frame.hpp"
+#include "engine/map/local_map.hpp"
+#include "engine/map/map.hpp"
+#include "engine/tracking/measured_frame.hpp"
+
+namespace stillmesh {
+
+class EmptyPlaces {
+public:
+    void create(const Configuration& configuration) noexcept;
+    void reset() noexcept { cursor_ = 0; }
+
+    // `number`: of the frame, as the points it saw carry it. `noise_depth`: factor on the depth's variance.
+    void look(const Frame& frame, const MeasuredFrame& measured, const SE3& world_from_camera, std::uint64_t number,
+              double noise_depth, const LocalMap& local_map, Map& map) noexcept;
+
+    static constexpr std::uint32_t kAgreementLooks = 400;
+    struct Agreement {
+        std::uint32_t there = 0, empty = 0;  // static points of the map in view; hidden ones are neither
+    };
+    // Some kAgreementLooks points, spread over the local map.
+    [[nodiscard]] Agreement agreement(const Frame& frame, const MeasuredFrame& measured, const SE3& world_from_camera,
+                                      double noise_depth, const LocalMap& local_map, const Map& map) const noexcept;
+
+private:
+    enum class Look : std::uint8_t { kNothing, kThere, kEmpty };
+    [[nodiscard]] Look look_at(const MapPoint& point, const Frame& frame, const MeasuredFrame& measured,
+                               const SE3& camera_from_world, double noise_depth) const noexcept;
+
+    EmptinessParameters parameters_;
+    double z_min_m_ = 0;
+    double z_max_m_ = 0;
+    std::uint32_t cursor_ = 0;  // in the local map's points
+};
+
+}  // namespace stillmesh

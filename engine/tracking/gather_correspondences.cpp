@@ -1,0 +1,82 @@
+#include "engine/tracking/gather_correspondences.hpp"
+
+#include <algorithm>
+
+#include "engine/base/time.hpp"
+#include "engine/pose/residual.hpp"
+
+namespace stillmesh {
+
+void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& frame, const Map& map,
+                            const NoiseFactors& noise, const RegionContext& context, std::int64_t time_ns,
+                            const Configuration& configuration, FixedVector<Correspondence>& out) noexcept {
+    out.clear();
+    const bool is_plain = !configuration.region.is_enabled;
+    const WeightParameters& weights = configuration.weights;
+    for (std::size_t i = 0; i < frame.size(); ++i) {
+        if (matcher.claim(i).is_free()) continue;
+        const MapPoint& point = map.points().at(matcher.claim(i).point_slot());
+        const MeasuredFeature& m = frame[i];
+        Correspondence c;
+        c.feature = static_cast<std::uint32_t>(i);
+        c.point_slot = matcher.claim(i).point_slot();
+        c.normalised = m.normalised;
+        c.has_depth = m.has_depth();
+        if (c.has_depth) {
+            c.p_camera = m.point();
+            const double slip =
+                context.rotation_speed_rad_s * context.colour_depth_lag_s * configuration.prediction.slip_share * m.z_m;
+            c.var_z = m.var_z * noise.depth + slip * slip;
+        }
+        c.var_pixel = m.var_pixel * noise.pixel;
+        c.p_world = vector_of(point.world);
+        c.p_anchor = vector_of(point.anchor);
+        c.map_var_z = point.var_z * noise.depth;
+        c.map_var_lateral = point.var_lateral * noise.pixel;
+        const double unseen_m = context.way_m - static_cast<double>(point.agreed_way_m);
+        const double unseen_drift = std::clamp(weights.drift_share * unseen_m, 0.0, weights.drift_max_m);
+        c.drift_var = unseen_drift * unseen_drift;
+        const double drift = std::min(weights.drift_m + weights.drift_m_s * seconds_between(point.anchor_ns, time_ns),
+                                      weights.drift_max_m);
+        c.anchor_var_z = point.anchor_var_z * noise.depth + drift * drift;
+        c.anchor_var_lateral = point.anchor_var_lateral * noise.pixel + drift * drift;
+        c.distance_bits = matcher.claim(i).distance_bits;
+        c.is_dynamic = !is_plain && point.is_suspect;
+        if (is_plain) {
+            c.vote = 1.0;
+            c.drift_var = 0;
+            c.p_anchor = c.p_world;
+            c.anchor_var_z = c.map_var_z;
+            c.anchor_var_lateral = c.map_var_lateral;
+        } else if (c.is_dynamic) {
+            c.vote = 0.0;
+        } else {
+            const double age = std::min(seconds_between(point.created_ns, time_ns) / weights.proven_s, 1.0);
+            const double weight = static_cast<double>(point.weight_tenths) / static_cast<double>(weights.max);
+            c.vote = (weights.unproven + (1.0 - weights.unproven) * age * age) * weight;
+        }
+        STILLMESH_CHECK(out.push(c));
+    }
+}
+
+void choose_voters(std::span<const Correspondence> correspondences, FixedVector<std::uint16_t>& chosen) noexcept {
+    chosen.clear();
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        if (correspondences[i].vote > 0) STILLMESH_CHECK(chosen.push(static_cast<std::uint16_t>(i)));
+    }
+}
+
+void choose_agreeing(std::span<const Correspondence> correspondences, const SE3& world_from_camera, double chi2_max,
+                     double chi2_anchor_max, FixedVector<std::uint16_t>& chosen) noexcept {
+    const SE3 camera_from_world = world_from_camera.inverse();
+    chosen.clear();
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        const Correspondence& c = correspondences[i];
+        if (c.vote > 0 && chi2_of(c, camera_from_world) <= chi2_max &&
+            chi2_of_anchor(c, camera_from_world) <= chi2_anchor_max) {
+            STILLMESH_CHECK(chosen.push(static_cast<std::uint16_t>(i)));
+        }
+    }
+}
+
+}  // namespace stillmesh

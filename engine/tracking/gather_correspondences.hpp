@@ -1,0 +1,30 @@
+// The matches of a frame, copied into one place with all that mesh, region and pose need: what was measured, what the
+// map knows of each point, how unsure both are, and what the past of the point lets it vote (method.md 7 and 11).
+// Cost: one pass over the features.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/fixed_vector.hpp"
+#include "engine/configuration.hpp"
+#include "engine/map/map.hpp"
+#include "engine/matching/correspondence.hpp"
+#include "engine/matching/map_matcher.hpp"
+#include "engine/static_region/static_region.hpp"
+#include "engine/tracking/measured_frame.hpp"
+#include "engine/tracking/noise_scale.hpp"
+
+namespace stillmesh {
+
+void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& frame, const Map& map,
+                            const NoiseFactors& noise, const RegionContext& context, std::int64_t time_ns,
+                            const Configuration& configuration, FixedVector<Correspondence>& out) noexcept;
+
+// Which of them vote (by index)...
+void choose_voters(std::span<const Correspondence> correspondences, FixedVector<std::uint16_t>& chosen) noexcept;
+// ... and agree with a pose, where the map has the point and where its anchor is.
+void choose_agreeing(std::span<const Correspondence> correspondences, const SE3& world_from_camera, double chi2_max,
+                     double chi2_anchor_max, FixedVector<std::uint16_t>& chosen) noexcept;
+
+}  // namespace stillmesh

@@ -1,0 +1,70 @@
+// When a frame becomes a keyframe (paper 2.1.6: too little of what the last one saw is still tracked, and there is
+// something new to see), and how: room is made in full pools by the map's policy, what the frame showed becomes
+// observations, and what it could not match becomes points. A new point beside moving ones begins without a vote.
+// Limits: those of the map's pools and of the queue of mapping. Cost: a keyframe is some passes over the
+// features, and one over the points where room has to be made.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/configuration.hpp"
+#include "engine/matching/map_matcher.hpp"
+#include "engine/outputs.hpp"
+#include "engine/tracking/measured_frame.hpp"
+#include "engine/tracking/point_judge.hpp"
+#include "engine/tracking/tracked_shutter.hpp"
+#include "engine/world/world.hpp"
+
+namespace stillmesh {
+
+class KeyframeInserter {
+public:
+    // The frame that is to become one.
+    struct Source {
+        const MeasuredFrame& frame;
+        const MapMatcher& matcher;
+        const PointJudge& judge;
+        const TrackedShutter& shutter;
+        const SE3& world_from_camera;
+        std::uint64_t number = 0;
+        std::int64_t time_ns = 0;
+        std::uint32_t static_count = 0;  // matches that vote
+        double drift_m = 0;              // that odometry can have gathered
+        double way_m = 0;                // the odometer's
+    };
+
+    void create(const Configuration& configuration) noexcept;
+    void reset() noexcept;
+    // As if the last keyframe had been made in frame `number`, with nothing tracked.
+    void begin_after(std::uint64_t number) noexcept;
+
+    // Features that show no point yet, with depth: what a keyframe would add.
+    [[nodiscard]] static std::uint32_t new_points_possible(const MeasuredFrame& frame,
+                                                           const MapMatcher& matcher) noexcept;
+    [[nodiscard]] bool wants(std::uint64_t number, std::uint32_t static_count,
+                             std::uint32_t new_points_possible) const noexcept;
+    // The share of the local map that the keyframe renews: points added over points tracked and added.
+    double insert(const Source& source, World& world) noexcept;
+    // What later frames are compared with: the first keyframe of a map counts differently.
+    void set_tracked(std::uint32_t count) noexcept { tracked_ = count; }
+
+    void fill(EngineStatistics& statistics) const noexcept;
+
+private:
+    void make_room(std::uint32_t points_wanted, std::uint64_t number, Map& map, LocalMap& local_map) const noexcept;
+    [[nodiscard]] bool lies_among_moving(const Source& source, std::size_t feature) const noexcept;
+    void add_point(const Source& source, std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths,
+                   Map& map, LocalMap& local_map) const noexcept;
+
+    KeyframeParameters parameters_;
+    std::uint32_t tracked_urgent_ = 0;
+    WeightParameters weights_;
+    bool is_region_enabled_ = true;
+    bool is_mapping_ = true;
+    std::uint64_t frame_ = 0;    // of the last keyframe
+    std::uint32_t tracked_ = 0;  // static points right after it
+    std::uint64_t refused_ = 0;  // by the queue
+    std::uint64_t made_ = 0;
+};
+
+}  // namespace stillmesh

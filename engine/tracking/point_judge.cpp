@@ -1,0 +1,130 @@
+#include "engine/tracking/point_judge.hpp"
+
+#include <algorithm>
+
+#include "engine/base/time.hpp"
+#include "engine/pose/residual.hpp"
+
+namespace stillmesh {
+
+void PointJudge::create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept {
+    weights_ = configuration.weights;
+    region_ = configuration.region;
+    verdicts_ = arena.array<Verdict>(limits.features_max);
+}
+
+void PointJudge::clear(std::size_t features) noexcept {
+    std::fill_n(verdicts_.begin(), features, Verdict::kNone);
+}
+
+std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences, const Witness& witness, Map& map,
+                                FixedVector<std::uint16_t>& still) noexcept {
+    const SE3 camera_from_world = witness.world_from_camera.inverse();
+    const double chi2_max = region_.point_chi2_max;
+    std::uint32_t others = 0;
+    still.clear();
+    clear(witness.frame.size());
+    for (std::size_t i = 0; i < correspondences.size(); ++i) {
+        const Correspondence& c = correspondences[i];
+        MapPoint& point = map.points().at(c.point_slot);
+        point.last_seen_frame = witness.number;
+        if (point.seen < 0xffffU && !witness.is_frozen) ++point.seen;
+        const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
+        const bool is_still = c.is_dynamic
+                                  ? chi2_anchor <= chi2_max && seconds_between(point.anchor_ns, witness.time_ns) >
+                                                                   weights_.anchor_proven_share * weights_.anchor_age_s
+                                  : chi2_with_drift(c, camera_from_world) <= chi2_max &&
+                                        chi2_anchor <= region_.anchor_inlier_factor * chi2_max;
+        const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
+        const bool may_learn = c.has_depth && !witness.is_frozen;
+        if (may_learn && witness.is_sure && region_.is_enabled) {
+            move_weight(c, is_still, is_moving, witness.time_ns, point);
+        }
+        if (!c.is_dynamic && is_still) {
+            STILLMESH_CHECK(still.push(static_cast<std::uint16_t>(i)));
+            // What only drift explains is back in view, and neither moves nor is moved: keyframes that see it beside
+            // what is new let the adjustment bring both together.
+            if (chi2_of(c, camera_from_world) <= chi2_max) {
+                if (!witness.is_frozen) point.agreed_way_m = static_cast<float>(witness.way_m);
+                if (may_learn) refine(c, witness, camera_from_world, point);
+            }
+            verdicts_[c.feature] = Verdict::kStill;
+        } else {
+            ++others;
+            verdicts_[c.feature] = Verdict::kMoving;
+        }
+        if (may_learn && point.is_suspect) follow(c, witness, point);
+    }
+    return others;
+}
+
+void PointJudge::move_weight(const Correspondence& c, bool is_still, bool is_moving, std::int64_t time_ns,
+                             MapPoint& point) const noexcept {
+    if (is_still) {
+        if (c.is_dynamic && point.weight_tenths + weights_.step >= weights_.eligible) {
+            // Votes again, like a new point: it has stood still since its anchor.
+            point.created_ns = time_ns;
+            point.is_suspect = false;
+        }
+        point.weight_tenths = static_cast<std::uint8_t>(std::min(point.weight_tenths + weights_.step, weights_.max));
+    } else if (is_moving) {
+        point.weight_tenths =
+            static_cast<std::uint8_t>(point.weight_tenths > weights_.step ? point.weight_tenths - weights_.step : 0U);
+        // One bad frame is blur, some are motion.
+        if (point.weight_tenths + weights_.suspect_steps * weights_.step <= weights_.eligible) point.is_suspect = true;
+    }
+}
+
+// Kalman update along and across the ray; never surer than a third of one measurement.
+void PointJudge::refine(const Correspondence& c, const Witness& witness, const SE3& camera_from_world,
+                        MapPoint& point) const noexcept {
+    const MeasuredFeature& m = witness.frame[c.feature];
+    const SE3& world_from_camera = witness.world_from_camera;
+    const Vector3 q = camera_from_world * c.p_world;
+    // Variances in the map are those of the model: how large they really are changes from frame to frame.
+    const double var_z = m.var_z;
+    const double lateral = m.var_pixel * c.p_camera.z() * c.p_camera.z();
+    const double gain_z = std::max(point.var_z / (point.var_z + var_z), weights_.gain_min);
+    const double gain_lateral = std::max(point.var_lateral / (point.var_lateral + lateral), weights_.gain_min);
+    Vector3 moved = q;
+    const double dz = c.p_camera.z() - q.z();
+    moved.z() += gain_z * dz;
+    // Across the ray: the difference at the same depth.
+    moved.x() = moved.z() * (q.x() / q.z() + gain_lateral * (c.normalised.x() - q.x() / q.z()));
+    moved.y() = moved.z() * (q.y() / q.z() + gain_lateral * (c.normalised.y() - q.y() / q.z()));
+    store(world_from_camera * moved, point.world);
+    const Vector3 learnt =
+        camera_from_world.rotation *
+        (witness.shutter.by_readout(world_from_camera, c.p_camera, witness.frame.keypoint(c.feature).y) -
+         vector_of(point.world_by_readout));
+    store(vector_of(point.world_by_readout) + world_from_camera.rotation * Vector3(learnt.x() * gain_lateral,
+                                                                                   learnt.y() * gain_lateral,
+                                                                                   learnt.z() * gain_z),
+          point.world_by_readout);
+    point.var_z = std::max(point.var_z * (1.0 - gain_z), weights_.variance_min * var_z);
+    point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), weights_.variance_min * lateral);
+}
+
+// Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
+void PointJudge::follow(const Correspondence& c, const Witness& witness, MapPoint& point) const noexcept {
+    const MeasuredFeature& m = witness.frame[c.feature];
+    const Keypoint& keypoint = witness.frame.keypoint(c.feature);
+    store(witness.world_from_camera * c.p_camera, point.world);
+    point.agreed_way_m = static_cast<float>(witness.way_m);
+    store(witness.shutter.by_readout(witness.world_from_camera, c.p_camera, keypoint.y), point.world_by_readout);
+    point.var_z = m.var_z;
+    point.var_lateral = m.var_pixel * c.p_camera.z() * c.p_camera.z();
+    point.descriptor = witness.frame.descriptor(c.feature);
+    point.angle_rad = keypoint.angle_rad;
+    point.distance_m = static_cast<float>(c.p_camera.z());
+    point.level = keypoint.level;
+    if (!c.is_dynamic || seconds_between(point.anchor_ns, witness.time_ns) > weights_.anchor_age_s) {
+        store(witness.world_from_camera * c.p_camera, point.anchor);
+        store(vector_of(point.world_by_readout), point.anchor_by_readout);
+        point.anchor_var_z = point.var_z;
+        point.anchor_var_lateral = point.var_lateral;
+        point.anchor_ns = witness.time_ns;
+    }
+}
+
+}  // namespace stillmesh

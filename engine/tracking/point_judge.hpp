@@ -1,0 +1,60 @@
+// What a frame whose pose is known says of the points it matched: still or moving; a sure frame moves their static
+// weights (Algorithm 2, method.md 7), still ones with depth are refined by a Kalman filter along and across the ray,
+// those without a vote are followed, so that they do not breed new points. Limit: features_max features. Cost: one pass
+// over the matches.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/fixed_vector.hpp"
+#include "engine/configuration.hpp"
+#include "engine/map/map.hpp"
+#include "engine/matching/correspondence.hpp"
+#include "engine/tracking/measured_frame.hpp"
+#include "engine/tracking/tracked_shutter.hpp"
+
+namespace stillmesh {
+
+enum class Verdict : std::uint8_t { kNone = 0, kStill = 1, kMoving = 2 };
+
+class PointJudge {
+public:
+    // The frame that judges.
+    struct Witness {
+        const MeasuredFrame& frame;
+        const TrackedShutter& shutter;
+        SE3 world_from_camera;
+        std::uint64_t number = 0;
+        std::int64_t time_ns = 0;
+        double way_m = 0;        // the odometer's
+        bool is_sure = false;    // only such a frame changes weights
+        bool is_frozen = false;  // the map stays as it is, apart from marks of use
+    };
+
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        arena.array<Verdict>(limits.features_max);
+    }
+    void create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept;
+
+    // No verdicts on `features` features.
+    void clear(std::size_t features) noexcept;
+    // Puts into `still` the indices of the correspondences that vote from now on; how many others there are.
+    std::uint32_t judge(std::span<const Correspondence> correspondences, const Witness& witness, Map& map,
+                        FixedVector<std::uint16_t>& still) noexcept;
+    // By feature of the last frame judged or cleared for.
+    [[nodiscard]] Verdict verdict(std::size_t feature) const noexcept { return verdicts_[feature]; }
+
+private:
+    void move_weight(const Correspondence& c, bool is_still, bool is_moving, std::int64_t time_ns,
+                     MapPoint& point) const noexcept;
+    void refine(const Correspondence& c, const Witness& witness, const SE3& camera_from_world,
+                MapPoint& point) const noexcept;
+    void follow(const Correspondence& c, const Witness& witness, MapPoint& point) const noexcept;
+
+    WeightParameters weights_;
+    RegionParameters region_;
+    std::span<Verdict> verdicts_;
+};
+
+}  // namespace stillmesh

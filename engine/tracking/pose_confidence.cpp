@@ -1,0 +1,72 @@
+#include "engine/tracking/pose_confidence.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace stillmesh {
+
+void PoseConfidence::create(const Configuration& configuration) noexcept {
+    sure_sigma_m_ = configuration.pose.sure_sigma_m;
+    sure_sigma_rad_ = configuration.pose.sure_sigma_rad;
+    jump_sigmas_ = configuration.prediction.jump_sigmas;
+}
+
+void PoseConfidence::reset() noexcept {
+    doubt_.reset();
+    map_covariance_ = Matrix6::Zero();
+    covariance_ = Matrix6::Zero();
+    renewed_share_ = 0;
+    is_motion_sure_ = true;
+}
+
+void PoseConfidence::begin_at_origin() noexcept {
+    reset();
+}
+
+void PoseConfidence::begin_in_map() noexcept {
+    map_covariance_ = Matrix6::Zero();
+    renewed_share_ = 0;
+}
+
+void PoseConfidence::doubt_jump(std::int64_t time_ns, const MotionPrior& expected,
+                                const SE3& world_from_camera) noexcept {
+    const SE3 off = expected.world_from_camera.inverse() * world_from_camera;
+    const double sigmas = jump_sigmas_;
+    const double beyond_m = std::max(std::sqrt(off.translation.squaredNorm()) - sigmas * expected.sigma_m, 0.0);
+    const double beyond_rad = std::max(rotation_angle(off.rotation) - sigmas * expected.sigma_rad, 0.0);
+    doubt_.add(time_ns, {beyond_m * beyond_m, beyond_rad * beyond_rad});
+}
+
+bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera, const Matrix6& information) noexcept {
+    Matrix6 measured = Matrix6::Zero();
+    if (!invert_spd(information, measured)) return false;
+    const Matrix6 to_world = se3_adjoint(world_from_camera);
+    Matrix6 half;
+    half.noalias() = to_world * measured;
+    Matrix6 added;
+    added.noalias() = half * to_world.transpose();
+    map_covariance_ += added * renewed_share_;
+    const MotionDoubt::Variance now{measured(0, 0) + measured(1, 1) + measured(2, 2),
+                                    measured(3, 3) + measured(4, 4) + measured(5, 5)};
+    doubt_.add(time_ns, {now.translation_m2 * renewed_share_, now.rotation_rad2 * renewed_share_});
+    renewed_share_ = 0;
+    MotionDoubt::Variance motion = doubt_.over_window(time_ns);
+    motion.translation_m2 += now.translation_m2;
+    motion.rotation_rad2 += now.rotation_rad2;
+    is_motion_sure_ = motion.translation_m2 <= sure_sigma_m_ * sure_sigma_m_ &&
+                      motion.rotation_rad2 <= sure_sigma_rad_ * sure_sigma_rad_;
+    const Matrix6 to_camera = se3_adjoint(world_from_camera.inverse());
+    half.noalias() = to_camera * map_covariance_;
+    covariance_.noalias() = half * to_camera.transpose();
+    covariance_ += measured;
+    return true;
+}
+
+void PoseConfidence::predicted(std::uint32_t frames, double sigma_m, double sigma_rad) noexcept {
+    for (int i = 0; i < 6; ++i) {
+        const double sigma = i < 3 ? sigma_m : sigma_rad;
+        covariance_(i, i) += sigma * sigma * std::max(frames, 1U);
+    }
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,53 @@
+// How sure the pose given out is: what the frame measured, and what the map that it was measured against has drifted
+// by. Points that a keyframe adds carry the error of its pose for good, so the local map drifts by as much as it is
+// renewed. A pose is only called sure while the motion over the last second is (engine/pose/motion_doubt.hpp). Cost:
+// some 6x6 products a frame.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/configuration.hpp"
+#include "engine/geometry/se3.hpp"
+#include "engine/outputs.hpp"
+#include "engine/pose/motion_doubt.hpp"
+#include "engine/pose/pose_optimiser.hpp"
+
+namespace stillmesh {
+
+class PoseConfidence {
+public:
+    void create(const Configuration& configuration) noexcept;
+    void reset() noexcept;
+    // A new map, whose origin is where the camera is.
+    void begin_at_origin() noexcept;
+    // A map that somebody else made: its own drift counts from here.
+    void begin_in_map() noexcept;
+    // Of the local map, by a keyframe: counts with the next pose measured.
+    void set_renewed_share(double share) noexcept { renewed_share_ = share; }
+
+    // An unsure choice farther than expected from where the motion led: that motion was wrong, or this choice is.
+    // (A sure one that far off is a jerk.)
+    void doubt_jump(std::int64_t time_ns, const MotionPrior& expected, const SE3& world_from_camera) noexcept;
+
+    // A pose measured with this information (right increments): true, and covariance() is its; false when the
+    // information is singular. is_motion_sure() tells whether the last second's path can be trusted.
+    [[nodiscard]] bool measured(std::int64_t time_ns, const SE3& world_from_camera,
+                                const Matrix6& information) noexcept;
+    [[nodiscard]] bool is_motion_sure() const noexcept { return is_motion_sure_; }
+    // A pose that nobody measured, `frames` frames since somebody did, each off by these sigmas.
+    void predicted(std::uint32_t frames, double sigma_m, double sigma_rad) noexcept;
+
+    [[nodiscard]] const Matrix6& covariance() const noexcept { return covariance_; }
+
+private:
+    double sure_sigma_m_ = 0;
+    double sure_sigma_rad_ = 0;
+    double jump_sigmas_ = 0;
+    MotionDoubt doubt_;
+    Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
+    Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
+    double renewed_share_ = 0;
+    bool is_motion_sure_ = true;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,53 @@
+#include "engine/world/world.hpp"
+
+#include "engine/geometry/camera.hpp"
+
+namespace stillmesh {
+namespace {
+
+void compose(const SE3& correction, bool& is_any, SE3& all) noexcept {
+    all = is_any ? correction * all : correction;
+    if (is_any) renormalise(all.rotation);
+    is_any = true;
+}
+
+}  // namespace
+
+void World::create(Arena& arena, const Limits& limits_max, const Configuration& parameters,
+                   const CameraModel& model) noexcept {
+    limits = limits_max;
+    configuration = parameters;
+    camera = model;
+    pixel_noise.create(parameters, model);
+    map.create(arena, limits_max, parameters.map);
+    local_map.create(arena, limits_max, parameters.local_map, view_cosine(model));
+    keyframe_queue.create(arena, kKeyframeQueueMax);
+    noise = {parameters.noise.pixel_start, parameters.noise.depth_start};
+}
+
+void World::reset() noexcept {
+    map.reset();
+    local_map.reset();
+    keyframe_queue.clear();
+    clock = Clock{};
+    noise = {configuration.noise.pixel_start, configuration.noise.depth_start};
+    pose = PoseEstimate{};
+    is_frozen = false;
+    camera_move = CameraMove{};
+    corrections = 0;
+    loops_closed = 0;
+    last_loop = LoopCorrection{};
+}
+
+void World::move_camera(const SE3& correction) noexcept {
+    compose(correction, camera_move.is_any, camera_move.correction);
+}
+
+void World::move_everything(const SE3& correction) noexcept {
+    move_camera(correction);
+    compose(correction, camera_move.has_jumped, camera_move.jump);
+    ++corrections;
+    local_map.invalidate();
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,307 @@
+#include "engine/mapping/mapping.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "engine/tracking/tracking.hpp"
+#include "platform/linux/cpu_kernels.hpp"
+#include "tests/support/frames.hpp"
+#include "tests/support/memory.hpp"
+
+namespace stillmesh {
+namespace {
+
+Limits limits_of(std::uint32_t keyframes, std::uint32_t points) {
+    Limits limits = Limits::tiny();
+    limits.keyframes_max = keyframes;
+    limits.map_points_max = points;
+    return limits;
+}
+
+Configuration fitting(const Limits& limits) {
+    Configuration out;
+    out.mapping.is_fusing = true;  // everything there is
+    out.mapping.is_triangulating = true;
+    out.features.count = limits.features_max;
+    out.features.levels = limits.pyramid_levels_max;
+    out.mapping.window_keyframes = std::min(out.mapping.window_keyframes, limits.keyframes_max);
+    out.keyframes.gap_min = 3;
+    out.keyframes.new_points_min = 10;
+    return out;
+}
+
+// Tracking and mapping, with their map open to the eye.
+class Rig {
+public:
+    Rig(const CameraModel& camera, const Limits& limits, const Configuration& configuration)
+        : memory_(planned(limits)) {
+        Arena arena(memory_.span());
+        world_.create(arena, limits, configuration, camera);
+        tracking_.create(arena, world_, cpu_kernels(), nullptr);
+        mapping_.create(arena, world_);
+        EXPECT_EQ(arena.used_bytes(), memory_.span().size());
+    }
+    World& world() { return world_; }
+    Tracking& tracking() { return tracking_; }
+    Mapping& mapping() { return mapping_; }
+    // Everything that waits, in slices.
+    void work(std::uint32_t slice_units) {
+        for (;;) {
+            WorkBudget budget(slice_units);
+            const Progress progress = mapping_.step(budget);
+            EXPECT_LE(budget.units_spent(), std::uint64_t{slice_units} + mapping_.piece_units_max());
+            if (progress == Progress::kIdle) {
+                EXPECT_EQ(budget.units_spent(), 0U);
+                return;
+            }
+            EXPECT_GT(budget.units_spent(), 0U);
+            ++slices;
+        }
+    }
+    std::uint64_t slices = 0;
+
+private:
+    static std::size_t planned(const Limits& limits) {
+        ArenaPlan plan;
+        World::plan(plan, limits);
+        Tracking::plan(plan, limits);
+        Mapping::plan(plan, limits);
+        return plan.used_bytes();
+    }
+    test::Memory memory_;
+    World world_;
+    Tracking tracking_;
+    Mapping mapping_;
+};
+
+const test::Sequence& sequence() {
+    static const test::Sequence kept = test::rendered("walking_xyz", 80, 160, 120, 2);
+    return kept;
+}
+
+// Promise: any slicing of mapping gives the same poses, the same map and the same hash; no slice goes beyond its budget
+// by more than the stated ceiling; what is kept incrementally stays right; everything is done at least once.
+TEST(Mapping, AnySlicingGivesTheSameBits) {
+    const Limits limits = limits_of(8, 300);
+    std::vector<std::uint64_t> wanted;
+    for (const std::uint32_t slice : {1'000'000U, 1U, 7U, 400U}) {
+        Rig rig(sequence().camera, limits, fitting(limits));
+        std::vector<std::uint64_t> hashes;
+        for (const test::KeptFrame& kept : sequence().frames) {
+            rig.tracking().track(kept.frame());
+            ASSERT_EQ(rig.world().map.find_fault(), nullptr) << rig.world().map.find_fault();
+            rig.work(slice);
+            ASSERT_EQ(rig.world().map.find_fault(), nullptr) << rig.world().map.find_fault();
+            hashes.push_back(rig.tracking().state_hash());
+            hashes.push_back(rig.world().map.changes_hash());
+        }
+        if (wanted.empty()) wanted = hashes;
+        ASSERT_EQ(hashes, wanted) << "slices of " << slice;
+        EngineStatistics statistics;
+        rig.mapping().fill(statistics);
+        rig.tracking().fill(statistics);
+        EXPECT_GT(statistics.mapping.keyframes_inserted, 5U);
+        EXPECT_GT(statistics.mapping.adjustments, 3U);
+        EXPECT_GT(statistics.mapping.adjustment_iterations, statistics.mapping.adjustments);
+        EXPECT_GT(statistics.mapping.observations_found, 0U);
+        EXPECT_GT(statistics.points_evicted, 0U);
+        EXPECT_GT(statistics.keyframes_forgotten, 0U);
+        EXPECT_EQ(statistics.keyframes_refused, 0U);
+        if (slice == 1) {
+            EXPECT_GT(rig.slices, 1000U);
+        }
+    }
+}
+
+// Promise: a new keyframe that sees too few points of the map stays where tracking put it, and the camera with it,
+// however many its neighbours see; one that sees enough is adjusted.
+TEST(Mapping, AFewPointsMoveNoCamera) {
+    const Limits limits = limits_of(8, 300);
+    Configuration configuration = fitting(limits);
+    configuration.mapping.is_fusing = configuration.mapping.is_triangulating = false;  // what it sees stays as counted
+    configuration.mapping.adjusted_points_min = 15;
+    Rig rig(sequence().camera, limits, configuration);
+    Map& map = rig.world().map;
+    const auto adjustments = [&rig] {
+        EngineStatistics statistics;
+        rig.mapping().fill(statistics);
+        return statistics.mapping.adjustments;
+    };
+    std::uint32_t held = 0;
+    std::uint32_t adjusted = 0;
+    for (const test::KeptFrame& kept : sequence().frames) {
+        rig.tracking().track(kept.frame());
+        if (rig.world().keyframe_queue.is_empty()) continue;
+        const Handle<Keyframe> newest = map.recent_keyframe(0);
+        std::uint32_t shared = 0;
+        for (const Observation& o : map.observations(newest)) {
+            const MapPoint* const point = map.points().find(o.point);
+            shared += point != nullptr && !point->is_suspect && point->observers >= 2 ? 1U : 0U;
+        }
+        const Vector3 keyframe_at = map.keyframes().find(newest)->world_from_camera.translation;
+        const Vector3 camera_at = rig.tracking().world_from_camera().translation;
+        const std::uint64_t before = adjustments();
+        rig.work(1'000'000);
+        const bool is_enough = shared >= configuration.mapping.adjusted_points_min;
+        ASSERT_EQ(adjustments() - before, is_enough ? 1U : 0U) << shared << " points";
+        if (is_enough) {
+            ++adjusted;
+        } else {
+            ++held;
+            EXPECT_EQ(map.keyframes().find(newest)->world_from_camera.translation, keyframe_at);
+            EXPECT_EQ(rig.tracking().world_from_camera().translation, camera_at);
+        }
+    }
+    EXPECT_GE(adjusted, 3U);
+    EXPECT_GE(held, 3U);
+}
+
+// Promise: the n-th take fails, for keyframes n = 2, 3, ... and points from the fewest that are allowed: tracking goes
+// on with mapping at work, the map stays right, and the pools never hold more than they may.
+TEST(Mapping, EveryPoolMayBeFull) {
+    for (std::uint32_t keyframes = 2; keyframes <= 9; ++keyframes) {
+        const Limits limits = limits_of(keyframes, 100 + 25 * (keyframes - 2));
+        Rig rig(sequence().camera, limits, fitting(limits));
+        std::uint32_t measured = 0;
+        for (const test::KeptFrame& kept : sequence().frames) {
+            rig.tracking().track(kept.frame());
+            measured += rig.world().pose.state >= PoseState::kUnsure ? 1U : 0U;
+            // Sometimes mapping is late.
+            if (kept.time_ns % 3 != 0) rig.work(300);
+            ASSERT_EQ(rig.world().map.find_fault(), nullptr) << rig.world().map.find_fault();
+        }
+        // A hundred points in a crowd are few: it may be lost, and then it says so.
+        EXPECT_GE(measured, sequence().frames.size() / (keyframes < 4 ? 5 : 2)) << keyframes;
+        EXPECT_LE(rig.world().map.keyframes().high_water(), keyframes);
+    }
+}
+
+// Takes all but `left` points of the pool, for good: nobody forgets what was seen in the far future.
+std::vector<Handle<MapPoint>> rob(Map& map, std::size_t left) {
+    std::vector<Handle<MapPoint>> taken;
+    while (map.points().capacity() - map.points().size() > left) {
+        taken.push_back(map.add_point().value());
+        map.points().find(taken.back())->last_seen_frame = std::uint64_t{1} << 38U;
+    }
+    return taken;
+}
+
+// Promise: the n-th take of a point fails, n = 1, 2, 3, ..., whoever takes it (tracking's keyframes, triangulation):
+// the engine tracks on or says that it does not, the map stays right, and once there is room again it is used.
+TEST(Mapping, EveryTakeOfAPointMayFail) {
+    const Limits limits = limits_of(6, 300);
+    const test::Sequence still = test::rendered("static_xyz", 50, 160, 120);
+    for (std::uint32_t left = 0; left <= 120; left += left < 16 ? 1 : 8) {
+        Rig rig(still.camera, limits, fitting(limits));
+        Map& map = rig.world().map;
+        std::vector<Handle<MapPoint>> robbed = rob(map, left);
+        std::uint32_t measured_later = 0, refusals_said = 0;
+        const std::size_t rich_from = 26;
+        for (std::size_t i = 0; i < still.frames.size(); ++i) {
+            if (i == rich_from) {
+                for (const Handle<MapPoint> point : robbed) map.release_point(point);
+            }
+            const test::KeptFrame& kept = still.frames[i];
+            rig.tracking().track(kept.frame());
+            rig.work(i % 3 == 0 ? 300 : 5000);
+            const PoseEstimate& pose = rig.world().pose;
+            for (const double t : pose.odom_from_camera.translation_m) ASSERT_TRUE(std::isfinite(t));
+            if (i < rich_from) {
+                ASSERT_LE(map.points().size(), map.points().capacity());
+                // Fewer points than a pose takes: no pose is measured, and it says so.
+                if (left < fitting(limits).pose.inliers_min && i > 0) {
+                    ASSERT_LE(pose.state, PoseState::kPredicted) << left << " points, frame " << i;
+                    ++refusals_said;
+                }
+            } else {
+                measured_later += pose.state >= PoseState::kUnsure ? 1U : 0U;
+            }
+            ASSERT_EQ(map.find_fault(), nullptr) << map.find_fault() << ", " << left << " points, frame " << i;
+        }
+        // Some dozens carry it through; fewer, and it stays lost, since who is lost makes no keyframe.
+        if (left >= 64) {
+            EXPECT_GT(measured_later, 20U) << left;
+        }
+        if (left < 90) {
+            EXPECT_GT(map.points().refused(), 0U) << left;
+        }
+        EXPECT_EQ(refusals_said, left < fitting(limits).pose.inliers_min ? rich_from - 1 : 0U);
+    }
+}
+
+// Promise: every other limit may be as small as can be named: groups, points of the local map, levels, features with
+// what follows from them (points and observations of an adjustment; more keyframes than its window), keyframes.
+TEST(Mapping, EveryLimitMayBeSmall) {
+    const Limits tiny = limits_of(8, 300);
+    std::vector<std::pair<const char*, Limits>> cases;
+    for (std::uint32_t n = 1; n <= 5; ++n) {
+        cases.emplace_back("groups", tiny).second.groups_max = n;
+        cases.emplace_back("local points", tiny).second.local_points_max = n * n * n;
+        cases.emplace_back("keyframes", tiny).second.keyframes_max = n + 1;
+        if (n <= 2) cases.emplace_back("levels", tiny).second.pyramid_levels_max = n;
+        Limits& few = cases.emplace_back("features", limits_of(40, 2000)).second;
+        few.features_max = 45 + 5 * n;
+    }
+    for (const auto& [name, limits] : cases) {
+        Rig rig(sequence().camera, limits, fitting(limits));
+        for (std::size_t i = 0; i < 40; ++i) {
+            rig.tracking().track(sequence().frames[i].frame());
+            rig.work(1000);
+            const Map& map = rig.world().map;
+            ASSERT_EQ(map.find_fault(), nullptr) << map.find_fault() << ", " << name << ", frame " << i;
+            ASSERT_LE(rig.world().local_map.points().size(), limits.local_points_max) << name;
+            for (const double t : rig.world().pose.odom_from_camera.translation_m) ASSERT_TRUE(std::isfinite(t));
+        }
+    }
+}
+
+// Promise: without mapping's turn the queue fills, what does not fit is counted, and tracking goes on making room
+// itself.
+TEST(Mapping, WithoutUnitsTrackingGoesOn) {
+    const Limits limits = limits_of(4, 150);
+    Rig rig(sequence().camera, limits, fitting(limits));
+    std::uint32_t keyframes = 0;
+    for (const test::KeptFrame& kept : sequence().frames) {
+        rig.tracking().track(kept.frame());
+        keyframes += rig.tracking().frame_statistics().is_keyframe ? 1U : 0U;
+        ASSERT_EQ(rig.world().map.find_fault(), nullptr);
+    }
+    EngineStatistics statistics;
+    rig.tracking().fill(statistics);
+    EXPECT_EQ(statistics.keyframe_queue.size, World::kKeyframeQueueMax);
+    EXPECT_EQ(statistics.keyframes_refused, keyframes - World::kKeyframeQueueMax);
+    // Those that waited may be gone by now: they are passed over.
+    rig.work(50);
+    EXPECT_EQ(rig.world().map.find_fault(), nullptr);
+    EXPECT_TRUE(rig.world().keyframe_queue.is_empty());
+}
+
+// Promise: after reset a rig does what a new one does, also in the middle of an adjustment.
+TEST(Mapping, ResetEqualsNew) {
+    const Limits limits = limits_of(8, 300);
+    Rig used(sequence().camera, limits, fitting(limits));
+    for (std::size_t i = 0; i < 30; ++i) {
+        used.tracking().track(sequence().frames[i].frame());
+        WorkBudget budget(900);  // less than there is to do
+        static_cast<void>(used.mapping().step(budget));
+    }
+    used.world().reset();
+    used.tracking().reset();
+    used.mapping().reset();
+    Rig fresh(sequence().camera, limits, fitting(limits));
+    for (std::size_t i = 0; i < 40; ++i) {
+        for (Rig* const rig : {&used, &fresh}) {
+            rig->tracking().track(sequence().frames[i].frame());
+            rig->work(777);
+        }
+        ASSERT_EQ(used.tracking().state_hash(), fresh.tracking().state_hash()) << i;
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
