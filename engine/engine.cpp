@@ -136,12 +136,12 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     state.map_origin = {camera, configuration.features.levels, configuration.features.scale_factor, 0};
     World& world = state.world;
     world.create(arena, limits, configuration, camera);
-    state.tracking.create(arena, world, kernels, extractor);
-    state.mapping.create(arena, world);
     state.places.create(arena, limits, world.configuration, camera, state.vocabulary);
+    state.relocalisation.create(arena, limits, world.configuration, state.places);
+    state.tracking.create(arena, world, kernels, extractor,
+                          state.relocalisation.is_on() ? &state.relocalisation : nullptr);
+    state.mapping.create(arena, world);
     state.loop_closing.create(arena, world, state.places, state.mapping.fusion());
-    state.relocalisation.create(world.configuration, state.places);
-    if (state.relocalisation.is_on()) state.tracking.set_relocalisation(&state.relocalisation);
     if (limits.store_features_max > 0) {
         state.pager = arena.array<MapPager>(1);
         state.pager[0].create(arena, world, state.places, store);

@@ -24,9 +24,10 @@ namespace stillmesh {
     ArenaPlan plan;
     plan.array<EngineState>(1);
     World::plan(plan, limits);
+    PlaceSearch::plan(plan, limits);
+    Relocalisation::plan(plan, limits);
     Tracking::plan(plan, limits);
     Mapping::plan(plan, limits);
-    PlaceSearch::plan(plan, limits);
     LoopClosing::plan(plan, limits);
     if (limits.store_features_max > 0) {
         plan.array<MapPager>(1);

@@ -31,6 +31,7 @@ void LocalMap::create(Arena& arena, const Limits& limits, const LocalMapParamete
     listed_ = arena.array<std::uint8_t>(limits.map_points_max);
     is_local_ = arena.array<std::uint8_t>(limits.keyframes_max);
     counts_ = arena.array<std::uint16_t>(limits.keyframes_max);
+    kept_counts_ = arena.array<std::uint16_t>(limits.keyframes_max);
     chosen_max_ = std::min(kKeyframesMax, std::max(limits.keyframes_max / 2, 1U));
     reset();
 }
@@ -47,6 +48,16 @@ void LocalMap::reset() noexcept {
 
 void LocalMap::begin_counting() noexcept {
     std::fill(counts_.begin(), counts_.end(), std::uint16_t{0});
+}
+
+void LocalMap::keep_counts() noexcept {
+    std::copy(counts_.begin(), counts_.end(), kept_counts_.begin());
+}
+
+// The list may be of the place that was tried.
+void LocalMap::restore_counts() noexcept {
+    std::copy(kept_counts_.begin(), kept_counts_.end(), counts_.begin());
+    invalidate();
 }
 
 void LocalMap::count(const Map& map, std::uint32_t point_slot) noexcept {

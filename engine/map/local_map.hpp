@@ -25,6 +25,7 @@ public:
         arena.array<std::uint8_t>(limits.map_points_max);
         arena.array<std::uint8_t>(limits.keyframes_max);
         arena.array<std::uint16_t>(limits.keyframes_max);
+        arena.array<std::uint16_t>(limits.keyframes_max);
     }
     // `view_cosine`: of the angle between the camera's axis and its farthest corner.
     void create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters = {},
@@ -34,6 +35,9 @@ public:
     // How many of the matched points (by slot) each keyframe observes. Begin, add each, then build or ask.
     void begin_counting() noexcept;
     void count(const Map& map, std::uint32_t point_slot) noexcept;
+    // What was counted, put aside and taken back: for a place that is tried.
+    void keep_counts() noexcept;
+    void restore_counts() noexcept;
     // Who observes most of them; null: nobody observes any.
     [[nodiscard]] Handle<Keyframe> reference(const Map& map) const noexcept;
     // Whoever observes a part (useful_factor) of what the reference does is useful.
@@ -67,6 +71,7 @@ private:
     std::span<std::uint8_t> listed_;  // by point slot: the round that listed it
     std::span<std::uint8_t> is_local_;
     std::span<std::uint16_t> counts_;
+    std::span<std::uint16_t> kept_counts_;
     std::uint32_t chosen_[kKeyframesMax] = {};
     std::uint32_t chosen_count_ = 0;
     std::uint32_t chosen_max_ = 0;

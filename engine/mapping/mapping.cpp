@@ -25,6 +25,8 @@ void Mapping::create(Arena& arena, World& world) noexcept {
     const Limits& limits = world.limits;
     adjustment_.create(arena, sizes(limits));
     fusion_.create(arena, world);
+    problem_keyframes_ =
+        arena.array<ProblemKeyframe>(sizes(limits).free_keyframes_max + sizes(limits).fixed_keyframes_max);
     problem_points_ = arena.array<ProblemPoint>(2 * limits.features_max);
     problem_observations_ = arena.array<ProblemObservation>(8 * limits.features_max);
     problem_index_ = arena.array<std::uint32_t>(limits.map_points_max);

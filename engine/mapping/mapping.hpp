@@ -52,6 +52,7 @@ public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         LocalAdjustment::plan(arena, sizes(limits));
         PointFusion::plan(arena, limits);
+        arena.array<ProblemKeyframe>(sizes(limits).free_keyframes_max + sizes(limits).fixed_keyframes_max);
         arena.array<ProblemPoint>(2 * limits.features_max);
         arena.array<ProblemObservation>(8 * limits.features_max);
         arena.array<std::uint32_t>(limits.map_points_max);
@@ -122,7 +123,7 @@ private:
     std::span<std::uint32_t> problem_index_;  // by point slot: its index in the problem + 1
     std::span<std::uint16_t> counts_;         // by keyframe slot: observations of points of the problem
     std::span<Correction> corrections_;       // by keyframe slot
-    ProblemKeyframe problem_keyframes_[kWindowMax + kFixedMax];
+    std::span<ProblemKeyframe> problem_keyframes_;
     double readout_s_ = 0;  // of the map, when the window was chosen
     std::uint32_t problem_keyframe_count_ = 0;
     std::uint32_t problem_point_count_ = 0;

@@ -7,10 +7,11 @@
 
 namespace stillmesh {
 
-void Relocalisation::create(const Configuration& configuration, PlaceSearch& places) noexcept {
+void Relocalisation::create(Arena& arena, const Limits& limits, const Configuration& configuration,
+                            PlaceSearch& places) noexcept {
+    marks_ = arena.array<std::uint8_t>(limits.keyframes_max);
     configuration_ = &configuration;
     places_ = &places;
-    STILLMESH_CHECK(places.database().slots_count() <= kSlotsMax);
     reset();
 }
 

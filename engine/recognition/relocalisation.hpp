@@ -30,9 +30,11 @@ public:
     static constexpr std::uint32_t kAlikeMin = 6;   // features; by accident it is one or two
     static constexpr double kSame_m = 0.3;          // poses that say the same
     static constexpr double kSame_rad = 0.2;
-    static constexpr std::uint32_t kSlotsMax = 1024;  // limits.keyframes_max is never more
 
-    void create(const Configuration& configuration, PlaceSearch& places) noexcept;
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        arena.array<std::uint8_t>(limits.keyframes_max);
+    }
+    void create(Arena& arena, const Limits& limits, const Configuration& configuration, PlaceSearch& places) noexcept;
     void reset() noexcept;
 
     [[nodiscard]] bool is_on() const noexcept { return places_->is_on() && configuration_->loop.is_relocalising; }
@@ -80,8 +82,8 @@ private:
     PlaceSearch* places_ = nullptr;
     std::span<const Descriptor> descriptors_;
     NoiseFactors noise_;
-    Handle<Keyframe> rival_;  // the best of the last weigh() that speaks for another place: the next to be tried
-    std::uint8_t marks_[kSlotsMax] = {};  // by slot, in this round
+    Handle<Keyframe> rival_;         // the best of the last weigh() that speaks for another place: the next to be tried
+    std::span<std::uint8_t> marks_;  // by keyframe slot, in this round
     std::uint64_t matched_ = 0, queries_ = 0, candidates_ = 0, successes_ = 0;
 };
 

@@ -53,6 +53,7 @@ void MeasuredFrame::extract(const GreyView& grey) noexcept {
 }
 
 void MeasuredFrame::measure(const Frame& frame) noexcept {
+    frame_ = &frame;
     measured_.set_size(features_.size());
     const double metres_per_unit = 1.0 / frame.depth_units_per_m;
     for (std::size_t i = 0; i < features_.size(); ++i) {

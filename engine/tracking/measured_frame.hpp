@@ -51,6 +51,8 @@ public:
     // Features of the picture, none if the extractor fails; then what the frame's depth says of them.
     void extract(const GreyView& grey) noexcept;
     void measure(const Frame& frame) noexcept;
+    // That was measured last, borrowed until tracking is done with it.
+    [[nodiscard]] const Frame& frame() const noexcept { return *frame_; }
     // Carries what each row saw to the middle row of a camera that moves at `speed` (per second, in its own frame).
     void carry_to_middle_row(const RollingShutter& shutter, const Vector6& speed) noexcept;
 
@@ -71,6 +73,7 @@ public:
 private:
     CameraModel camera_;
     const Kernels* kernels_ = nullptr;
+    const Frame* frame_ = nullptr;
     FeatureExtractor* extractor_ = nullptr;
     OrbExtractor orb_;
     FeatureSet features_;

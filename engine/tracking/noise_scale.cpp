@@ -8,12 +8,12 @@ namespace stillmesh {
 
 void NoiseScale::create(Arena& arena, const Limits& limits, const NoiseParameters& parameters) noexcept {
     residuals_.create(arena, limits.features_max);
-    parameters_ = parameters;
+    parameters_ = &parameters;
     reset();
 }
 
 void NoiseScale::reset() noexcept {
-    factors_ = {parameters_.pixel_start, parameters_.depth_start};
+    factors_ = {parameters_->pixel_start, parameters_->depth_start};
     measured_ = factors_;
     frames_ = 0;
     begin_frame();
@@ -22,7 +22,7 @@ void NoiseScale::reset() noexcept {
 // Guesses do not pile up: at most a frame's tries above what was measured last.
 void NoiseScale::raise() noexcept {
     is_raised_ = true;
-    const NoiseParameters& p = parameters_;
+    const NoiseParameters& p = *parameters_;
     NoiseFactors most = measured_;
     for (std::uint32_t i = 0; i < tries_max(); ++i) {
         most.pixel *= p.pixel_try_factor;
@@ -48,7 +48,7 @@ void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::spa
     // Medians of squared normalised residuals over those of chi-square with two degrees of freedom and with one.
     constexpr double kMedian2 = 1.386;
     constexpr double kMedian1 = 0.455;
-    const NoiseParameters& p = parameters_;
+    const NoiseParameters& p = *parameters_;
     const double fall = is_young() || is_raised_ ? p.fall_young : p.fall;
     const double rise = is_young() ? p.rise_young : p.rise;
     for (const bool is_depth : {false, true}) {

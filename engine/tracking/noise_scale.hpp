@@ -34,9 +34,9 @@ public:
     }
     void undo() noexcept { factors_ = before_; }
     // In the first frames little is known, and more is tried and believed.
-    [[nodiscard]] bool is_young() const noexcept { return frames_ < parameters_.young_frames; }
+    [[nodiscard]] bool is_young() const noexcept { return frames_ < parameters_->young_frames; }
     [[nodiscard]] std::uint32_t tries_max() const noexcept {
-        return frames_ == 0 ? parameters_.first_tries : parameters_.tries;
+        return frames_ == 0 ? parameters_->first_tries : parameters_->tries;
     }
     void raise() noexcept;
 
@@ -48,12 +48,13 @@ public:
     void adapt_by_group(std::span<const Correspondence> correspondences, const StaticRegion& region,
                         const SE3& world_from_camera) noexcept;
     void count_frame() noexcept { ++frames_; }
+    [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }  // that it was measured in
 
 private:
     void adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
                const SE3& world_from_camera, const StaticRegion* groups) noexcept;
 
-    NoiseParameters parameters_;
+    const NoiseParameters* parameters_ = nullptr;  // outlives it
     NoiseFactors factors_;
     NoiseFactors before_;    // the frame
     NoiseFactors measured_;  // last

@@ -37,7 +37,7 @@ protected:
         EXPECT_EQ(vocabulary_.open(bytes_, limits_of_test().vocabulary_words_max, sentence), Status::kOk);
         Arena arena(memory_.span());
         places_.create(arena, limits_of_test(), configuration_, camera_of_test(), vocabulary_);
-        relocalisation_.create(configuration_, places_);
+        relocalisation_.create(arena, limits_of_test(), configuration_, places_);
         Random random(7);
         for (Feature& feature : features_) {
             feature.seen.x = static_cast<float>(random.uniform(20, 620));
@@ -80,6 +80,7 @@ private:
     [[nodiscard]] static std::size_t planned() {
         ArenaPlan plan;
         PlaceSearch::plan(plan, limits_of_test());
+        Relocalisation::plan(plan, limits_of_test());
         return plan.used_bytes();
     }
     // A keyframe of all features, the first `others` of which look like nothing else.

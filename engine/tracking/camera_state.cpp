@@ -1,0 +1,63 @@
+#include "engine/tracking/camera_state.hpp"
+
+namespace stillmesh {
+
+void CameraState::create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept {
+    noise.create(arena, limits, configuration.noise);
+    confidence.create(configuration);
+    reset(configuration);
+}
+
+void CameraState::reset(const Configuration& configuration) noexcept {
+    motion.reset();
+    reach.begin(SE3{}, 0);
+    odometry.reset();
+    noise.reset();
+    confidence.reset();
+    inlier_ratio = configuration.pose.inlier_ratio_start;
+    measured_time_ns = start_time_ns = 0;
+    lost_frames = 0;
+    is_choice_sure = true;
+    is_placed = true;
+}
+
+void CameraState::begin_at_origin(std::int64_t time_ns) noexcept {
+    motion.begin_at_origin();
+    reach.begin(SE3{}, time_ns);
+    measured_time_ns = start_time_ns = time_ns;
+    is_choice_sure = true;
+    lost_frames = 0;
+}
+
+void CameraState::begin_in_map(std::int64_t time_ns, const Configuration& configuration) noexcept {
+    motion.begin_after(time_ns);
+    confidence.begin_in_map();
+    measured_time_ns = start_time_ns = time_ns;
+    is_choice_sure = true;
+    is_placed = false;
+    lost_frames = configuration.pose.lost_frames_max + 1;  // no motion is carried on into another map
+}
+
+RegionContext CameraState::expect(std::int64_t time_ns, double colour_depth_lag_s,
+                                  const PredictionParameters& parameters) const noexcept {
+    const MotionModel::Prediction motion_expected = motion.predict(time_ns, parameters, lost_frames, is_choice_sure);
+    RegionContext out;
+    out.world_from_camera_predicted = motion_expected.world_from_camera;
+    out.prediction_sigma_m = motion_expected.sigma_m;
+    out.prediction_sigma_rad = motion_expected.sigma_rad;
+    out.rotation_speed_rad_s = motion_expected.rotation_speed_rad_s;
+    out.colour_depth_lag_s = colour_depth_lag_s;
+    out.inlier_ratio = inlier_ratio;
+    out.has_prediction = true;
+    out.way_m = odometry.way_m();
+    return out;
+}
+
+void CameraState::follow(const CameraMove& move) noexcept {
+    if (!move.is_any) return;
+    motion.follow(move.correction);
+    reach.follow(move.correction);
+    if (move.has_jumped) odometry.jump(move.jump);
+}
+
+}  // namespace stillmesh

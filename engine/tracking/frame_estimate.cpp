@@ -1,0 +1,205 @@
+#include "engine/tracking/frame_estimate.hpp"
+
+#include <algorithm>
+
+#include "engine/base/time.hpp"
+#include "engine/pose/ransac.hpp"
+#include "engine/tracking/gather_correspondences.hpp"
+
+namespace stillmesh {
+namespace {
+
+MotionPrior prior_of(const RegionContext& expected) noexcept {
+    return {expected.world_from_camera_predicted, expected.prediction_sigma_m, expected.prediction_sigma_rad};
+}
+
+}  // namespace
+
+void FrameEstimator::create(Arena& arena, World& world, TrackedShutter& shutter) noexcept {
+    world_ = &world;
+    shutter_ = &shutter;
+    const std::uint32_t features_max = world.limits.features_max;
+    matcher_.create(arena, world.limits, world.configuration.matching, world.camera, world.pixel_noise.scales());
+    region_.create(arena, world.limits);
+    correspondences_.create(arena, features_max);
+    chosen_.create(arena, features_max);
+    groups_ = arena.array<std::uint16_t>(features_max);
+    random_ = Random(world.configuration.seed);
+}
+
+void FrameEstimator::reset() noexcept {
+    random_ = Random(world_->configuration.seed);
+    frame_ = nullptr;
+    correspondences_.clear();
+    chosen_.clear();
+    region_.build({}, {}, world_->configuration.region, RegionContext{});
+}
+
+void FrameEstimator::begin(MeasuredFrame& frame, std::int64_t time_ns, FrameStatistics& statistics) noexcept {
+    frame_ = &frame;
+    time_ns_ = time_ns;
+    statistics_ = &statistics;
+    correspondences_.clear();
+    chosen_.clear();
+    std::fill_n(groups_.begin(), frame.size(), kNoGroup);
+    matcher_.begin(frame.features());
+}
+
+void FrameEstimator::forget() noexcept {
+    correspondences_.clear();
+    chosen_.clear();
+    region_.build({}, frame_->keypoints(), world_->configuration.region, RegionContext{});
+    std::fill_n(groups_.begin(), frame_->size(), kNoGroup);
+    statistics_->mesh_edges = statistics_->mesh_edges_kept = statistics_->groups = 0;
+}
+
+Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext& expected) noexcept {
+    const Configuration& c = world_->configuration;
+    Estimate out;
+    out.expected = expected;
+    out.noise = camera.noise;
+    out.noise.begin_frame();
+    match(camera, out);
+    const RegionChoice choice = choose_region(out);
+    if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
+    out.fit = fit_pose(camera, out, choice);
+    out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
+    out.is_clear = choice.margin >= c.region.margin_min && choice.score >= c.region.score_min;
+    out.is_sure = is_sure(out);
+    return out;
+}
+
+bool FrameEstimator::is_sure(const Estimate& estimate) const noexcept {
+    const PoseParameters& p = world_->configuration.pose;
+    return estimate.is_clear && estimate.fit.inliers >= p.sure_inliers_factor * p.inliers_min;
+}
+
+void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexcept {
+    observe(Stage::kMatching, true);
+    const Configuration& c = world_->configuration;
+    RegionContext& expected = estimate.expected;
+    const SE3& predicted = expected.world_from_camera_predicted;
+    const LocalMap* const local = local_map_or_none();
+    if (local != nullptr && world_->local_map.is_stale(world_->map, predicted)) {
+        world_->local_map.build(world_->map, predicted);
+    }
+    // Until the past can tell what stands still, and after a choice that was not sure, the motion expected may be that
+    // of a body that moves: what stands still has to be found beside it, or it never gets a say.
+    const bool is_wide = !camera.is_choice_sure || seconds_between(camera.start_time_ns, time_ns_) < c.weights.proven_s;
+    matcher_.by_projection(world_->map, local, predicted, is_wide ? c.matching.radius_wide_px : c.matching.radius_px);
+    take_matches(estimate.noise.factors(), expected);
+    if (chosen_.size() < c.matching.matches_min) {
+        matcher_.by_projection(world_->map, local, predicted, c.matching.radius_wide_px);
+        gather(estimate.noise.factors(), expected);
+        expected.prediction_sigma_m *= c.prediction.retry_sigma_factor;
+        expected.prediction_sigma_rad *= c.prediction.retry_sigma_factor;
+    }
+    observe(Stage::kMatching, false);
+}
+
+RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
+    const Configuration& c = world_->configuration;
+    NoiseScale& noise = estimate.noise;
+    observe(Stage::kMesh, true);
+    region_.build(correspondences_.span(), frame_->keypoints(), c.region, estimate.expected);
+    observe(Stage::kMesh, false);
+    observe(Stage::kRegion, true);
+    RegionChoice choice = region_.choose(correspondences_.span(), c, estimate.expected, random_);
+    // How large residuals are is not known in the first frames, and changes at once when the camera is jerked: the
+    // smallest noise at which the motions found explain most of what votes. Too large, and two motions look like one.
+    for (std::uint32_t i = 0; i < noise.tries_max() && choice.explained_share < c.noise.explained_min; ++i) {
+        noise.raise();
+        choose_again(estimate, choice);
+    }
+    if (noise.is_young() && choice.is_valid) {
+        noise.adapt_by_group(correspondences_.span(), region_, choice.world_from_camera);
+        choose_again(estimate, choice);
+    }
+    observe(Stage::kRegion, false);
+    // Correspondences are gathered anew afterwards.
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+        groups_[correspondences_[i].feature] = region_.group_of(i);
+    }
+    weigh_by_agreement();
+    statistics_->mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
+    statistics_->mesh_edges_kept = region_.kept_count();
+    statistics_->groups = region_.groups_count();
+    statistics_->region_score = choice.score;
+    statistics_->region_margin = choice.margin;
+    statistics_->pose_iterations = choice.iterations;
+    return choice;
+}
+
+void FrameEstimator::choose_again(const Estimate& estimate, RegionChoice& choice) noexcept {
+    gather(estimate.noise.factors(), estimate.expected);
+    region_.build(correspondences_.span(), frame_->keypoints(), world_->configuration.region, estimate.expected);
+    choice = region_.choose(correspondences_.span(), world_->configuration, estimate.expected, random_);
+}
+
+// What many small residuals say together counts in the pose as it did in the choice: each point of a body that sways
+// may pass by itself, and all of them take the camera along.
+void FrameEstimator::weigh_by_agreement() noexcept {
+    for (Correspondence& c : correspondences_) c.vote *= region_.agreement_of(groups_[c.feature]);
+}
+
+PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& estimate,
+                                 const RegionChoice& choice) noexcept {
+    observe(Stage::kPose, true);
+    const PoseParameters& p = world_->configuration.pose;
+    RansacOptions options = ransac_options(world_->configuration, p.final_factor);
+    options.iterations_max = p.final_iterations_max;
+    options.inlier_ratio_start = camera.inlier_ratio;
+    const RansacResult final =
+        ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
+    statistics_->pose_iterations += final.iterations;
+    const MotionPrior prior = prior_of(estimate.expected);
+    const PoseFit fit = optimise(region_.chosen(), final.world_from_camera, camera.has_prior() ? &prior : nullptr);
+    observe(Stage::kPose, false);
+    return fit;
+}
+
+PoseFit FrameEstimator::optimise(std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
+                                 const MotionPrior* prior) const noexcept {
+    const Configuration& c = world_->configuration;
+    return optimise_pose(correspondences_.span(), chosen, world_from_camera, c.region.point_chi2_max,
+                         c.pose.final_passes_max, prior);
+}
+
+void FrameEstimator::carry_rows(const CameraState& camera, const SE3& camera_motion) noexcept {
+    shutter_->set_motion(camera_motion, seconds_between(camera.motion.time_ns(), time_ns_));
+    matcher_.set_shutter(shutter_->readout_s(), shutter_->speed());
+    frame_->carry_to_middle_row(shutter_->shutter(), shutter_->speed());
+}
+
+void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noexcept {
+    observe(Stage::kLocalMap, true);
+    const Configuration& c = world_->configuration;
+    const SE3& found = estimate.fit.world_from_camera;
+    for (const Correspondence& match : correspondences_) {
+        world_->map.points().at(match.point_slot).last_seen_frame = world_->clock.frame;
+    }
+    matcher_.more_by_projection(world_->map, local_map_or_none(), found,
+                                c.region.more_radius_share * c.matching.radius_px, world_->clock.frame);
+    if (camera.lost_frames == 0) carry_rows(camera, camera.world_from_camera().inverse() * found);
+    gather(estimate.noise.factors(), estimate.expected);
+    weigh_by_agreement();
+    choose_agreeing(correspondences_.span(), found, c.region.more_factor * c.region.point_chi2_max,
+                    c.region.more_anchor_factor * c.region.point_chi2_max, chosen_);
+    const MotionPrior prior = prior_of(estimate.expected);
+    const PoseFit refined = optimise(chosen_.span(), found, camera.has_prior() ? &prior : nullptr);
+    if (refined.is_valid && refined.inliers >= c.pose.inliers_min) estimate.fit = refined;
+    estimate.is_sure = is_sure(estimate);
+    observe(Stage::kLocalMap, false);
+}
+
+void FrameEstimator::take_matches(const NoiseFactors& noise, const RegionContext& expected) noexcept {
+    gather(noise, expected);
+    choose_voters(correspondences_.span(), chosen_);
+}
+
+void FrameEstimator::gather(const NoiseFactors& noise, const RegionContext& expected) noexcept {
+    gather_correspondences(matcher_, *frame_, world_->map, noise, expected, time_ns_, world_->configuration,
+                           correspondences_);
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,223 @@
+#include "engine/tracking/lost_camera.hpp"
+
+#include <algorithm>
+
+#include "engine/base/time.hpp"
+#include "engine/recognition/recovery.hpp"
+
+namespace stillmesh {
+namespace {
+
+// A camera found again has so many times the frames of its probation to show what counts.
+constexpr std::uint32_t kPatience = 4;
+
+}  // namespace
+
+void LostCamera::create(World& world, FrameEstimator& estimator, const EmptyPlaces& empty_places,
+                        Relocalisation* relocalisation) noexcept {
+    world_ = &world;
+    estimator_ = &estimator;
+    empty_places_ = &empty_places;
+    relocalisation_ = relocalisation;
+}
+
+void LostCamera::reset() noexcept {
+    here_ = elsewhere_ = 0;
+    frames_ = frames_left_ = 0;
+    is_on_probation_ = is_by_words_ = is_unexpected_ = false;
+    frames_lost_ = 0;
+    recoveries_ = 0;
+}
+
+LostCamera::State LostCamera::state(const CameraState& camera) const noexcept {
+    if (is_on_probation_) return State::kProbation;
+    if (camera.lost_frames == 0) return State::kTracked;
+    return camera.lost_frames <= world_->configuration.pose.lost_frames_max ? State::kPredicted : State::kLost;
+}
+
+// Lost for so long that nothing foretells this frame's pose.
+bool LostCamera::is_out_of_touch(const CameraState& camera) const noexcept {
+    return state(camera) == State::kLost ||
+           (camera.lost_frames > 0 && seconds_between(camera.measured_time_ns, estimator_->time_ns()) >
+                                          world_->configuration.prediction.goes_on_s);
+}
+
+bool LostCamera::begin_frame(CameraState& camera) noexcept {
+    if (!is_on_probation_ || ++frames_ <= kPatience * world_->configuration.recovery.probation_frames) return false;
+    put_back(camera);
+    return true;
+}
+
+bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) noexcept {
+    if (!estimate.is_valid) return false;
+    const SE3& found = estimate.fit.world_from_camera;
+    if (!estimate.is_sure &&
+        (is_out_of_touch(camera) || !camera.reach.holds(found, estimator_->time_ns(), world_->configuration))) {
+        return false;
+    }
+    if (!is_on_probation_) return true;
+    // A few that agree do not count, as long as the depth agrees.
+    if (looks_through(found, estimate.noise.factors().depth)) return false;
+    if (is_place(estimate)) --frames_left_;
+    return true;
+}
+
+// A relocalised frame needs more than an ordinary pose: a clear choice, and kPlacedFactor times inliers_min must agree.
+// A few that agree among many that do not are no evidence where nothing foretells the camera.
+bool LostCamera::is_place(const Estimate& estimate) const noexcept {
+    return estimate.is_clear && estimate.fit.inliers >= kPlacedFactor * world_->configuration.pose.inliers_min;
+}
+
+bool LostCamera::prove(bool is_measured, CameraState& camera) noexcept {
+    if (!is_measured || is_outweighed(camera)) {
+        put_back(camera);
+        return false;
+    }
+    if (frames_left_ == 0) believe(camera);
+    return true;
+}
+
+bool LostCamera::find(const RegionContext& expected, CameraState& camera, Estimate& estimate) noexcept {
+    return camera.lost_frames > 0 && (recover(expected, camera, estimate) || relocalise(expected, camera, estimate));
+}
+
+// Near where the camera was lost: by the descriptors of a keyframe.
+bool LostCamera::recover(const RegionContext& expected, CameraState& camera, Estimate& estimate) noexcept {
+    const Map& map = world_->map;
+    if (map.keyframes().size() == 0) return false;
+    const std::uint64_t turn = camera.is_placed ? camera.lost_frames : world_->clock.frame - world_->clock.first_frame;
+    const Handle<Keyframe> candidate =
+        recovery_candidate(map, camera.is_placed, turn, world_->configuration.recovery.keyframes_max);
+    MapMatcher& matcher = estimator_->matcher();
+    const std::span<const Descriptor> descriptors = estimator_->frame().features().descriptors.span();
+    if (relocalisation_ == nullptr || !relocalisation_->match(map, candidate, descriptors, matcher)) {
+        matcher.by_descriptor(map, candidate);
+    }
+    estimator_->take_matches(camera.noise.factors(), expected);
+    const LastSeen last_seen{camera.world_from_camera(),
+                             seconds_between(camera.measured_time_ns, estimator_->time_ns())};
+    SE3 place;
+    is_by_words_ = false;
+    return propose_recovery(estimator_->correspondences(), estimator_->chosen().span(),
+                            camera.is_placed ? &last_seen : nullptr, world_->configuration, estimator_->random(),
+                            place) &&
+           try_place(place, expected, camera, estimate);
+}
+
+// Anywhere in the map: by the words of the picture.
+bool LostCamera::relocalise(const RegionContext& expected, CameraState& camera, Estimate& estimate) noexcept {
+    if (relocalisation_ == nullptr || !relocalisation_->is_on()) return false;
+    query_places(camera.noise.factors());
+    if (!relocalisation_->find(world_->map)) return false;
+    is_by_words_ = true;
+    return try_place(relocalisation_->world_from_camera(), expected, camera, estimate);
+}
+
+void LostCamera::query_places(const NoiseFactors& noise) noexcept {
+    const MeasuredFrame& frame = estimator_->frame();
+    relocalisation_->begin(frame.features().descriptors.span(),
+                           {std::max(1.0, noise.pixel), std::max(1.0, noise.depth)});
+    for (std::size_t i = 0; i < frame.size(); ++i) relocalisation_->add_feature(frame.observation_of(i));
+}
+
+// The camera may be here, unless its depth looks through the map there; the estimate has the last word.
+bool LostCamera::try_place(const SE3& place, RegionContext expected, CameraState& camera, Estimate& estimate) noexcept {
+    LocalMap& local_map = world_->local_map;
+    const RecoveryParameters& p = world_->configuration.recovery;
+    before_ = camera;
+    local_map.keep_counts();
+    is_unexpected_ = is_by_words_ || is_out_of_touch(camera);
+    if (is_by_words_) {
+        camera.odometry.jump_to(place, camera.world_from_camera());
+        local_map.begin_counting();
+        for (const PlaceMatch& match : relocalisation_->matches()) {
+            local_map.count(world_->map, match.point.slot());
+        }
+        local_map.invalidate();
+    }
+    if (!camera.is_placed) camera.start_time_ns = estimator_->time_ns();  // nothing is known yet of what moves
+    expected.world_from_camera_predicted = place;
+    expected.prediction_sigma_m = p.sigma_m;
+    expected.prediction_sigma_rad = p.sigma_rad;
+    if (is_unexpected_) expected.way_m = 0;  // found in the map as it is: odometry has no say
+    bool is_found = !looks_through(place, camera.noise.factors().depth);
+    if (is_found) {
+        estimate = estimator_->estimate(camera, expected);
+        is_found = is_unexpected_ ? is_place(estimate) &&
+                                        !looks_through(estimate.fit.world_from_camera, estimate.noise.factors().depth)
+                                  : accepts(estimate, camera);
+    }
+    if (!is_found) {
+        put_back(camera);
+        return false;
+    }
+    frames_ = 0;
+    here_ = elsewhere_ = 0;
+    frames_left_ = is_unexpected_ ? p.probation_frames : 0;
+    is_on_probation_ = frames_left_ > 0;
+    return true;
+}
+
+void LostCamera::settle(CameraState& camera) noexcept {
+    camera.is_placed = true;
+    if (is_unexpected_) camera.reach.begin(camera.world_from_camera(), estimator_->time_ns());
+    if (!is_on_probation_) believe(camera);
+}
+
+// Found again, and all that came since agrees.
+void LostCamera::believe(CameraState& camera) noexcept {
+    is_on_probation_ = false;
+    if (before_.is_placed) ++recoveries_;
+    if (is_by_words_) relocalisation_->note_success();
+    const Handle<Keyframe> there = world_->local_map.reference(world_->map);
+    if (!there.is_null()) {
+        camera.odometry.set_drift(static_cast<double>(world_->map.keyframes().find(there)->drift_m));
+    }
+}
+
+void LostCamera::put_back(CameraState& camera) noexcept {
+    is_on_probation_ = false;
+    camera = before_;
+    world_->local_map.restore_counts();
+}
+
+bool LostCamera::lose(CameraState& camera) noexcept {
+    ++camera.lost_frames;
+    camera.is_choice_sure = false;
+    const bool is_predicted = state(camera) == State::kPredicted;
+    if (!is_predicted && camera.is_placed) ++frames_lost_;
+    return is_predicted;
+}
+
+// Whether the frames of the probation together look more like another place. Before the end clearly so; in the end the
+// other way round they must look clearly more like this one.
+bool LostCamera::is_outweighed(const CameraState& camera) noexcept {
+    if (relocalisation_ == nullptr || !relocalisation_->is_on()) return false;
+    query_places(camera.noise.factors());
+    const Relocalisation::Evidence evidence = relocalisation_->weigh(world_->map, camera.world_from_camera());
+    here_ += evidence.here;
+    elsewhere_ += evidence.elsewhere;
+    const auto here = static_cast<double>(here_);
+    const auto elsewhere = static_cast<double>(elsewhere_);
+    const double share_max = world_->configuration.recovery.rival_share_max;
+    return frames_left_ == 0 ? elsewhere > share_max * here : here < share_max * elsewhere;
+}
+
+// Whether too much of the map would have to be in front of what the depth image shows, or nothing of it is seen there.
+bool LostCamera::looks_through(const SE3& world_from_camera, double noise_depth) noexcept {
+    if (!world_->configuration.mapping.is_enabled) return false;
+    world_->local_map.build(world_->map, world_from_camera);
+    const MeasuredFrame& frame = estimator_->frame();
+    const EmptyPlaces::Agreement seen =
+        empty_places_->agreement(frame.frame(), frame, world_from_camera, noise_depth, world_->local_map, world_->map);
+    const RecoveryParameters& p = world_->configuration.recovery;
+    return seen.there < p.there_min ||
+           static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty);
+}
+
+void LostCamera::fill(EngineStatistics& statistics) const noexcept {
+    statistics.frames_lost = frames_lost_;
+    statistics.recoveries = recoveries_;
+}
+
+}  // namespace stillmesh

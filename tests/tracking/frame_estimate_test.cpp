@@ -1,0 +1,105 @@
+#include "engine/tracking/frame_estimate.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+
+#include "engine/tracking/tracking.hpp"
+#include "platform/linux/cpu_kernels.hpp"
+#include "tests/support/frames.hpp"
+#include "tests/support/memory.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr Limits kLimits{320, 240, 4, 300, 12, 1500, 32};
+
+// A world that tracking has made of some frames, and an estimator of its own for the frame after them.
+class EstimatorRig {
+public:
+    explicit EstimatorRig(const Configuration& configuration) : memory_(planned()) {
+        Arena arena(memory_.span());
+        world_.create(arena, kLimits, configuration, scene_.camera());
+        tracking_.create(arena, world_, cpu_kernels(), nullptr);
+        shutter_.create(configuration, scene_.height);
+        measured_.create(arena, kLimits, configuration, scene_.camera(), cpu_kernels(), nullptr);
+        estimator_.create(arena, world_, shutter_);
+        EXPECT_EQ(arena.used_bytes(), memory_.span().size());
+        for (std::uint32_t i = 0; i < kFrames; ++i) {
+            kept_ = scene_.draw(i);
+            tracking_.track(kept_.frame());
+        }
+        kept_ = scene_.draw(kFrames);
+        frame_ = kept_.frame();
+        measured_.extract(measured_.grey_of(frame_));
+        measured_.measure(frame_);
+        estimator_.begin(measured_, frame_.time_ns, statistics_);
+    }
+    [[nodiscard]] Estimate estimate(const CameraState& camera) {
+        const RegionContext expected = camera.expect(frame_.time_ns, 0, world_.configuration.prediction);
+        return estimator_.estimate(camera, expected);
+    }
+    [[nodiscard]] CameraState camera() const { return tracking_.camera(); }
+    [[nodiscard]] World& world() { return world_; }
+    [[nodiscard]] FrameEstimator& estimator() { return estimator_; }
+    [[nodiscard]] const Frame& frame() const { return frame_; }
+    [[nodiscard]] double travelled_m() const { return scene_.travelled_m(kFrames); }
+
+    static constexpr std::uint32_t kFrames = 40;
+
+private:
+    static std::size_t planned() {
+        ArenaPlan plan;
+        World::plan(plan, kLimits);
+        Tracking::plan(plan, kLimits);
+        MeasuredFrame::plan(plan, kLimits);
+        FrameEstimator::plan(plan, kLimits);
+        return plan.used_bytes();
+    }
+    test::Memory memory_;
+    test::DrawnScene scene_{.has_board = false};
+    World world_;
+    Tracking tracking_;
+    TrackedShutter shutter_;
+    MeasuredFrame measured_;
+    FrameEstimator estimator_;
+    test::KeptFrame kept_;
+    Frame frame_;
+    FrameStatistics statistics_;
+};
+
+Configuration fitting() {
+    Configuration out;
+    out.features.count = kLimits.features_max;
+    out.features.levels = kLimits.pyramid_levels_max;
+    return out;
+}
+
+// Promise: an estimate is a value. It finds the camera, and neither the map nor the camera's state nor a second
+// estimate of the same frame differs for it.
+TEST(FrameEstimator, ChangesNothing) {
+    EstimatorRig rig(fitting());
+    const CameraState camera = rig.camera();
+    const std::uint64_t changes = rig.world().map.changes_hash();
+    const Estimate first = rig.estimate(camera);
+    ASSERT_TRUE(first.is_valid);
+    EXPECT_TRUE(first.is_sure);
+    EXPECT_NEAR(first.fit.world_from_camera.translation.x(), rig.travelled_m(), 0.01);
+    EXPECT_EQ(rig.world().map.changes_hash(), changes);
+    EXPECT_EQ(camera.noise.factors().pixel, rig.camera().noise.factors().pixel);
+    EXPECT_EQ(camera.inlier_ratio, rig.camera().inlier_ratio);
+}
+
+// Promise: a picture without features gives no estimate.
+TEST(FrameEstimator, NothingSeenIsNoEstimate) {
+    EstimatorRig rig(fitting());
+    CameraState camera = rig.camera();
+    RegionContext elsewhere = camera.expect(rig.frame().time_ns, 0, rig.world().configuration.prediction);
+    elsewhere.world_from_camera_predicted.translation.z() = 100;  // the map is behind the camera
+    const Estimate none = rig.estimator().estimate(camera, elsewhere);
+    EXPECT_FALSE(none.is_valid);
+    EXPECT_FALSE(none.is_sure);
+}
+
+}  // namespace
+}  // namespace stillmesh

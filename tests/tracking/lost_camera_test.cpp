@@ -1,0 +1,125 @@
+#include "engine/tracking/lost_camera.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+
+#include "engine/engine_state.hpp"
+#include "tests/engine/lost_rig.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::home;
+using test::Lost;
+
+// What a camera behind a hole sees: `width` x `height` pixels of the picture.
+test::KeptFrame through_a_hole(const test::KeptFrame& whole, std::uint32_t width, std::uint32_t height) {
+    test::KeptFrame out = whole;
+    const std::uint32_t x0 = (test::kWidth - width) / 2, y0 = (test::kHeight - height) / 2;
+    for (std::uint32_t y = 0; y < test::kHeight; ++y) {
+        for (std::uint32_t x = 0; x < test::kWidth; ++x) {
+            if (x >= x0 && x < x0 + width && y >= y0 && y < y0 + height) continue;
+            const std::size_t at = std::size_t{y} * test::kWidth + x;
+            const std::size_t channels = out.colour.size() / out.depth.size();
+            for (std::size_t c = 0; c < channels; ++c) out.colour[channels * at + c] = 0;
+            out.depth[at] = 0;
+        }
+    }
+    return out;
+}
+
+// A camera without a vocabulary that has seen nothing for twelve frames: too long for its motion to foretell where it
+// is, and too short to be given up. A quarter of the matches with a keyframe is enough to propose a place.
+Configuration easily_proposed() {
+    Configuration out = test::configuration_of_test();
+    out.recovery.matches_min = 8;
+    out.recovery.inlier_share_min = 0.2;
+    return out;
+}
+constexpr int kDarkFrames = 12;
+
+// Promise: a place that is proposed and refused leaves nothing behind. The camera looks through a hole at another part
+// of the room; what it shows is enough for a proposal and too little for a place. It stays where it was lost, and no
+// pose is given out for the refused place in the frame after. (It stood there, .34 m away, and the next frame was
+// `tracked`.)
+TEST(LostCamera, ARefusedPlaceLeavesNothingBehind) {
+    constexpr std::uint32_t kHole = 80;
+    Lost lost(false, 90, easily_proposed(), kDarkFrames);
+    for (std::size_t i = 30; i < 40; ++i) {
+        lost.show(through_a_hole(home().frames[i], kHole, kHole));
+        EXPECT_LT(lost.engine().pose().state, PoseState::kUnsure) << i;
+        EXPECT_LT(test::metres_between(lost.engine().pose().odom_from_camera, lost.in_the_dark().odom_from_camera),
+                  1e-3)
+            << i;
+    }
+}
+
+// Promise: a probation whose frames never show enough fails, and the camera is where it was before: the refused place
+// is not tried once more as if nothing were known against it, nor carried on from. (It stayed .23 m away.)
+TEST(LostCamera, APlaceThatTakesTooLongIsLeft) {
+    constexpr std::uint32_t kHole = 84;
+    Configuration configuration = easily_proposed();
+    configuration.pose.lost_frames_max = 200;
+    Lost lost(false, 90, configuration, kDarkFrames);
+    const auto off_m = [&lost] {
+        return test::metres_between(lost.engine().pose().odom_from_camera, lost.in_the_dark().odom_from_camera);
+    };
+    std::uint32_t on_probation = 0, after = 0;
+    for (std::size_t i = 30; i < 90; ++i) {
+        lost.show(through_a_hole(home().frames[i], kHole, kHole));
+        const PoseState state = lost.engine().pose().state;
+        EXPECT_LT(state, PoseState::kUnsure) << i;
+        if (state == PoseState::kNone) {
+            EXPECT_EQ(after, 0U) << "a second probation at " << i;
+            ++on_probation;
+        } else if (on_probation > 0) {
+            ++after;
+            EXPECT_LT(off_m(), 1e-3) << i;
+        }
+    }
+    EXPECT_GE(on_probation, 4 * configuration.recovery.probation_frames);
+    EXPECT_GT(after, 10U);
+}
+
+// Promise: what a probation that fails has changed of the camera's state is put back whole, and so is what the local
+// map has counted: the camera is measured against the keyframe that it was lost at. (Inlier ratio, frames of the noise,
+// doubt and counts stayed those of the place.)
+TEST(LostCamera, WhatWasTriedIsPutBackWhole) {
+    Lost lost(true);
+    const auto camera = [&lost]() -> const CameraState& {
+        return static_cast<EngineState&>(lost.engine()).tracking.camera();
+    };
+    const CameraState before = camera();
+    const std::uint64_t reference = lost.engine().reference_keyframe();
+    for (std::size_t i = 20; i < 25; ++i) lost.show(home().frames[i]);
+    EXPECT_EQ(lost.engine().pose().state, PoseState::kNone);
+    EXPECT_EQ(camera().lost_frames, 0U) << "it is on probation";
+    EXPECT_NE(camera().inlier_ratio, before.inlier_ratio);
+    EXPECT_NE(camera().noise.frames(), before.noise.frames());
+    EXPECT_NE(lost.engine().reference_keyframe(), reference);
+
+    test::KeptFrame dark = home().frames[0];
+    std::fill(dark.colour.begin(), dark.colour.end(), std::uint8_t{0});
+    std::fill(dark.depth.begin(), dark.depth.end(), std::uint16_t{0});
+    lost.show(dark);
+    const CameraState& after = camera();
+    EXPECT_EQ(after.lost_frames, before.lost_frames + 1);
+    EXPECT_EQ(after.inlier_ratio, before.inlier_ratio);
+    EXPECT_EQ(after.noise.factors().pixel, before.noise.factors().pixel);
+    EXPECT_EQ(after.noise.factors().depth, before.noise.factors().depth);
+    EXPECT_EQ(after.noise.frames(), before.noise.frames());
+    EXPECT_EQ(after.measured_time_ns, before.measured_time_ns);
+    EXPECT_EQ(after.start_time_ns, before.start_time_ns);
+    EXPECT_EQ(after.odometry.way_m(), before.odometry.way_m());
+    EXPECT_EQ(after.world_from_camera().translation, before.world_from_camera().translation);
+    // One predicted frame more.
+    EXPECT_GT(after.confidence.covariance()(0, 0), before.confidence.covariance()(0, 0));
+    EXPECT_LT(after.confidence.covariance()(0, 0), 1.5 * before.confidence.covariance()(0, 0) + 1);
+    EXPECT_EQ(lost.engine().reference_keyframe(), reference);
+}
+
+}  // namespace
+}  // namespace stillmesh
