@@ -20,8 +20,8 @@
 #include "engine/frame/kernels.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/limits.hpp"
-#include "engine/paging/map_store.hpp"
 #include "engine/outputs.hpp"
+#include "engine/paging/map_store.hpp"
 #include "engine/record/map_file.hpp"
 #include "engine/schedule/scheduler.hpp"
 
@@ -94,7 +94,7 @@ public:
     // Over everything that has been decided so far: equal on every build, frame by frame.
     [[nodiscard]] std::uint64_t state_hash() const noexcept;
 
-    // --- The map on disk (engine/record/map_file.hpp). `extractor` is a number for whoever made the features: 0 the
+    // --- The map on disk (engine/record/map_file.hpp). `extractor` is a number that names the extractor: 0 the
     // engine's own.
     // Begins a copy of the map into a workspace of map_copy_bytes(limits), aligned to kArenaAlignment, which is
     // borrowed until step_map_copy is done. A copy that was begun before is dropped.

@@ -6,14 +6,14 @@
 
 #include "engine/base/arena.hpp"
 #include "engine/engine.hpp"
-#include "engine/place/vocabulary.hpp"
-#include "engine/record/map_copy.hpp"
-#include "engine/schedule/scheduler.hpp"
 #include "engine/loop_closing/loop_closing.hpp"
-#include "engine/paging/map_pager.hpp"
 #include "engine/mapping/mapping.hpp"
+#include "engine/paging/map_pager.hpp"
+#include "engine/place/vocabulary.hpp"
 #include "engine/recognition/place_search.hpp"
 #include "engine/recognition/relocalisation.hpp"
+#include "engine/record/map_copy.hpp"
+#include "engine/schedule/scheduler.hpp"
 #include "engine/tracking/tracking.hpp"
 
 namespace stillmesh {

@@ -44,7 +44,7 @@ struct KeyframePose {
     RigidTransform map_from_camera;
 };
 
-// The steps of a frame, for whoever wants to time them.
+// The steps of a frame, for timing.
 enum class Stage : std::uint8_t { kPrepare, kFeatures, kMatching, kMesh, kRegion, kPose, kLocalMap, kMapUpdate };
 inline constexpr std::uint32_t kStages = 8;
 [[nodiscard]] constexpr const char* stage_name(Stage stage) noexcept {

@@ -1,4 +1,4 @@
-// How far the motion over the last second can be trusted. Whoever reads a trajectory asks where the camera went, not
+// How far the motion over the last second can be trusted. A trajectory is asked where the camera went, not
 // only whether the last frame fitted the map: when the map is renewed from few points, or a pose jumps from one
 // explanation of the room to another, each frame looks fine and the path is not. Variances of what went into the pose
 // during the window are summed, translation and rotation apart. Cost: one pass over at most kEntriesMax entries a

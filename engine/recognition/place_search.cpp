@@ -24,7 +24,7 @@ void PlaceSearch::reset() noexcept {
     words_.clear();
     verifier_.begin_query();
     std::fill(owners_.begin(), owners_.end(), Handle<Keyframe>{});
-    user_ = User::kNobody;
+    user_ = User::kNone;
 }
 
 void PlaceSearch::take(User user) noexcept {

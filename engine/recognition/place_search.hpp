@@ -1,6 +1,6 @@
-// What loop closing and relocalisation search places with: the keyframe database with the handles of those who are in
-// it, and one searcher (words, query, verifier) that both use, one at a time: a lost camera comes first, and whoever
-// else was searching starts over. Limits: those of its rooms.
+// What loop closing and relocalisation search places with: the keyframe database with the handles of those in it,
+// and one searcher (words, query, verifier) that both use, one at a time: a lost camera comes first, and a search
+// of loop closing starts over. Limits: those of its rooms.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace stillmesh {
 
 class PlaceSearch {
 public:
-    enum class User : std::uint8_t { kNobody, kLoopClosing, kRelocalisation };
+    enum class User : std::uint8_t { kNone, kLoopClosing, kRelocalisation };
 
     static constexpr std::uint32_t kSharedMin = 15;   // points: neighbours in the covisibility graph
     static constexpr std::uint32_t kNeighbours = 10;  // whose scores say what alike means
@@ -66,12 +66,12 @@ public:
 private:
     const Vocabulary* vocabulary_ = nullptr;
     KeyframeDatabase database_;
-    std::span<Handle<Keyframe>> owners_;  // by slot: who is in the database
+    std::span<Handle<Keyframe>> owners_;  // by slot: the keyframe that is in the database
     FrameWords words_;
     PlaceQuery query_;
     PlaceVerifier verifier_;
     std::span<std::uint8_t> eligible_;  // by feature of the query
-    User user_ = User::kNobody;
+    User user_ = User::kNone;
     bool is_on_ = false;
 };
 

@@ -1,7 +1,7 @@
 // Where a camera that lost its way in the map around it may be, by descriptors alone: one keyframe a frame is compared,
 // in turn, and a pose on which enough of its points agree is proposed; tracking has the last word. Look-alikes are
-// everywhere: nobody gets farther in the time than a camera on a robot or in a hand can. In a map from before nobody
-// knows where it was: more must agree. (A vocabulary finds the place among all keyframes at once: relocalisation.hpp.)
+// everywhere: a camera on a robot or in a hand gets only so far in the time. In a map from before it is not known where
+// the camera was: more must agree. (A vocabulary finds the place among all keyframes at once: relocalisation.hpp.)
 // Cost: features times observations of a keyframe, and one RANSAC.
 #pragma once
 
@@ -15,7 +15,7 @@
 
 namespace stillmesh {
 
-// So many times the inliers of a pose must agree where nobody expects the camera.
+// So many times inliers_min must agree where nothing foretells the camera.
 inline constexpr std::uint32_t kPlacedFactor = 3;
 
 // Which of the map's keyframes to compare the next frame with, of a map that has some. The `turn`-th frame since the

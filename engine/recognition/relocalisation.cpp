@@ -44,7 +44,7 @@ void Relocalisation::add_feature(const Observation& observation) noexcept {
     places_->verifier().add_feature(observation, observation.var_z >= 0);
 }
 
-bool Relocalisation::ask(const Map& map) noexcept {
+bool Relocalisation::query(const Map& map) noexcept {
     PlaceVerifier& verifier = places_->verifier();
     const std::span<const Observation> features = verifier.query();
     STILLMESH_CHECK(features.size() == descriptors_.size());
@@ -82,7 +82,7 @@ bool Relocalisation::verify(const Map& map, Handle<Keyframe> keyframe) noexcept 
 }
 
 bool Relocalisation::find(const Map& map) noexcept {
-    if (!ask(map)) return false;
+    if (!query(map)) return false;
     Place best[kTriesPerFrame];  // the worthiest first
     std::uint32_t looks = 0;
     for (const PlaceCandidate& place : places_->query().candidates()) {
@@ -122,8 +122,8 @@ bool Relocalisation::find(const Map& map) noexcept {
 Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_from_camera) noexcept {
     Evidence out;
     rival_ = {};
-    if (!ask(map)) return out;
-    // Verification finds a camera no farther from a keyframe than this: who is farther away speaks for another place.
+    if (!query(map)) return out;
+    // Verification finds a camera no farther from a keyframe than this: one farther away speaks for another place.
     const double near_m = configuration_->loop.distance_max_m;
     Place here, elsewhere[2];  // the worthiest first
     std::uint32_t looks_near = 0, looks_far = 0;

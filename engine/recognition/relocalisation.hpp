@@ -1,10 +1,10 @@
 // Where is a lost camera (covered lens, carried away, switched off and on)? Its picture's words name keyframes that
 // look like it, and verification says which of them is the place (place_verifier.hpp). Where people fill the picture
 // the words say little: of the keyframes at the place many come after fifty others. So kLooksPerFrame keyframes a frame
-// are looked at by their descriptors, and the kTriesPerFrame most alike are verified. Who is not alike is not looked at
-// again until all of the map has been, a third of a second in a full one; who is, is looked at in every frame, since
-// what people leave to be seen changes. Runs to completion within a frame that has nothing else to do. A frame's
-// features are all eligible: who stands still is not known yet.
+// are looked at by their descriptors, and the kTriesPerFrame most alike are verified. Those not alike are not looked at
+// again until all of the map has been, a third of a second in a full one; the others are looked at in every frame,
+// since what people leave to be seen changes. Runs to completion within a frame that has nothing else to do. A frame's
+// features are all eligible: what stands still is not known yet.
 //
 // Rooms of one building look alike, and so do their keyframes: of two that are verified the better is the place, and as
 // long as it is not believed each frame is held against the best keyframes there and elsewhere (weigh()).
@@ -69,7 +69,7 @@ private:
         std::uint32_t worth = 0;  // features alike
     };
     // The words of the features added, and the keyframes that have some. False: there are too few features.
-    [[nodiscard]] bool ask(const Map& map) noexcept;
+    [[nodiscard]] bool query(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t count_alike(const Map& map, Handle<Keyframe> keyframe) const noexcept;
     [[nodiscard]] bool verify(const Map& map, Handle<Keyframe> keyframe) noexcept;
 

@@ -1,6 +1,6 @@
 // Where the camera can have got since it was last sure: on at the speed it had then, and aside by what hands and wheels
 // accelerate, or as far as a lost camera gets in the time. A pose that nothing else speaks for and that lies beyond
-// follows somebody who walks. Held against the last sure pose, not against the frame before, so that unsure poses do
+// follows a body that moves. Held against the last sure pose, not against the frame before, so that unsure poses do
 // not lead each other astray step by step, and a camera that was misled may come back. Cost: one exponential.
 #pragma once
 

@@ -1,6 +1,6 @@
 // Points whose place is in view, with depth measured clearly beyond it: what they showed has gone, and after some such
 // frames so do they. A lone hole or border in the depth image proves nothing: all looks around the place must agree.
-// The same look tells whether a camera that was lost can be where somebody believes it is: walls and shelves of one
+// The same look tells whether a camera that was lost can be where a proposal puts it: walls and shelves of one
 // building look alike, but where the room is another one, the depth image looks through the map.
 // Cost: places_per_frame points of the local map a frame, in turn.
 #pragma once

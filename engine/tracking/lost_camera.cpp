@@ -73,7 +73,7 @@ bool LostCamera::prove(bool is_measured, CameraState& camera) noexcept {
         put_back(camera);
         return false;
     }
-    if (frames_left_ == 0) believe(camera);
+    if (frames_left_ == 0) confirm(camera);
     return true;
 }
 
@@ -161,11 +161,11 @@ bool LostCamera::try_place(const SE3& place, RegionContext expected, CameraState
 void LostCamera::settle(CameraState& camera) noexcept {
     camera.is_placed = true;
     if (is_unexpected_) camera.reach.begin(camera.world_from_camera(), estimator_->time_ns());
-    if (!is_on_probation_) believe(camera);
+    if (!is_on_probation_) confirm(camera);
 }
 
 // Found again, and all that came since agrees.
-void LostCamera::believe(CameraState& camera) noexcept {
+void LostCamera::confirm(CameraState& camera) noexcept {
     is_on_probation_ = false;
     if (before_.is_placed) ++recoveries_;
     if (is_by_words_) relocalisation_->note_success();

@@ -66,7 +66,7 @@ private:
     [[nodiscard]] bool looks_through(const SE3& world_from_camera, double noise_depth) noexcept;
     [[nodiscard]] bool is_outweighed(const CameraState& camera) noexcept;
     void query_places(const NoiseFactors& noise) noexcept;
-    void believe(CameraState& camera) noexcept;
+    void confirm(CameraState& camera) noexcept;
     void put_back(CameraState& camera) noexcept;
 
     World* world_ = nullptr;

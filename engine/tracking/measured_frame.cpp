@@ -6,7 +6,7 @@
 namespace stillmesh {
 namespace {
 
-// What somebody else's extractor must keep to.
+// The contract that an extractor of the program must keep (features/features.hpp).
 bool are_usable(const FeatureSet& features, const CameraModel& camera) noexcept {
     if (features.keypoints.size() != features.descriptors.size()) return false;
     const auto width = static_cast<float>(camera.width);
@@ -81,7 +81,7 @@ void MeasuredFrame::carry_to_middle_row(const RollingShutter& shutter, const Vec
             if (p.z() < kDepthMin_m) continue;
             m.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
             m.z_m = p.z();
-        } else {  // how far it is nobody knows: turned only
+        } else {  // its distance is not known: turned only
             Vector6 turning = speed;
             for (int k = 0; k < 3; ++k) turning(k) = 0;
             const Vector3 p = RollingShutter::at_middle_row(back_project(m.seen, 1.0), row_time_s, turning);

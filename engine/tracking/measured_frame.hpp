@@ -1,8 +1,8 @@
 // A frame before the map is asked: its features, each with its ray, its depth and how uncertain both are (paper 2.1.3,
 // engine/geometry/depth_noise.hpp), as its own row's camera saw it and carried to the middle row's
-// (engine/pose/rolling_shutter.hpp). An extractor may be anybody's: without features that keep to the contract a frame
-// is lost, not the engine. Limit: features_max features. Cost: one conversion to grey, one extraction, one pass over
-// the features for measuring and one for each time they are carried.
+// (engine/pose/rolling_shutter.hpp). An extractor may be the program's: without features that keep to the contract a
+// frame is lost, not the engine. Limit: features_max features. Cost: one conversion to grey, one extraction, one pass
+// over the features for measuring and one for each time they are carried.
 #pragma once
 
 #include <cstdint>

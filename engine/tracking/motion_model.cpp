@@ -29,11 +29,11 @@ MotionModel::Prediction MotionModel::predict(std::int64_t time_ns, const Predict
         Vector6 xi = se3_log(world_from_camera_previous_.inverse() * world_from_camera_);
         const double speed = std::sqrt(Vector3(xi.tail<3>()).squaredNorm()) / before;
         out.rotation_speed_rad_s = std::min(speed, p.turn_max_rad_s);
-        // What was not measured fades: nobody turns at the same speed for long.
+        // What was not measured fades: a camera does not turn at the same speed for long.
         double factor = std::min(dt / before, p.gap_max);
         for (std::uint32_t i = 0; i < std::min(lost_frames, p.fading_frames_max); ++i) factor *= p.fading_lost;
         xi *= factor;
-        // Nobody slides on for long either; a turn goes on longer.
+        // Nor does it slide on for long; a turn goes on longer.
         if (!is_choice_sure) {
             for (int i = 0; i < 3; ++i) xi(i) *= p.fading_unsure;
         }

@@ -22,7 +22,7 @@ public:
     void reset() noexcept { *this = MotionModel{}; }
     // At the origin of a new map, at rest.
     void begin_at_origin() noexcept;
-    // Of frames tracked by somebody else until `time_ns`: nothing is known of the motion.
+    // In a map that was made until `time_ns`: nothing is known of the motion.
     void begin_after(std::int64_t time_ns) noexcept;
 
     // Poses of the last frame and of the one before.

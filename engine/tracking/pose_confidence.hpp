@@ -20,7 +20,7 @@ public:
     void reset() noexcept;
     // A new map, whose origin is where the camera is.
     void begin_at_origin() noexcept;
-    // A map that somebody else made: its own drift counts from here.
+    // A map that was loaded: drift counts from here.
     void begin_in_map() noexcept;
     // Of the local map, by a keyframe: counts with the next pose measured.
     void set_renewed_share(double share) noexcept { renewed_share_ = share; }
@@ -34,7 +34,7 @@ public:
     [[nodiscard]] bool measured(std::int64_t time_ns, const SE3& world_from_camera,
                                 const Matrix6& information) noexcept;
     [[nodiscard]] bool is_motion_sure() const noexcept { return is_motion_sure_; }
-    // A pose that nobody measured, `frames` frames since somebody did, each off by these sigmas.
+    // A pose that was predicted, `frames` frames after the last one that was measured; each adds these deviations.
     void predicted(std::uint32_t frames, double sigma_m, double sigma_rad) noexcept;
 
     [[nodiscard]] const Matrix6& covariance() const noexcept { return covariance_; }
