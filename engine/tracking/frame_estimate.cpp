@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/base/time.hpp"
+#include "engine/pose/agreeing.hpp"
 #include "engine/pose/ransac.hpp"
 #include "engine/tracking/gather_correspondences.hpp"
 

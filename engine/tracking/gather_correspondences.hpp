@@ -21,10 +21,4 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
                             const NoiseFactors& noise, const RegionContext& context, std::int64_t time_ns,
                             const Configuration& configuration, FixedVector<Correspondence>& out) noexcept;
 
-// Which of them vote (by index)...
-void choose_voters(std::span<const Correspondence> correspondences, FixedVector<std::uint16_t>& chosen) noexcept;
-// ... and agree with a pose, where the map has the point and where its anchor is.
-void choose_agreeing(std::span<const Correspondence> correspondences, const SE3& world_from_camera, double chi2_max,
-                     double chi2_anchor_max, FixedVector<std::uint16_t>& chosen) noexcept;
-
 }  // namespace stillmesh

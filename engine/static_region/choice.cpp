@@ -1,0 +1,74 @@
+#include "engine/static_region/choice.hpp"
+
+#include <algorithm>
+
+#include "engine/pose/agreeing.hpp"
+
+namespace stillmesh {
+namespace {
+
+bool is_same_motion(const SE3& a, const SE3& b, const RegionParameters& region) noexcept {
+    const SE3 off = a.inverse() * b;
+    return off.translation.squaredNorm() < region.same_motion_m * region.same_motion_m &&
+           rotation_angle(off.rotation) < region.same_motion_rad;
+}
+
+}  // namespace
+
+std::size_t best_of(const Hypotheses& hypotheses) noexcept {
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < hypotheses.all().size(); ++i) {
+        if (hypotheses.all()[i].score > hypotheses.all()[best].score) best = i;
+    }
+    return best;
+}
+
+double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    const Hypothesis& ours = hypotheses.all()[best];
+    double area_all = 0;
+    for (const Correspondence& c : input.correspondences) area_all += area_of(c);
+    double margin = 1.0;
+    for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
+        const Hypothesis& theirs = hypotheses.all()[i];
+        if (i == best || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) continue;
+        double only_ours = 0;
+        double only_theirs = 0;
+        for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
+            const bool is_ours = hypotheses.explains(best, k);
+            const bool is_theirs = hypotheses.explains(i, k);
+            if (is_ours && !is_theirs) only_ours += area_of(input.correspondences[k]);
+            if (!is_ours && is_theirs) only_theirs += area_of(input.correspondences[k]);
+        }
+        only_theirs *= std::min(theirs.plausibility / ours.plausibility, 1.0);
+        if (only_theirs < region.rival_area_min * area_all) continue;  // noise
+        margin = std::min(margin, (only_ours - only_theirs) / (only_ours + only_theirs));
+    }
+    return margin;
+}
+
+RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
+                         FixedVector<std::uint16_t>& chosen) noexcept {
+    RegionChoice choice;
+    choice.iterations = hypotheses.iterations();
+    chosen.clear();
+    if (hypotheses.all().empty()) return choice;
+    const std::size_t best = best_of(hypotheses);
+    choice.world_from_camera = hypotheses.all()[best].world_from_camera;
+    choice.score = hypotheses.all()[best].score;
+    choice.margin = margin_of(input, hypotheses, best);
+    choice.explained_share = hypotheses.explained_share(input.voters);
+    static_cast<void>(hypotheses.score(input, choice.world_from_camera));  // each group's agreement with it
+    const RegionParameters& region = input.configuration.region;
+    choose_agreeing(input.correspondences, choice.world_from_camera, region.point_chi2_max,
+                    region.anchor_inlier_factor * region.point_chi2_max, chosen);
+    std::size_t kept = 0;
+    for (const std::uint16_t i : chosen) {
+        if (hypotheses.motions().agreement_of(input.groups.group_of(i)) > 0) chosen[kept++] = i;
+    }
+    chosen.set_size(kept);
+    choice.is_valid = kept >= 3;
+    return choice;
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,33 @@
+// Which hypothesis names the static region, and how sure that is (method.md 5).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/static_region/hypotheses.hpp"
+#include "engine/static_region/region_input.hpp"
+
+namespace stillmesh {
+
+struct RegionChoice {
+    SE3 world_from_camera;         // of the chosen hypothesis
+    double score = 0;              // of the choice, [0, 1]
+    double margin = 0;             // over the strongest rival, of what only one of both explains; [-1, 1]
+    double explained_share = 0;    // of the voters, by any hypothesis
+    std::uint32_t iterations = 0;  // of RANSAC
+    bool is_valid = false;
+};
+
+// The highest score, ties by the first; there is at least one hypothesis.
+[[nodiscard]] std::size_t best_of(const Hypotheses& hypotheses) noexcept;
+
+// Against every other motion: of the area that only one of both explains, what the best one does minus what the other
+// one does; the least of it. 1 without a rival.
+[[nodiscard]] double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
+
+// `chosen`: the correspondences that agree with the choice, whose groups agree. Not valid, and nothing chosen: fewer
+// than three of them. The agreement of each group is with the choice afterwards.
+[[nodiscard]] RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
+                                       FixedVector<std::uint16_t>& chosen) noexcept;
+
+}  // namespace stillmesh

@@ -1,0 +1,75 @@
+#include "engine/static_region/group_motions.hpp"
+
+#include <algorithm>
+
+#include "engine/pose/pose_optimiser.hpp"
+#include "engine/pose/ransac.hpp"
+#include "engine/pose/residual.hpp"
+
+namespace stillmesh {
+
+double chi2_over_time(const Correspondence& c, const SE3& camera_from_world, const RegionParameters& region) noexcept {
+    return std::max(chi2_of(c, camera_from_world), region.anchor_chi2_share * chi2_of_anchor(c, camera_from_world));
+}
+
+std::uint32_t GroupMotions::fit(const RegionInput& input, Random& random) noexcept {
+    const PoseParameters& pose = input.configuration.pose;
+    const std::uint32_t groups = std::min(input.groups.count(), kGroupsMax);
+    std::uint32_t iterations = 0;
+    for (count_ = 0; count_ < groups && iterations < pose.coarse_total_max; ++count_) {
+        motions_[count_] = Motion{};
+        input.scratch.clear();
+        for (const std::uint16_t i : input.voters) {
+            if (input.groups.group_of(i) == count_) STILLMESH_CHECK(input.scratch.push(i));
+        }
+        if (input.scratch.size() < input.configuration.region.group_points_min) continue;
+        const std::uint32_t left = pose.coarse_total_max - iterations;
+        iterations += fit_one(input, std::min(pose.coarse_iterations_max, left), random, motions_[count_]);
+    }
+    return iterations;
+}
+
+std::uint32_t GroupMotions::fit_one(const RegionInput& input, std::uint32_t iterations_max, Random& random,
+                                    Motion& motion) noexcept {
+    const std::span<const std::uint16_t> members = input.scratch.span();
+    const RegionParameters& region = input.configuration.region;
+    RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
+    options.inlier_ratio_start = region.group_inliers_start;
+    options.iterations_max = iterations_max;
+    const RansacResult result = ransac_pose(input.correspondences, members, nullptr, options, random);
+    if (!result.is_valid) return result.iterations;
+    const PoseFit fit = optimise_pose(input.correspondences, members, result.world_from_camera, region.point_chi2_max,
+                                      input.configuration.pose.coarse_passes_max);
+    motion.world_from_camera = fit.is_valid ? fit.world_from_camera : result.world_from_camera;
+    motion.is_fitted = true;
+    motion.voters = static_cast<std::uint32_t>(members.size());
+    const SE3 camera_from_world = motion.world_from_camera.inverse();
+    double sum = 0;
+    for (const std::uint16_t i : members) {
+        sum += std::min(chi2_over_time(input.correspondences[i], camera_from_world, region), region.badness_max);
+    }
+    motion.chi2_mean = sum / motion.voters;
+    return result.iterations;
+}
+
+void GroupMotions::begin_agreement() noexcept {
+    for (std::uint32_t g = 0; g < count_; ++g) motions_[g].chi2_sum = 0;
+}
+
+void GroupMotions::add_residual(std::uint16_t group, double chi2, const RegionParameters& region) noexcept {
+    if (group < count_) motions_[group].chi2_sum += std::min(chi2, region.badness_max);
+}
+
+// A body agrees with a motion that explains it about as well as its own best motion does. What fitting six unknowns
+// gains does not grow with the points, so a large body may bear less for each of them than a small one.
+void GroupMotions::end_agreement(const RegionParameters& region) noexcept {
+    for (std::uint32_t g = 0; g < count_; ++g) {
+        Motion& m = motions_[g];
+        if (m.voters == 0) continue;
+        const double excess = m.chi2_sum - m.voters * m.chi2_mean;
+        const double bearable = region.agreement_base + region.agreement_share * m.voters;
+        m.agreement = std::clamp(1.0 - excess / (bearable * (m.chi2_mean + region.agreement_floor)), 0.0, 1.0);
+    }
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,191 @@
+#include "engine/static_region/hypotheses.hpp"
+
+#include <algorithm>
+
+#include "engine/mesh/predicates.hpp"
+#include "engine/pose/agreeing.hpp"
+#include "engine/pose/pose_optimiser.hpp"
+#include "engine/pose/ransac.hpp"
+
+namespace stillmesh {
+namespace {
+
+// In squared mesh units; triangles are counter-clockwise.
+double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
+    return stillmesh::twice_area(mesh.vertices[triangle.vertex[0]], mesh.vertices[triangle.vertex[1]],
+                                 mesh.vertices[triangle.vertex[2]]);
+}
+
+// The squared deviation of a pose from the one expected, translation and rotation in their sigmas.
+double deviation2(const RegionContext& context, const SE3& world_from_camera) noexcept {
+    const SE3 off = context.world_from_camera_predicted.inverse() * world_from_camera;
+    const double angle = rotation_angle(off.rotation) / context.prediction_sigma_rad;
+    return off.translation.squaredNorm() / (context.prediction_sigma_m * context.prediction_sigma_m) + angle * angle;
+}
+
+}  // namespace
+
+void Hypotheses::create(Arena& arena, const Limits& limits) noexcept {
+    const std::uint32_t n = limits.features_max;
+    is_inlier_ = arena.array<std::uint8_t>(n);
+    explained_by_ = arena.array<std::uint16_t>(n);
+}
+
+void Hypotheses::clear() noexcept {
+    motions_.clear();
+    hypotheses_.clear();
+    iterations_ = 0;
+}
+
+void Hypotheses::propose(const RegionInput& input, Random& random) noexcept {
+    clear();
+    std::fill_n(explained_by_.begin(), input.correspondences.size(), std::uint16_t{0});
+    const bool is_enabled = input.configuration.region.is_enabled;
+    if (is_enabled) iterations_ += motions_.fit(input, random);
+    if (input.context.has_prediction) propose_expected(input);
+    propose_over_all(input, random);
+    if (is_enabled) propose_groups(input);
+    if (is_enabled) propose_left_over(input, random);
+}
+
+void Hypotheses::propose_expected(const RegionInput& input) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    const SE3& expected = input.context.world_from_camera_predicted;
+    const PoseFit fit = optimise_pose(input.correspondences, input.voters, expected, region.point_chi2_max,
+                                      input.configuration.pose.expected_passes_max);
+    add(input, fit.is_valid ? fit.world_from_camera : expected, region.reach_factor);
+}
+
+void Hypotheses::propose_over_all(const RegionInput& input, Random& random) noexcept {
+    RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
+    options.iterations_max = input.configuration.pose.coarse_iterations_max;
+    options.inlier_ratio_start = input.context.inlier_ratio;
+    const RansacResult result = ransac_pose(input.correspondences, input.voters, nullptr, options, random);
+    iterations_ += result.iterations;
+    if (result.is_valid) add(input, result.world_from_camera, input.configuration.region.reach_factor);
+}
+
+void Hypotheses::propose_groups(const RegionInput& input) noexcept {
+    for (std::uint16_t g = 0; g < motions_.count(); ++g) {
+        const SE3* const motion = motions_.motion_of(g);
+        if (motion != nullptr && hypotheses_.size() < kHypothesesMax) add(input, *motion, 1.0);
+    }
+}
+
+// What agrees with no hypothesis yet may have a motion of its own, however few its points are: RANSAC over all finds
+// the most points, and those may be the crowd.
+void Hypotheses::propose_left_over(const RegionInput& input, Random& random) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    const PoseParameters& pose = input.configuration.pose;
+    RansacOptions options = ransac_options(input.configuration, pose.coarse_factor);
+    options.inlier_ratio_start = region.left_over_inliers_start;
+    for (std::uint32_t round = 0; round < region.left_over_rounds; ++round) {
+        if (hypotheses_.size() == kHypothesesMax || iterations_ >= pose.coarse_total_max) return;
+        input.scratch.clear();
+        for (const std::uint16_t i : input.voters) {
+            if (explained_by_[i] == 0) STILLMESH_CHECK(input.scratch.push(i));
+        }
+        if (input.scratch.size() < region.left_over_min) return;
+        options.iterations_max = std::min(pose.coarse_iterations_max, pose.coarse_total_max - iterations_);
+        const RansacResult result = ransac_pose(input.correspondences, input.scratch.span(), nullptr, options, random);
+        iterations_ += result.iterations;
+        if (!result.is_valid || result.inliers < region.group_points_min) return;
+        add(input, result.world_from_camera, region.reach_factor);
+    }
+}
+
+// Refined on what agrees with it within `reach` times the threshold, so that hypotheses are compared at their best.
+void Hypotheses::add(const RegionInput& input, const SE3& world_from_camera, double reach) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    choose_agreeing(input.correspondences, world_from_camera, reach * region.point_chi2_max,
+                    region.anchor_inlier_factor * (reach * region.point_chi2_max), input.scratch);
+    const PoseFit fit = optimise_pose(input.correspondences, input.scratch.span(), world_from_camera,
+                                      region.point_chi2_max, input.configuration.pose.coarse_passes_max);
+    const Hypothesis scored = score(input, fit.is_valid ? fit.world_from_camera : world_from_camera);
+    const std::size_t bit = hypotheses_.size();
+    for (std::size_t i = 0; i < input.correspondences.size(); ++i) {
+        if (is_inlier_[i] != 0) explained_by_[i] = static_cast<std::uint16_t>(explained_by_[i] | 1U << bit);
+    }
+    STILLMESH_CHECK(hypotheses_.push(scored));
+}
+
+// Eq. 1 with weights: a point counts by what the past knows of it, and all of it as far as its group agrees.
+Hypothesis Hypotheses::score(const RegionInput& input, const SE3& world_from_camera) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    judge(input, world_from_camera);
+    const Share points = points_of(input);
+    const Share triangles = triangles_of(input);
+    Hypothesis out;
+    out.world_from_camera = world_from_camera;
+    double weight_sum = region.score_points;
+    double score = points.all > 0 ? region.score_points * points.agreeing / points.all : 0.0;
+    if (triangles.all > 0) {
+        score += region.score_area * triangles.agreeing / triangles.all;
+        weight_sum += region.score_area;
+    }
+    if (input.context.has_prediction) {
+        const double d2 = deviation2(input.context, world_from_camera);
+        score += region.prior_weight / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
+        weight_sum += region.prior_weight;
+        // No camera on a robot or in a hand jumps: a motion far off the prediction needs far more support.
+        out.plausibility = 1.0 / (1.0 + d2 / (region.plausible_sigmas * region.plausible_sigmas));
+        score *= out.plausibility;
+    }
+    out.score = weight_sum > 0 ? score / weight_sum : 0.0;
+    return out;
+}
+
+// Which correspondences agree with a pose, and how far each group does.
+void Hypotheses::judge(const RegionInput& input, const SE3& world_from_camera) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    const SE3 camera_from_world = world_from_camera.inverse();
+    motions_.begin_agreement();
+    for (std::size_t i = 0; i < input.correspondences.size(); ++i) {
+        const double chi2 = chi2_over_time(input.correspondences[i], camera_from_world, region);
+        is_inlier_[i] = chi2 <= region.point_chi2_max ? 1 : 0;
+        if (input.correspondences[i].vote > 0) motions_.add_residual(input.groups.group_of(i), chi2, region);
+    }
+    motions_.end_agreement(region);
+}
+
+Hypotheses::Share Hypotheses::points_of(const RegionInput& input) const noexcept {
+    Share share;
+    for (std::size_t i = 0; i < input.correspondences.size(); ++i) {
+        const double area = area_of(input.correspondences[i]);
+        share.all += area;
+        if (is_inlier_[i] != 0) share.agreeing += area * motions_.agreement_of(input.groups.group_of(i));
+    }
+    return share;
+}
+
+// A triangle agrees when all of it does. In square metres: what moves is close and small, what stands still is the room
+// around it. (The paper counts pixels, and a person at arm's length has more of them than the wall behind.)
+Hypotheses::Share Hypotheses::triangles_of(const RegionInput& input) const noexcept {
+    const Mesh& mesh = input.groups.mesh();
+    const auto agreement_at = [&](std::uint16_t i) { return motions_.agreement_of(input.groups.group_of(i)); };
+    Share share;
+    for (const MeshTriangle& triangle : mesh.triangles) {
+        const std::uint16_t i = input.groups.correspondence_of(triangle.vertex[0]);
+        const std::uint16_t j = input.groups.correspondence_of(triangle.vertex[1]);
+        const std::uint16_t k = input.groups.correspondence_of(triangle.vertex[2]);
+        const Correspondence& a = input.correspondences[i];
+        const Correspondence& b = input.correspondences[j];
+        const Correspondence& c = input.correspondences[k];
+        const double weight = (a.vote + b.vote + c.vote) / 3.0;
+        const double z = (a.p_camera.z() + b.p_camera.z() + c.p_camera.z()) / 3.0;
+        const double area = weight * twice_area(mesh, triangle) * z * z;
+        share.all += area;
+        if (is_inlier_[i] != 0 && is_inlier_[j] != 0 && is_inlier_[k] != 0) {
+            share.agreeing += area * std::min({agreement_at(i), agreement_at(j), agreement_at(k)});
+        }
+    }
+    return share;
+}
+
+double Hypotheses::explained_share(std::span<const std::uint16_t> voters) const noexcept {
+    std::size_t explained = 0;
+    for (const std::uint16_t i : voters) explained += explained_by_[i] != 0 ? 1U : 0U;
+    return static_cast<double>(explained) / static_cast<double>(std::max<std::size_t>(voters.size(), 1));
+}
+
+}  // namespace stillmesh

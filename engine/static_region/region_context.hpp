@@ -1,0 +1,19 @@
+// What is known before a frame is looked at.
+#pragma once
+
+#include "engine/geometry/se3.hpp"
+
+namespace stillmesh {
+
+struct RegionContext {
+    SE3 world_from_camera_predicted;
+    double prediction_sigma_m = 0.05;
+    double prediction_sigma_rad = 0.05;
+    double rotation_speed_rad_s = 0;
+    double colour_depth_lag_s = 0;
+    double inlier_ratio = 0.5;  // of the last frame
+    double way_m = 0;           // the odometer's
+    bool has_prediction = false;
+};
+
+}  // namespace stillmesh

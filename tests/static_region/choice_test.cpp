@@ -1,0 +1,194 @@
+#include "engine/static_region/choice.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "engine/pose/residual.hpp"
+#include "engine/static_region/hypotheses.hpp"
+#include "tests/static_region/scenes.hpp"
+#include "tests/support/memory.hpp"
+
+namespace stillmesh {
+namespace {
+
+using namespace test;
+
+struct Rig {
+    Rig(std::uint32_t room_points, std::uint32_t body_points, const SE3& motion, Random& random)
+        : pose(random_motion(random, 0.5, 0.3)),
+          scene(room_and_body(room_points, body_points, pose, motion, random)),
+          context(context_at(pose)),
+          groups(limits_of(400)),
+          hypotheses(limits_of(400)),
+          chosen(std::size_t{400}),
+          scratch(std::size_t{400}) {
+        for (Correspondence& c : scene.correspondences) c.vote = random.uniform(0.2, 1.0);
+    }
+    RegionInput input() { return {scene.correspondences, voters, *groups, configuration, context, *scratch}; }
+    void propose(Random& random) {
+        voters.clear();
+        for (const std::uint16_t i : all_of(scene.correspondences)) {
+            if (scene.correspondences[i].vote > 0) voters.push_back(i);
+        }
+        groups->build(scene.correspondences, scene.keypoints, configuration.region, context);
+        hypotheses->propose(input(), random);
+    }
+    SE3 pose;
+    Scene scene;
+    Configuration configuration;
+    RegionContext context;
+    InMemory<MeshGroups> groups;
+    InMemory<Hypotheses> hypotheses;
+    InMemory<FixedVector<std::uint16_t>> chosen, scratch;
+    std::vector<std::uint16_t> voters;
+};
+
+SE3 moved(double metres) {
+    SE3 out;
+    out.translation = Vector3(metres, 0, 0);
+    return out;
+}
+
+// Promise: a score is Eq. 1 with weights: W1 times the share of the area that agreeing points stand for, W2 times that
+// of agreeing triangles, a share for the expected motion, over the sum of these weights, times how plausible the motion
+// is; a point counts as far as its group agrees.
+TEST(Hypotheses, ScoreIsEquationOneWithWeights) {
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        Rig rig(150, 80, moved(0.1), random);
+        rig.propose(random);
+        const RegionParameters& region = rig.configuration.region;
+        const SE3 looked_at = rig.pose * random_motion(random, 0.02, 0.01);
+        const Hypothesis found = rig.hypotheses->score(rig.input(), looked_at);
+        const SE3 camera_from_world = looked_at.inverse();
+        const std::vector<Correspondence>& all = rig.scene.correspondences;
+        const auto weight_of = [&](std::size_t i) {
+            const bool agrees = chi2_of(all[i], camera_from_world) <= region.point_chi2_max;
+            return agrees ? rig.hypotheses->motions().agreement_of(rig.groups->group_of(i)) : 0.0;
+        };
+        double points = 0, points_all = 0, triangles = 0, triangles_all = 0;
+        for (std::size_t i = 0; i < all.size(); ++i) {
+            const double area = all[i].vote * all[i].p_camera.z() * all[i].p_camera.z();
+            points += area * weight_of(i);
+            points_all += area;
+        }
+        for (const MeshTriangle& t : rig.groups->mesh().triangles) {
+            double vote = 0, z = 0, least = 1;
+            Vector3 corner[3];
+            for (int k = 0; k < 3; ++k) {
+                const std::size_t i = rig.groups->correspondence_of(t.vertex[k]);
+                const PixelPoint p = rig.groups->mesh().vertices[t.vertex[k]];
+                corner[k] = Vector3(p.x, p.y, 0);
+                vote += all[i].vote / 3;
+                z += all[i].p_camera.z() / 3;
+                least = std::min(least, weight_of(i));
+            }
+            const double area = (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() * vote * z * z;
+            triangles += area * least;
+            triangles_all += area;
+        }
+        const SE3 off = rig.context.world_from_camera_predicted.inverse() * looked_at;
+        const double d2 =
+            off.translation.squaredNorm() / (0.02 * 0.02) + std::pow(so3_log(off.rotation).norm() / 0.02, 2);
+        const double plausible = 1 / (1 + d2 / 25);
+        const double score = 0.5 * points / points_all + triangles / triangles_all + 0.25 / (1 + d2 / 9);
+        EXPECT_NEAR(found.score, score * plausible / 1.75, 1e-9) << "seed " << seed;
+        EXPECT_NEAR(found.plausibility, plausible, 1e-9);
+        rig.context.has_prediction = false;
+        const Hypothesis unexpected = rig.hypotheses->score(rig.input(), looked_at);
+        EXPECT_NEAR(unexpected.score, (0.5 * points / points_all + triangles / triangles_all) / 1.5, 1e-9);
+        EXPECT_EQ(unexpected.plausibility, 1.0);
+    }
+}
+
+// Promise: the motions of a room and of a body are both among the hypotheses, whatever was expected; what each explains
+// are the points of its own body, and together they explain the frame.
+TEST(Hypotheses, EveryMotionIsProposed) {
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        Rig rig(150, 100, moved(0.15), random);
+        rig.context.has_prediction = seed % 2 == 0;
+        rig.propose(random);
+        for (const int body : {0, 1}) {
+            const SE3 wanted = body == 0 ? rig.pose : moved(0.15) * rig.pose;
+            std::size_t nearest = 0;
+            for (std::size_t h = 0; h < rig.hypotheses->all().size(); ++h) {
+                if (metres_between(rig.hypotheses->all()[h].world_from_camera, wanted) <
+                    metres_between(rig.hypotheses->all()[nearest].world_from_camera, wanted)) {
+                    nearest = h;
+                }
+            }
+            EXPECT_LT(metres_between(rig.hypotheses->all()[nearest].world_from_camera, wanted), 0.03);
+            std::size_t own = 0, others = 0;
+            for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
+                if (!rig.hypotheses->explains(nearest, i)) continue;
+                ++(rig.scene.body[i] == body ? own : others);
+            }
+            EXPECT_GT(own, 0.9 * static_cast<double>(rig.scene.count(body))) << "seed " << seed;
+            EXPECT_LT(others, 0.1 * static_cast<double>(rig.scene.count(1 - body))) << "seed " << seed;
+        }
+        EXPECT_GT(rig.hypotheses->explained_share(rig.voters), 0.95);
+    }
+}
+
+// Promise: the best hypothesis has the highest score; its margin over each other motion is, of the area that only one
+// of both explains, what the best does minus what the other does, the other's share counting by its plausibility.
+TEST(Choice, MarginByBruteForce) {
+    std::size_t rivals = 0;
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        Rig rig(150, 100, moved(0.08), random);
+        rig.propose(random);
+        const std::span<const Hypothesis> all = rig.hypotheses->all();
+        const std::size_t best = best_of(*rig.hypotheses);
+        for (const Hypothesis& h : all) EXPECT_LE(h.score, all[best].score);
+        double area_all = 0, margin = 1;
+        for (const Correspondence& c : rig.scene.correspondences) area_all += c.vote * c.p_camera.z() * c.p_camera.z();
+        for (std::size_t h = 0; h < all.size(); ++h) {
+            if (metres_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005 &&
+                radians_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005) {
+                continue;
+            }
+            double only[2] = {0, 0};
+            for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
+                const Correspondence& c = rig.scene.correspondences[i];
+                const bool is_ours = rig.hypotheses->explains(best, i), is_theirs = rig.hypotheses->explains(h, i);
+                if (is_ours != is_theirs) only[is_theirs ? 1 : 0] += c.vote * c.p_camera.z() * c.p_camera.z();
+            }
+            only[1] *= std::min(all[h].plausibility / all[best].plausibility, 1.0);
+            if (only[1] < 0.05 * area_all) continue;
+            ++rivals;
+            margin = std::min(margin, (only[0] - only[1]) / (only[0] + only[1]));
+        }
+        EXPECT_NEAR(margin_of(rig.input(), *rig.hypotheses, best), margin, 1e-9) << "seed " << seed;
+    }
+    EXPECT_GT(rivals, 5U);
+}
+
+// Promise: chosen is exactly what agrees with the choice, has a vote and belongs to no group that disagrees.
+TEST(Choice, ChosenIsWhatAgrees) {
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        Rig rig(150, 100, moved(0.1), random);
+        for (std::size_t i = 0; i < rig.scene.body.size(); i += 7) rig.scene.correspondences[i].vote = 0;
+        rig.propose(random);
+        const RegionChoice choice = choose_best(rig.input(), *rig.hypotheses, *rig.chosen);
+        ASSERT_TRUE(choice.is_valid);
+        std::vector<std::uint16_t> wanted;
+        for (std::uint16_t i = 0; i < rig.scene.body.size(); ++i) {
+            const Correspondence& c = rig.scene.correspondences[i];
+            if (c.vote > 0 && chi2_of(c, choice.world_from_camera.inverse()) <= 11.34 &&
+                rig.hypotheses->motions().agreement_of(rig.groups->group_of(i)) > 0) {
+                wanted.push_back(i);
+            }
+        }
+        EXPECT_EQ(std::vector<std::uint16_t>(rig.chosen->begin(), rig.chosen->end()), wanted) << "seed " << seed;
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
