@@ -89,7 +89,7 @@ void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexce
     const bool is_wide = !camera.is_choice_sure || seconds_between(camera.start_time_ns, time_ns_) < c.weights.proven_s;
     matcher_.by_projection(world_->map, local, predicted, is_wide ? c.matching.radius_wide_px : c.matching.radius_px);
     take_matches(estimate.noise.factors(), expected);
-    if (chosen_.size() < c.matching.matches_min) {
+    if (!is_wide && chosen_.size() < c.matching.matches_min) {
         matcher_.by_projection(world_->map, local, predicted, c.matching.radius_wide_px);
         gather(estimate.noise.factors(), expected);
         expected.prediction_sigma_m *= c.prediction.retry_sigma_factor;

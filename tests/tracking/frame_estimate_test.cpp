@@ -90,6 +90,29 @@ TEST(FrameEstimator, ChangesNothing) {
     EXPECT_EQ(camera.inlier_ratio, rig.camera().inlier_ratio);
 }
 
+// Promise: too few matches around a sure prediction are looked for again in a wider circle, and the prediction then
+// counts for less. A search that was wide already is not repeated, and its prediction counts as before. (It was, and
+// the deviations were tripled for nothing.)
+TEST(FrameEstimator, AWideSearchIsNotRepeated) {
+    Configuration configuration = fitting();
+    configuration.matching.matches_min = kLimits.features_max;  // always too few
+    EstimatorRig rig(configuration);
+    const RegionContext expected = rig.camera().expect(rig.frame().time_ns, 0, configuration.prediction);
+    CameraState camera = rig.camera();
+    camera.is_choice_sure = true;
+    const Estimate repeated = rig.estimate(camera);
+    EXPECT_EQ(repeated.expected.prediction_sigma_m,
+              configuration.prediction.retry_sigma_factor * expected.prediction_sigma_m);
+    camera.is_choice_sure = false;
+    const Estimate unsure = rig.estimate(camera);
+    EXPECT_EQ(unsure.expected.prediction_sigma_m, expected.prediction_sigma_m);
+    EXPECT_EQ(unsure.expected.prediction_sigma_rad, expected.prediction_sigma_rad);
+    camera.is_choice_sure = true;
+    camera.start_time_ns = rig.frame().time_ns;  // a map that has just begun
+    const Estimate young = rig.estimate(camera);
+    EXPECT_EQ(young.expected.prediction_sigma_m, expected.prediction_sigma_m);
+}
+
 // Promise: a picture without features gives no estimate.
 TEST(FrameEstimator, NothingSeenIsNoEstimate) {
     EstimatorRig rig(fitting());
