@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/mapping/mapping.hpp"
+#include "engine/tracking/tracking.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/memory.hpp"
@@ -118,12 +119,12 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
     Mapping::plan(plan, limits);
     test::Memory memory(plan.used_bytes());
     Arena arena(memory.span());
-    World world;
+    World in;
     Tracking tracking;
     Mapping mapping;
-    world.create(arena, limits, configuration, model_);
-    tracking.create(arena, world, cpu_kernels(), nullptr);
-    mapping.create(arena, world);
+    in.create(arena, limits, configuration, model_);
+    tracking.create(arena, in, cpu_kernels(), nullptr);
+    mapping.create(arena, in);
 
     SE3 world_from_odom;
     std::vector<Vector3> before;  // static map points while all stood
@@ -153,12 +154,12 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
         tracking.track(frame);
         WorkBudget budget(configuration.schedule.units_per_frame);
         static_cast<void>(mapping.step(budget));
-        const PoseEstimate& pose = world.pose;
+        const PoseEstimate& pose = in.pose;
         ASSERT_GE(pose.state, PoseState::kUnsure) << "frame " << frames;
         const double* const t = pose.odom_from_camera.translation_m;
         error2_sum += (world_from_odom * Vector3(t[0], t[1], t[2]) - truth.translation).squaredNorm();
         if (frames != kLastStill) continue;
-        const Pool<MapPoint>& points = world.map.points();
+        const Pool<MapPoint>& points = in.map.points();
         for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
             if (!points.is_taken(slot) || points.at(slot).is_suspect) continue;
             before.push_back(world_from_odom * vector_of(points.at(slot).world));
@@ -189,7 +190,7 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
             return std::count_if(points.begin(), points.end(), [&](const Vector3& p) { return volume.at(p) > 0; });
         };
         std::vector<Vector3> after;
-        const Pool<MapPoint>& points = world.map.points();
+        const Pool<MapPoint>& points = in.map.points();
         std::ptrdiff_t without_vote = 0;
         for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
             if (!points.is_taken(slot)) continue;
@@ -207,7 +208,7 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
             "[ piece %zu ] old place: %zu of %zu voxels empty now, points %td before, %td left (and %td without "
             "a vote); new place: %td points; error %.4f m, %u emptied\n",
             i, old_place.size(), whole, stood, left, without_vote, learnt, error_m,
-            static_cast<std::uint32_t>(world.map.statistics().points_emptied));
+            static_cast<std::uint32_t>(in.map.statistics().points_emptied));
         EXPECT_GE(stood, 20) << "too few to judge";
         stood_sum += stood;
         left_sum += left;
