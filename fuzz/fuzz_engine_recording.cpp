@@ -66,8 +66,7 @@ void mend(std::vector<std::byte>& bytes) {
     }
 }
 
-// "+", a count, so many edits of today's header (place in two bytes, value in one), then records. A header names every
-// parameter, and is refused when there is one more: seeds that hold a whole one only last until then.
+// "+", a count, so many edits of today's header (place in two bytes, value in one), then records.
 std::vector<std::byte> edited_header(std::span<const std::byte> from) {
     std::vector<std::byte> out(kRecordingHeaderBytesMax);
     const Result<std::size_t> size = encode_header(RecordingHeader{}, out);
@@ -99,10 +98,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (used.is_ok()) {
             std::vector<std::byte> again(kRecordingHeaderBytesMax);
             const Result<std::size_t> size = encode_header(header, again);
-            fuzz::expect(
-                size.is_ok() && size.value() == used.value() &&
-                    std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(used.value()), again.begin()),
-                "a header is written back to the same bytes");
+            fuzz::expect(size.is_ok(), "a header that was read can be written");
+            RecordingHeader once_more;
+            std::vector<std::byte> third(kRecordingHeaderBytesMax);
+            fuzz::expect(decode_header(again, once_more, problem).is_ok() && once_more.unknown_keys == 0 &&
+                             encode_header(once_more, third).is_ok() && third == again,
+                         "and is then the same, whatever order its keys had");
             // The next door: whatever the numbers are, it has an answer.
             const ConfigurationProblem wrong = validate(header.limits);
             if (wrong.key == nullptr) static_cast<void>(validate(header.configuration, header.limits));

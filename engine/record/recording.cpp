@@ -1,5 +1,6 @@
 #include "engine/record/recording.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <type_traits>
@@ -71,44 +72,63 @@ void write_values(ByteWriter& writer, Visit&& visit) noexcept {
     });
 }
 
-// Every key of ours once, in our order, of our type: another set is another version of the method.
-template <typename Visit>
-Status read_values(ByteReader& reader, RecordingProblem& problem, Visit&& visit) noexcept {
-    Status status = Status::kOk;
-    const std::uint16_t count = reader.u16();
-    const auto fail = [&](Status why, const char* sentence, const char* key) {
-        status = why;
-        problem.sentence = sentence;
-        std::size_t i = 0;
-        for (; key[i] != '\0' && i + 1 < problem.key.size(); ++i) problem.key[i] = key[i];
-        problem.key[i] = '\0';
-    };
-    visit([&](const char* name, auto& value, double, double, const char*, const char*) {
-        using T = std::decay_t<decltype(value)>;
-        if (status != Status::kOk) return;
-        const std::span<const std::byte> read = reader.bytes(reader.u8());
-        const std::span<const std::byte> wanted = bytes_of(name);
-        const std::uint8_t type = reader.u8();
-        const std::uint64_t bits = reader.u64();
-        if (!reader.is_ok()) return fail(Status::kCorrupt, "ends inside its parameters, before this one", name);
-        if (read.size() != wanted.size() || std::memcmp(read.data(), wanted.data(), read.size()) != 0 ||
-            type != static_cast<std::uint8_t>(type_of<T>())) {
-            return fail(Status::kInvalid, "was made by a version of the program with other parameters, at", name);
-        }
-        if constexpr (std::is_same_v<T, double>) {
-            value = std::bit_cast<double>(bits);
-        } else {
-            constexpr std::uint64_t kMax = std::is_same_v<T, bool>            ? 1U
-                                           : std::is_same_v<T, std::uint32_t> ? 0xffffffffU
-                                                                              : 0xffffffffffffffffU;
-            if (bits > kMax) return fail(Status::kCorrupt, "has a number that does not fit its type, at", name);
-            value = static_cast<T>(bits);
-        }
-    });
-    if (status == Status::kOk && count != count_of(visit)) {
-        fail(Status::kInvalid, "was made by a version of the program with more parameters", "");
+// A key and its value as they stand in a recording.
+struct NamedValue {
+    std::span<const std::byte> name;
+    std::uint8_t type = 0;
+    std::uint64_t bits = 0;
+};
+
+// Whether `in` is a number of the type of `value`, which becomes it.
+template <typename T>
+bool take_value(const NamedValue& in, T& value) noexcept {
+    if constexpr (std::is_same_v<T, double>) {
+        value = std::bit_cast<double>(in.bits);
+    } else {
+        constexpr std::uint64_t kMax = std::is_same_v<T, bool>            ? 1U
+                                       : std::is_same_v<T, std::uint32_t> ? 0xffffffffU
+                                                                          : 0xffffffffffffffffU;
+        if (in.bits > kMax) return false;
+        value = static_cast<T>(in.bits);
     }
-    return status;
+    return in.type == static_cast<std::uint8_t>(type_of<T>());
+}
+
+void name_problem(RecordingProblem& problem, const char* sentence, std::span<const std::byte> key) noexcept {
+    problem.sentence = sentence;
+    const std::size_t size = std::min(key.size(), problem.key.size() - 1);
+    for (std::size_t i = 0; i < size; ++i) problem.key[i] = std::to_integer<char>(key[i]);
+    problem.key[size] = '\0';
+}
+
+// Keys by name, in any order. What is absent keeps its default, so that a new key makes no old recording unreadable;
+// what this program does not know is counted, and its first name kept: the run may come out otherwise.
+template <typename Visit>
+Status read_values(ByteReader& reader, RecordingHeader& header, RecordingProblem& problem, Visit&& visit) noexcept {
+    const std::uint16_t count = reader.u16();
+    for (std::uint16_t i = 0; i < count; ++i) {
+        NamedValue in;
+        in.name = reader.bytes(reader.u8());
+        in.type = reader.u8();
+        in.bits = reader.u64();
+        if (!reader.is_ok()) {
+            name_problem(problem, "ends inside its parameters", {});
+            return Status::kCorrupt;
+        }
+        bool is_known = false, is_good = true;
+        visit([&](const char* name, auto& value, double, double, const char*, const char*) {
+            const std::span<const std::byte> known = bytes_of(name);
+            if (known.size() != in.name.size() || std::memcmp(known.data(), in.name.data(), known.size()) != 0) return;
+            is_known = true;
+            is_good = take_value(in, value);
+        });
+        if (!is_good) {
+            name_problem(problem, "has a number that does not fit its type, at", in.name);
+            return Status::kCorrupt;
+        }
+        if (!is_known && header.unknown_keys++ == 0) name_problem(problem, "", in.name);
+    }
+    return Status::kOk;
 }
 
 void write_camera(ByteWriter& writer, const CameraModel& c) noexcept {
@@ -313,9 +333,11 @@ Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHea
     ByteReader crc(bytes.subspan(size - kCrcBytes, kCrcBytes));
     if (crc.u32() != crc32(bytes.first(size - kCrcBytes))) return Status::kCorrupt;
     ByteReader body(bytes.subspan(kPrefixBytes, body_bytes));
-    STILLMESH_TRY(read_values(body, problem, [&header](auto&& visitor) { visit_limits(header.limits, visitor); }));
+    header.unknown_keys = 0;
     STILLMESH_TRY(
-        read_values(body, problem, [&header](auto&& visitor) { visit_parameters(header.configuration, visitor); }));
+        read_values(body, header, problem, [&header](auto&& visitor) { visit_limits(header.limits, visitor); }));
+    STILLMESH_TRY(read_values(body, header, problem,
+                              [&header](auto&& visitor) { visit_parameters(header.configuration, visitor); }));
     header.camera = read_camera(body);
     header.depth_units_per_m = body.f64();
     header.extractor = body.u8();

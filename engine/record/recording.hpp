@@ -30,10 +30,11 @@ struct RecordingHeader {
     Configuration configuration;
     CameraModel camera;
     double depth_units_per_m = 5000.0;
-    std::uint8_t extractor = 0;        // 0: the engine's own, 1: cv::ORB; others are for whoever brings one
+    std::uint8_t extractor = 0;        // 0: the engine's own, 1: cv::ORB; others: a program's own
     std::uint32_t vocabulary_crc = 0;  // of its bytes; 0: none
     // Of the map store at the begin; only with limits.store_features_max above 0.
     std::uint64_t store_regions = 0, store_sequence = 0, store_checksum = 0;
+    std::uint32_t unknown_keys = 0;  // read, and not of this program; the first is named in the problem
 };
 
 // So many calls of Engine::step in a row, each with so many units.

@@ -150,6 +150,12 @@ int rerun_command(const RerunOptions& options) {
         return refuse(fmt::format("{}: key '{}' = {} {}; allowed: {} to {}.", options.recording, problem.key,
                                   problem.value, problem.sentence, problem.min, problem.max));
     }
+    if (!reader.unknown_key().empty()) {
+        complain(
+            fmt::format("{}: names '{}'{}, which this program does not know; the run may come out otherwise.",
+                        options.recording, reader.unknown_key(),
+                        header.unknown_keys > 1 ? fmt::format(" and {} other keys", header.unknown_keys - 1) : ""));
+    }
     std::string folder = options.folder;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     ReplayCamera camera({.folder = folder,

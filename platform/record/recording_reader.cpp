@@ -28,6 +28,7 @@ Status RecordingReader::open(const std::string& file) {
     const Result<std::size_t> size = decode_header(ahead(), header_, problem);
     if (size.is_ok()) {
         begin_ += size.value();
+        unknown_key_ = problem.key.data();
         return Status::kOk;
     }
     switch (size.status()) {

@@ -20,6 +20,8 @@ public:
     // kUnavailable: the disk failed; message() says how.
     [[nodiscard]] Status next(RecordedFrame& frame);
     [[nodiscard]] const std::string& message() const { return message_; }
+    // The first key of the header that this program does not know; empty: there is none.
+    [[nodiscard]] const std::string& unknown_key() const { return unknown_key_; }
 
     // Whole: it has its end mark. Else a sentence about what is missing behind the last whole frame.
     [[nodiscard]] bool is_whole() const { return is_whole_; }
@@ -35,6 +37,7 @@ private:
 
     std::string file_;
     std::string message_;
+    std::string unknown_key_;
     std::string ending_;
     std::unique_ptr<std::FILE, FileCloser> stream_;
     std::vector<std::byte> buffer_;

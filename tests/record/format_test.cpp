@@ -171,7 +171,7 @@ TEST(RecordingFormat, WrongContentsWithGoodCrc) {
     EXPECT_EQ(decode_entry(bytes, entry).status(), Status::kCorrupt);
 }
 
-// Promise: a header of another version, with another parameter, or with one too many says so and names it.
+// Promise: a header of another format version says so.
 TEST(RecordingFormat, OtherVersionsAreNamed) {
     const ByteVector good = test::header_bytes(some_header());
     RecordingHeader read;
@@ -183,12 +183,53 @@ TEST(RecordingFormat, OtherVersionsAreNamed) {
     bytes = good;
     bytes[0] = std::byte{'X'};
     EXPECT_EQ(decode_header(bytes, read, problem).status(), Status::kNotFound);
+}
+
+// Promise: keys are read by name. One that this program does not know is counted, named and passed over, and the key
+// that is absent for it has its default: a new key makes no old recording unreadable. A type that does not fit is
+// damage.
+TEST(RecordingFormat, KeysAreReadByName) {
+    RecordingHeader written = some_header();
+    written.limits.image_width_max = 320;
+    written.limits.image_height_max = 200;
+    ByteVector bytes = test::header_bytes(written);
+    RecordingHeader read;
+    RecordingProblem problem;
+    ASSERT_TRUE(decode_header(bytes, read, problem).is_ok());
+    EXPECT_EQ(read.unknown_keys, 0U);
+    EXPECT_EQ(problem.key[0], '\0');
     // The name of the first limit, spelled otherwise.
-    bytes = good;
     bytes[19] = std::byte{'L'};
     set_crc(bytes);
-    EXPECT_EQ(decode_header(bytes, read, problem).status(), Status::kInvalid);
+    read = RecordingHeader{};
+    ASSERT_TRUE(decode_header(bytes, read, problem).is_ok());
+    EXPECT_EQ(read.unknown_keys, 1U);
+    EXPECT_STREQ(problem.key.data(), "Limits.image_width_max");
+    EXPECT_EQ(read.limits.image_width_max, Limits{}.image_width_max);
+    EXPECT_EQ(read.limits.image_height_max, 200U);
+    EXPECT_EQ(read.camera.k3, written.camera.k3);
+
+    bytes = test::header_bytes(written);
+    bytes[19 + 22] = std::byte{3};  // its type: a double
+    set_crc(bytes);
+    EXPECT_EQ(decode_header(bytes, read, problem).status(), Status::kCorrupt);
     EXPECT_STREQ(problem.key.data(), "limits.image_width_max");
+}
+
+// Promise: the order of keys does not matter.
+TEST(RecordingFormat, KeysAreInAnyOrder) {
+    RecordingHeader written = some_header();
+    written.limits.image_width_max = 320;
+    written.limits.image_height_max = 200;
+    ByteVector bytes = test::header_bytes(written);
+    constexpr std::size_t kFirst = 18, kSize = 1 + 22 + 1 + 8, kNext = 1 + 23 + 1 + 8;
+    std::rotate(bytes.begin() + kFirst, bytes.begin() + kFirst + kSize, bytes.begin() + kFirst + kSize + kNext);
+    set_crc(bytes);
+    RecordingHeader read;
+    RecordingProblem problem;
+    ASSERT_TRUE(decode_header(bytes, read, problem).is_ok());
+    EXPECT_EQ(read.unknown_keys, 0U);
+    EXPECT_EQ(test::header_bytes(read), test::header_bytes(written));
 }
 
 GreyView grey(const std::vector<std::uint8_t>& pixels, std::size_t stride = 20) {
