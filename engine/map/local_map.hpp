@@ -12,6 +12,7 @@
 #include <span>
 
 #include "engine/base/fixed_vector.hpp"
+#include "engine/map/eviction.hpp"
 #include "engine/map/map.hpp"
 
 namespace stillmesh {

@@ -2,8 +2,8 @@
 // Covisibility is kept incrementally: each point has a bit per keyframe that observes it, each pair of keyframes the
 // number of points they share; every change costs as many steps as the point has observers. Keyframes form a spanning
 // tree. Points hold world coordinates and a reference keyframe whose corrections they follow (docs/decisions.md).
-// Full pools: tracking and mapping make room by the policy stated at evict_keyframe() and make_room_for_points();
-// what went is counted. Cost: taking and linking O(observers); forgetting points is one pass over the pool.
+// What full pools forget: engine/map/eviction.hpp; how the map moves: map_correction.hpp. Cost: taking and linking
+// O(observers).
 #pragma once
 
 #include <bit>
@@ -94,13 +94,6 @@ struct Observation {
     std::uint8_t looks = 1;  // frames that the undistorted place and the depth are the mean of, at most map.looks_max
 };
 
-// Points that must not go: those whose mark (by slot) is this one; no marks spare none.
-struct SparedPoints {
-    std::span<const std::uint8_t> marks;
-    std::uint8_t mark = 0;
-    [[nodiscard]] bool has(std::uint32_t slot) const noexcept { return !marks.empty() && marks[slot] == mark; }
-};
-
 struct MapStatistics {
     std::uint64_t keyframes_evicted = 0;    // to make room
     std::uint64_t keyframes_redundant = 0;  // nearly all they see is seen by others
@@ -112,7 +105,7 @@ struct MapStatistics {
 
 class Map {
 public:
-    static constexpr std::uint32_t kCrowdedCandidates = 64;
+    static constexpr std::uint32_t kSeenClasses = 8;  // of how often a point was seen
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         Pool<MapPoint>::plan(arena, limits.map_points_max);
@@ -133,21 +126,9 @@ public:
     [[nodiscard]] Result<Handle<MapPoint>> add_point() noexcept;
     // The handle must be alive. Observations of it become stale. Cost: observers^2.
     void release_point(Handle<MapPoint> point) noexcept;
-    // Forgets `count` points: first what moves or has hardly ever been seen, spared or not; then, of the others that
-    // are not spared, what a keyframe has above its share of the pool, and what nobody observes; then the rest. The
-    // least recently seen first (ties: the lower slot). Those seen in `frame` or later stay. Among people most of what
-    // a keyframe adds is theirs: left in as long as the rest, it would turn the pool over within seconds. And a place
-    // must be recognised after a long way: without shares the oldest keyframes of a full pool had no points left at
-    // all. Returns how many went. Cost: the pool twice.
-    std::uint32_t make_room_for_points(std::uint32_t count, std::uint64_t frame, const SparedPoints& spared) noexcept;
-    // Forgets what is not worth keeping: unseen for some frames, and moving or hardly ever seen before. Slots from
-    // `first`, at most `count`; returns the slot to go on with, 0 when the pool is through.
-    std::uint32_t cull_points(std::uint64_t frame, std::uint32_t first, std::uint32_t count) noexcept;
-    void cull_points(std::uint64_t frame) noexcept { static_cast<void>(cull_points(frame, 0, points_.slots_count())); }
     // `gone` becomes `kept`: its observations move over (or end, where `kept` is observed already), the static weight
     // is that of the longer past. Both alive and different. Returns observations looked at.
     std::uint32_t fuse(Handle<MapPoint> kept, Handle<MapPoint> gone) noexcept;
-    void count_culled() noexcept { ++statistics_.points_culled; }
     void count_emptied() noexcept { ++statistics_.points_emptied; }
 
     // --- keyframes
@@ -156,15 +137,6 @@ public:
     // The keyframe must be alive; its points that nobody else observes go with it, children get their best covisible
     // surviving keyframe as parent. Cost: its features, and the keyframes.
     void release_keyframe(Handle<Keyframe> keyframe) noexcept;
-    // As a redundant one, counted so.
-    void release_redundant(Handle<Keyframe> keyframe) noexcept;
-    // Makes room for one keyframe, of those that are neither `spared` (by slot; may be empty) nor the newest: among the
-    // kCrowdedCandidates least recently useful the newer of the two nearest to each other, so that the places of a long
-    // way stay known, ever farther apart; if all are far apart, the least recently useful. False: there is none.
-    // Cost: kCrowdedCandidates^2 / 2 distances, the features of two keyframes, and release_keyframe().
-    [[nodiscard]] bool evict_keyframe(std::span<const std::uint8_t> spared) noexcept;
-    // The oldest goes (sliding set).
-    void evict_oldest() noexcept;
     // The i-th newest keyframe, 0 is the newest; null when there are not so many.
     [[nodiscard]] Handle<Keyframe> recent_keyframe(std::uint32_t i) const noexcept;
     // Parent of a new keyframe: of the older ones who shares most with it, the newest of equals.
@@ -172,8 +144,6 @@ public:
     // Parent of one that comes back from a store, without children: who shares most with it, the nearest in time of
     // equals. The oldest of all becomes the root: where it lies is where the map began.
     void attach_returned(Handle<Keyframe> keyframe) noexcept;
-    // Nearly all (redundant_permille) of its static points have enough other observers at the same or a finer scale.
-    [[nodiscard]] bool is_redundant(Handle<Keyframe> keyframe) const noexcept;
 
     // --- observations
     void add_observation(Handle<Keyframe> keyframe, const Observation& observation,
@@ -226,13 +196,17 @@ public:
     void note_change(double number) noexcept { changes_.add(number); }
     [[nodiscard]] std::uint64_t changes_hash() const noexcept { return changes_.value(); }
 
-    // For whoever needs a number per point slot for a moment: anything may be in it, now and after any call.
-    [[nodiscard]] std::span<std::uint64_t> scratch() noexcept { return by_age_; }
+    // For a moment: a number per point slot, and kSeenClasses per keyframe slot. Anything may be in them after any
+    // call.
+    [[nodiscard]] std::span<std::uint64_t> scratch() noexcept { return scratch_; }
+    [[nodiscard]] std::span<std::uint16_t> class_counts() noexcept { return class_counts_; }
     [[nodiscard]] Pool<MapPoint>& points() noexcept { return points_; }
     [[nodiscard]] const Pool<MapPoint>& points() const noexcept { return points_; }
     [[nodiscard]] Pool<Keyframe>& keyframes() noexcept { return keyframes_; }
     [[nodiscard]] const Pool<Keyframe>& keyframes() const noexcept { return keyframes_; }
     [[nodiscard]] const MapParameters& parameters() const noexcept { return parameters_; }
+    // What takes something from the map counts it there.
+    [[nodiscard]] MapStatistics& statistics() noexcept { return statistics_; }
     [[nodiscard]] const MapStatistics& statistics() const noexcept { return statistics_; }
     [[nodiscard]] std::uint64_t keyframes_forgotten() const noexcept {
         return statistics_.keyframes_evicted + statistics_.keyframes_redundant;
@@ -243,33 +217,22 @@ public:
     }
 
 private:
-    static constexpr std::uint32_t kSeenClasses = 8;  // of how often a point was seen
-    [[nodiscard]] static std::uint32_t seen_class(std::uint16_t seen) noexcept;
     [[nodiscard]] static constexpr std::size_t words(std::uint32_t keyframes) noexcept { return (keyframes + 63) / 64; }
     [[nodiscard]] std::span<Observation> observations_of(std::uint32_t slot) noexcept {
         return observations_.subspan(static_cast<std::size_t>(slot) * features_max_, keyframes_.at(slot).observations);
     }
     void share(std::uint32_t slot_a, std::uint32_t slot_b, std::int32_t change) noexcept;
-    template <typename Stays>
-    void share_places(std::uint32_t count, const Stays& stays) noexcept;
     void forget_observer(std::uint32_t point_slot, std::uint32_t keyframe_slot) noexcept;
-    // Seen to move, or hardly ever seen.
-    [[nodiscard]] bool is_weak(const MapPoint& point) const noexcept {
-        return point.is_suspect || point.seen < parameters_.seen_min;
-    }
     [[nodiscard]] bool is_below(std::uint32_t slot, std::uint32_t ancestor) const noexcept;
-    // Between two viewpoints; a turn counts as a distance.
-    [[nodiscard]] double apart_m2(std::uint32_t slot, std::uint32_t other) const noexcept;
-    [[nodiscard]] std::uint32_t proven_points(std::uint32_t keyframe_slot) const noexcept;
 
     Pool<MapPoint> points_;
     Pool<Keyframe> keyframes_;
-    std::span<Observation> observations_;    // features_max per keyframe slot
-    std::span<Descriptor> descriptors_;      // likewise
-    std::span<std::uint64_t> observers_;     // words_ per point slot: a bit per keyframe slot
-    std::span<std::uint16_t> shared_;        // keyframes_max^2, symmetric, 0 on the diagonal
-    std::span<std::uint64_t> by_age_;        // scratch: (worth, last seen frame, slot) packed
-    std::span<std::uint16_t> place_counts_;  // scratch: points by keyframe slot and how often they were seen
+    std::span<Observation> observations_;  // features_max per keyframe slot
+    std::span<Descriptor> descriptors_;    // likewise
+    std::span<std::uint64_t> observers_;   // words_ per point slot: a bit per keyframe slot
+    std::span<std::uint16_t> shared_;      // keyframes_max^2, symmetric, 0 on the diagonal
+    std::span<std::uint64_t> scratch_;
+    std::span<std::uint16_t> class_counts_;
     MapParameters parameters_;
     std::size_t words_ = 0;
     std::uint32_t features_max_ = 0;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/base/time.hpp"
+#include "engine/map/eviction.hpp"
 #include "engine/mapping/triangulation.hpp"
 
 namespace stillmesh {
@@ -120,7 +121,7 @@ void Mapping::heed_correction() noexcept {
 // --- points ----------------------------------------------------------------------------------------------------------
 
 std::uint32_t Mapping::cull() noexcept {
-    cursor_ = world_->map.cull_points(world_->clock.frame, cursor_, kCullChunk);
+    cursor_ = cull_points(world_->map, world_->clock.frame, cursor_, kCullChunk);
     if (cursor_ == 0) {
         find_neighbours();
         enter(Stage::kTriangulate);
@@ -437,7 +438,7 @@ std::uint32_t Mapping::drop_redundant() noexcept {
     const Keyframe* const keyframe = world_->map.keyframes().find(handle);
     if (keyframe == nullptr || keyframe->parent.is_null()) return 1;
     if (handle == world_->map.recent_keyframe(0) || handle == world_->map.recent_keyframe(1)) return 1;
-    if (world_->map.is_redundant(handle)) world_->map.release_redundant(handle);
+    if (is_redundant(world_->map, handle)) release_redundant(world_->map, handle);
     return 1 + world_->limits.features_max / 2;
 }
 
@@ -448,8 +449,8 @@ std::uint32_t Mapping::evict() noexcept {
         std::max<std::size_t>(1, keyframes.capacity() * world_->configuration.mapping.spare_keyframes_permille / 1000);
     if (keyframes.capacity() - keyframes.size() < keyframes_spare && cursor_ < keyframes_spare) {
         ++cursor_;
-        if (world_->map.evict_keyframe(world_->local_map.keyframes())) {
-            const std::uint32_t compared = std::min(world_->limits.keyframes_max, Map::kCrowdedCandidates);
+        if (evict_keyframe(world_->map, world_->local_map.keyframes())) {
+            const std::uint32_t compared = std::min(world_->limits.keyframes_max, kCrowdedCandidates);
             return 1 + world_->limits.features_max / 2 + 2 * world_->limits.keyframes_max + compared * compared / 4;
         }
     }
@@ -460,8 +461,8 @@ std::uint32_t Mapping::evict() noexcept {
     const std::size_t free = points.capacity() - points.size();
     stage_ = Stage::kIdle;
     if (free >= points_spare) return 1;
-    static_cast<void>(world_->map.make_room_for_points(static_cast<std::uint32_t>(points_spare - free),
-                                                       world_->clock.frame, world_->local_map.spared()));
+    static_cast<void>(make_room_for_points(world_->map, static_cast<std::uint32_t>(points_spare - free),
+                                           world_->clock.frame, world_->local_map.spared()));
     return world_->limits.map_points_max / 16;
 }
 

@@ -8,7 +8,7 @@
 //   commit       what was evicted or changed since is skipped; newer keyframes follow their parent in the spanning
 //                tree, other points their reference keyframe, the camera the newest keyframe
 //   redundant    keyframes of the neighbourhood whose points are nearly all seen by three others
-//   evict        room for the next keyframes, ahead of need (the policy stands in engine/map/map.hpp)
+//   evict        room for the next keyframes, ahead of need (the policy stands in engine/map/eviction.hpp)
 // Tracking never waits: a keyframe is part of the map when it is made; mapping refines it. The queue is bounded
 // (World::kKeyframeQueueMax): a keyframe beyond it is not refined, and counted as refused.
 // Units: a residual evaluated, 32 descriptors compared, or what takes as long. No piece takes more than

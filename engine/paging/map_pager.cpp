@@ -4,6 +4,7 @@
 
 #include "engine/base/numbers.hpp"
 #include "engine/base/sort.hpp"
+#include "engine/map/eviction.hpp"
 
 namespace stillmesh {
 namespace {
@@ -414,7 +415,7 @@ std::uint32_t MapPager::make_room() noexcept {
     stage_ = Stage::kInsert;
     if (world_->map.keyframes().is_full()) {
         units += world_->limits.features_max / 4 + 2 * world_->limits.keyframes_max;
-        if (!world_->map.evict_keyframe(world_->local_map.keyframes())) {
+        if (!evict_keyframe(world_->map, world_->local_map.keyframes())) {
             ++statistics_.no_room;
             drop();
             return units;
@@ -424,8 +425,8 @@ std::uint32_t MapPager::make_room() noexcept {
     for (std::uint32_t i = 0; i < info_.keyframe.observations; ++i) wanted += named_[i].point.is_null() ? 1U : 0U;
     const std::size_t free = world_->map.points().capacity() - world_->map.points().size();
     if (free < wanted) {
-        static_cast<void>(world_->map.make_room_for_points(wanted - static_cast<std::uint32_t>(free),
-                                                           world_->clock.frame, world_->local_map.spared()));
+        static_cast<void>(make_room_for_points(world_->map, wanted - static_cast<std::uint32_t>(free),
+                                               world_->clock.frame, world_->local_map.spared()));
         units += world_->limits.map_points_max / 16;
     }
     return units;

@@ -2,7 +2,7 @@
 // back when their words are seen again. First of the background tasks, since what it does in a while is bounded:
 //   keep     a keyframe that is known by its words and no longer part of the local map is given to the store, once,
 //            unless one that sees the same place was; once more when the map has moved it. Who makes room in the map
-//            afterwards (engine/map/map.hpp) takes nothing that is not kept.
+//            afterwards (engine/map/eviction.hpp) takes nothing that is not kept.
 //   ask      with the words of each keyframe once it has some, or of a lost camera's picture; one question at a time
 //   check    every number of the region that comes back
 //   match    its points with those of the map, by name: what is still there is not made twice

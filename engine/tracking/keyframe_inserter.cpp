@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "engine/map/eviction.hpp"
+
 namespace stillmesh {
 
 void KeyframeInserter::create(const Configuration& configuration) noexcept {
@@ -48,14 +50,14 @@ void KeyframeInserter::make_room(std::uint32_t points_wanted, std::uint64_t numb
     for (const bool is_local_spared : {true, false}) {
         const std::size_t free = points.capacity() - points.size();
         if (free >= points_wanted || (is_local_spared && !is_mapping_)) continue;
-        static_cast<void>(map.make_room_for_points(static_cast<std::uint32_t>(points_wanted - free), number,
-                                                   is_local_spared ? local_map.spared() : SparedPoints{}));
+        static_cast<void>(make_room_for_points(map, static_cast<std::uint32_t>(points_wanted - free), number,
+                                               is_local_spared ? local_map.spared() : SparedPoints{}));
     }
     if (!map.keyframes().is_full()) return;
     if (!is_mapping_) {
-        map.evict_oldest();
-    } else if (!map.evict_keyframe(local_map.keyframes())) {
-        STILLMESH_CHECK(map.evict_keyframe({}));
+        evict_oldest(map);
+    } else if (!evict_keyframe(map, local_map.keyframes())) {
+        STILLMESH_CHECK(evict_keyframe(map, {}));
     }
 }
 
@@ -63,7 +65,7 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
     Map& map = world.map;
     const MeasuredFrame& frame = source.frame;
     const MapMatcher& matcher = source.matcher;
-    if (!is_mapping_) map.cull_points(source.number);
+    if (!is_mapping_) cull_points(map, source.number);
     make_room(new_points_possible(frame, matcher), source.number, map, world.local_map);
     const Handle<Keyframe> handle = map.add_keyframe();
     Keyframe& keyframe = *map.keyframes().find(handle);

@@ -7,244 +7,18 @@
 #include <vector>
 
 #include "engine/base/random.hpp"
-#include "engine/map/local_map.hpp"
+#include "engine/map/eviction.hpp"
+#include "tests/map/map_rig.hpp"
 #include "tests/support/check_message.hpp"
-#include "tests/support/memory.hpp"
 
 namespace stillmesh {
 namespace {
 
-using MapInMemory = test::InMemory<Map>;
-
-Limits small(std::uint32_t keyframes, std::uint32_t points, std::uint32_t features) {
-    Limits limits = Limits::tiny();
-    limits.keyframes_max = keyframes;
-    limits.map_points_max = points;
-    limits.features_max = features;
-    return limits;
-}
-
-Observation observation_of(Handle<MapPoint> point, float x = 0) {
-    Observation out;
-    out.point = point;
-    out.x = x;
-    return out;
-}
-
-Handle<MapPoint> add_point(Map& map, std::uint64_t seen_in = 0) {
-    const auto taken = map.add_point();
-    EXPECT_TRUE(taken.is_ok());
-    map.points().find(taken.value())->last_seen_frame = seen_in;
-    return taken.value();
-}
-
-Handle<Keyframe> add_keyframe(Map& map, std::uint64_t frame) {
-    const Handle<Keyframe> handle = map.add_keyframe();
-    EXPECT_FALSE(handle.is_null());
-    map.keyframes().find(handle)->frame = frame;
-    map.keyframes().find(handle)->last_useful_frame = frame;
-    return handle;
-}
-
-// Promise: a full pool of points says kFull and changes nothing; the least recently seen are forgotten, lower slots
-// first, never those seen in the frame at hand nor the spared; handles to them are stale, others live.
-TEST(Map, ForgetsTheLeastRecentlySeen) {
-    MapInMemory map(small(4, 10, 8));
-    ASSERT_EQ(map.used_bytes(), map.planned_bytes());
-    std::vector<Handle<MapPoint>> handles;
-    const std::uint64_t seen[10] = {5, 3, 3, 9, 1, 9, 3, 7, 2, 9};
-    for (const std::uint64_t frame : seen) {
-        handles.push_back(add_point(*map, frame));
-        map->points().find(handles.back())->seen = 9;
-    }
-    const std::uint64_t hash = map->changes_hash();
-    EXPECT_EQ(map->add_point().status(), Status::kFull);
-    EXPECT_EQ(map->changes_hash(), hash);
-    EXPECT_EQ(map->points().size(), 10U);
-    const auto alive = [&] {
-        std::vector<int> out;
-        for (int i = 0; i < 10; ++i) {
-            if (map->points().find(handles[static_cast<std::size_t>(i)]) != nullptr) out.push_back(i);
-        }
-        return out;
-    };
-    EXPECT_EQ(map->make_room_for_points(0, 9, {}), 0U);
-    EXPECT_EQ(alive().size(), 10U);
-    std::vector<std::uint8_t> marks(10, 0);
-    marks[4] = 7;
-    // Frames 1 (spared), 2 and two of the three seen in 3.
-    EXPECT_EQ(map->make_room_for_points(3, 9, {marks, 7}), 3U);
-    EXPECT_EQ(alive(), (std::vector<int>{0, 3, 4, 5, 6, 7, 9}));
-    EXPECT_EQ(map->points_forgotten(), 3U);
-    EXPECT_EQ(map->make_room_for_points(100, 9, {}), 4U);  // more than there are: those of frame 9 stay
-    EXPECT_EQ(alive(), (std::vector<int>{3, 5, 9}));
-    EXPECT_EQ(map->points_forgotten(), 7U);
-    EXPECT_EQ(map->statistics().points_evicted, 7U);
-    // What was seen later than the frame asked about stays as well.
-    map->points().at(handles[3].slot()).last_seen_frame = 12;
-    EXPECT_EQ(map->make_room_for_points(100, 11, {}), 2U);
-    EXPECT_EQ(alive(), (std::vector<int>{3}));
-}
-
-// Promise: points that move or that hardly anybody has seen go before those that were seen long ago, spared or not, but
-// not what was seen in the frame at hand.
-TEST(Map, ForgetsWeakPointsFirst) {
-    MapInMemory map(small(4, 6, 8));
-    std::vector<Handle<MapPoint>> handles;
-    const std::uint64_t last_seen[6] = {1, 8, 7, 6, 2, 9};
-    const std::uint16_t seen[6] = {9, 2, 9, 2, 9, 1};
-    for (std::size_t i = 0; i < 6; ++i) {
-        handles.push_back(add_point(*map, last_seen[i]));
-        map->points().find(handles[i])->seen = seen[i];
-    }
-    map->points().find(handles[2])->is_suspect = true;
-    const std::vector<std::uint8_t> marks{0, 7, 7, 0, 7, 7};
-    std::vector<int> order;
-    for (int round = 0; round < 6; ++round) {
-        const std::uint32_t went = map->make_room_for_points(1, 9, {marks, 7});
-        for (int i = 0; i < 6; ++i) {
-            if (map->points().find(handles[static_cast<std::size_t>(i)]) == nullptr &&
-                std::find(order.begin(), order.end(), i) == order.end()) {
-                order.push_back(i);
-            }
-        }
-        if (went == 0) break;
-    }
-    EXPECT_EQ(order, (std::vector<int>{3, 2, 1, 0})) << "weak ones by age, then 0; 4 is spared, 5 of this frame";
-}
-
-// Promise: a full pool thins out every place rather than forgetting the oldest ones: however long the way, each
-// keyframe keeps its share of the points, those that were seen most often.
-TEST(Map, EachPlaceKeepsItsShare) {
-    constexpr std::uint32_t kKeyframes = 8, kSeen = 20, kPoints = 60;
-    MapInMemory map(small(kKeyframes, kPoints, kSeen));
-    std::vector<std::vector<Handle<MapPoint>>> seen(kKeyframes);
-    for (std::uint32_t k = 0; k < kKeyframes; ++k) {
-        const std::uint64_t frame = 10 * (k + 1);
-        const std::size_t free = kPoints - map->points().size();
-        if (free < kSeen) map->make_room_for_points(static_cast<std::uint32_t>(kSeen - free), frame, {});
-        const Handle<Keyframe> keyframe = add_keyframe(*map, frame);
-        for (std::uint32_t i = 0; i < kSeen; ++i) {
-            seen[k].push_back(add_point(*map, frame));
-            map->points().find(seen[k].back())->seen = static_cast<std::uint16_t>(i % 4 == 0 ? 40 : 5);
-            map->add_observation(keyframe, observation_of(seen[k].back()), {});
-        }
-        map->attach(keyframe);
-        ASSERT_EQ(map->find_fault(), nullptr);
-    }
-    for (std::uint32_t k = 0; k < kKeyframes; ++k) {
-        std::uint32_t alive = 0, often = 0;
-        for (std::uint32_t i = 0; i < kSeen; ++i) {
-            if (map->points().find(seen[k][i]) == nullptr) continue;
-            ++alive;
-            often += i % 4 == 0 ? 1U : 0U;
-        }
-        EXPECT_GE(alive, (kPoints - kSeen) / kKeyframes) << k;
-        EXPECT_EQ(often, kSeen / 4) << k;
-    }
-}
-
-// Promise: culling takes what is unseen for a second and weak, in any slices the same.
-TEST(Map, CullsInSlices) {
-    for (const std::uint32_t slice : {1U, 3U, 100U}) {
-        MapInMemory map(small(2, 20, 8));
-        for (std::uint32_t i = 0; i < 20; ++i) {
-            const Handle<MapPoint> handle = add_point(*map, i % 2 == 0 ? 5 : 50);
-            map->points().find(handle)->seen = i % 3 == 0 ? 2 : 9;
-            map->points().find(handle)->is_suspect = i % 5 == 0;
-        }
-        std::uint32_t next = 0;
-        do {
-            next = map->cull_points(5 + MapParameters{}.cull_after_frames + 1, next, slice);
-        } while (next != 0);
-        for (std::uint32_t i = 0; i < 20; ++i) {
-            EXPECT_EQ(map->points().is_taken(i), !(i % 2 == 0 && (i % 3 == 0 || i % 5 == 0))) << i;
-        }
-        EXPECT_EQ(map->statistics().points_culled, 20 - map->points().size());
-    }
-}
-
-// Promise: a full pool of keyframes says so and changes nothing; the policy forgets the newer of two neighbours, unless
-// nothing is left of what the older one saw, then the least recently useful, never the newest nor the spared, who are
-// nobody's neighbours; what nobody else observes goes with it.
-TEST(Map, EvictsByPolicy) {
-    for (const bool is_older_empty : {false, true}) {
-        MapInMemory map(small(6, 20, 5));
-        std::vector<Handle<Keyframe>> keyframes;
-        std::vector<Handle<MapPoint>> points;
-        for (std::uint64_t i = 0; i < 6; ++i) {
-            keyframes.push_back(add_keyframe(*map, 10 * i + 1));
-            Keyframe& keyframe = *map->keyframes().find(keyframes.back());
-            // 2 and 3 are neighbours, and nearer ones are 0 and 1, one of which is spared.
-            keyframe.world_from_camera.translation.x() = i == 3 ? 20.5 : i == 1 ? 0.2 : 10.0 * static_cast<double>(i);
-            points.push_back(add_point(*map));
-            map->points().find(points.back())->seen = 9;
-            map->points().find(points.back())->is_suspect = is_older_empty && i == 2;
-            map->add_observation(keyframes.back(), observation_of(points.back()));
-            map->attach(keyframes.back());
-        }
-        ASSERT_EQ(map->find_fault(), nullptr);
-        const std::uint64_t hash = map->changes_hash();
-        EXPECT_TRUE(map->add_keyframe().is_null());
-        EXPECT_EQ(map->changes_hash(), hash);
-        std::vector<std::uint8_t> spared(6, 0);
-        spared[0] = 1;
-        ASSERT_TRUE(map->evict_keyframe(spared));
-        const std::size_t gone = is_older_empty ? 2 : 3;
-        EXPECT_EQ(map->keyframes().find(keyframes[gone]), nullptr);
-        EXPECT_EQ(map->points().find(points[gone]), nullptr);
-        ASSERT_EQ(map->find_fault(), nullptr);
-        map->keyframes().find(keyframes[1])->last_useful_frame = 1000;
-        ASSERT_TRUE(map->evict_keyframe(spared));
-        EXPECT_EQ(map->keyframes().find(keyframes[is_older_empty ? 3 : 2]), nullptr) << "the least recently useful";
-        ASSERT_TRUE(map->evict_keyframe({}));
-        EXPECT_EQ(map->keyframes().find(keyframes[1]), nullptr) << "nobody is spared: the newer of two neighbours";
-        ASSERT_TRUE(map->evict_keyframe({}));
-        EXPECT_EQ(map->keyframes().find(keyframes[0]), nullptr);
-        ASSERT_TRUE(map->evict_keyframe({}));
-        EXPECT_FALSE(map->evict_keyframe({})) << "the newest stays";
-        EXPECT_NE(map->keyframes().find(keyframes[5]), nullptr);
-        EXPECT_EQ(map->points().size(), 1U);
-        EXPECT_EQ(map->statistics().keyframes_evicted, 5U);
-        EXPECT_EQ(map->statistics().points_evicted, 5U);
-    }
-}
-
-// Promise: a way longer than the pool is thinned from all of its length; neither its beginning nor its middle is
-// forgotten, and the gaps stay even. Turning on the spot counts as a way, too.
-TEST(Map, ThinsAWayOut) {
-    for (const bool is_turn : {false, true}) {
-        MapInMemory map(small(12, 20, 5));
-        std::vector<std::uint8_t> spared(12, 0);
-        const double length = is_turn ? 3.0 : 6.0;  // rad or m
-        constexpr std::uint64_t kSteps = 120;
-        for (std::uint64_t i = 0; i <= kSteps; ++i) {
-            std::fill(spared.begin(), spared.end(), std::uint8_t{0});
-            for (std::uint32_t k = 0; k < 3; ++k) {
-                if (const Handle<Keyframe> recent = map->recent_keyframe(k); !recent.is_null()) {
-                    spared[recent.slot()] = 1;
-                }
-            }
-            if (map->keyframes().is_full()) {
-                ASSERT_TRUE(map->evict_keyframe(spared));
-            }
-            Keyframe& keyframe = *map->keyframes().find(add_keyframe(*map, i + 1));
-            const double at = length * static_cast<double>(i) / static_cast<double>(kSteps);
-            if (is_turn) {
-                keyframe.world_from_camera = se3_exp((Vector6() << 0, 0, 0, 0, at, 0).finished());
-            } else {
-                keyframe.world_from_camera.translation.x() = at;
-            }
-        }
-        std::vector<std::uint64_t> left;
-        for (std::uint32_t i = 12; i-- > 0;) left.push_back(map->keyframes().find(map->recent_keyframe(i))->frame);
-        left.push_back(kSteps + 1);
-        EXPECT_LE(left[0], kSteps / 8) << is_turn;
-        for (std::size_t i = 1; i < left.size(); ++i) {
-            EXPECT_LE(left[i] - left[i - 1], kSteps / 4) << is_turn << " after " << left[i - 1];
-        }
-    }
-}
+using test::add_keyframe;
+using test::add_point;
+using test::MapInMemory;
+using test::observation_of;
+using test::small;
 
 // Promise: fusing moves observations over, joins covisibility, and the longer past has the say about the weight.
 TEST(Map, FusesDuplicates) {
@@ -269,26 +43,6 @@ TEST(Map, FusesDuplicates) {
     EXPECT_EQ(map->points().find(a)->seen, 11U);
     EXPECT_EQ(map->points().find(a)->weight_tenths, 17U);
     EXPECT_EQ(map->statistics().points_fused, 1U);
-}
-
-// Promise: redundant is who sees nothing that three others do not see from as near.
-TEST(Map, KnowsRedundantKeyframes) {
-    MapInMemory map(small(6, 40, 20));
-    std::vector<Handle<Keyframe>> keyframes;
-    for (std::uint64_t i = 0; i < 5; ++i) {
-        keyframes.push_back(add_keyframe(*map, i + 1));
-        map->keyframes().find(keyframes.back())->world_from_camera.translation.z() = -0.5 * static_cast<double>(i);
-    }
-    for (std::uint32_t i = 0; i < 20; ++i) {
-        const Handle<MapPoint> point = add_point(*map);
-        map->points().find(point)->world[2] = 2;
-        for (std::size_t k = 0; k < 5; ++k) {
-            if (k != 4 || i >= 2) map->add_observation(keyframes[k], observation_of(point));
-        }
-    }
-    EXPECT_TRUE(map->is_redundant(keyframes[4])) << "three nearer ones see it all";
-    EXPECT_TRUE(map->is_redundant(keyframes[3]));
-    EXPECT_FALSE(map->is_redundant(keyframes[0])) << "all others are farther away";
 }
 
 // Promise: more observations than features, or on a stale keyframe, are our bug.
@@ -338,9 +92,9 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
                 std::vector<std::uint8_t> spared(limits.keyframes_max, 0);
                 spared[random.below(limits.keyframes_max)] = 1;
                 if (random.below(3) == 0) {
-                    map->evict_oldest();
-                } else if (!map->evict_keyframe(spared)) {
-                    EXPECT_TRUE(map->evict_keyframe({}));
+                    evict_oldest(*map);
+                } else if (!evict_keyframe(*map, spared)) {
+                    EXPECT_TRUE(evict_keyframe(*map, {}));
                 }
             }
             const Handle<Keyframe> keyframe = map->add_keyframe();
@@ -374,12 +128,12 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
             }
         } else if (what < 87) {
             const Handle<Keyframe> keyframe = some_keyframe();
-            if (!keyframe.is_null()) map->release_redundant(keyframe);
+            if (!keyframe.is_null()) release_redundant(*map, keyframe);
         } else if (what < 92) {
-            static_cast<void>(map->make_room_for_points(random.below(limits.map_points_max / 3), frame, {}));
+            static_cast<void>(make_room_for_points(*map, random.below(limits.map_points_max / 3), frame, {}));
         } else if (what < 95) {
             frame += random.below(2 * MapParameters{}.cull_after_frames);
-            map->cull_points(frame);
+            cull_points(*map, frame);
         } else if (what < 96) {
             map->reset();
             points_added = keyframes_added = released = 0;
@@ -555,117 +309,6 @@ TEST(Map, IsExpressedWithAnotherReadout) {
         EXPECT_NEAR(static_cast<double>(map->observations(handle)[i].normalised_x), seen[i].x(), 1e-4) << i;
     }
     EXPECT_LE((map->keyframes().find(handle)->world_from_camera.translation - pose.translation).norm(), 1e-12);
-}
-
-Handle<MapPoint> add_point_ahead(Map& map, const Vector3& world = {0, 0, 2}, float made_at_m = 2) {
-    const Handle<MapPoint> handle = add_point(map);
-    store(world, map.points().find(handle)->world);
-    map.points().find(handle)->distance_m = made_at_m;
-    return handle;
-}
-
-// Promise: what is in view is listed although only a keyframe far away observes it; what is behind, beside, or was made
-// from much farther or nearer is not, whoever observes it; the view is as wide as the camera's, and a little more.
-TEST(LocalMap, ListsAllThatIsInView) {
-    MapInMemory map(small(8, 60, 20));
-    test::InMemory<LocalMap> local(small(8, 60, 20));
-    const Handle<Keyframe> far = add_keyframe(*map, 1);
-    map->keyframes().find(far)->world_from_camera.translation = Vector3(50, 0, 0);
-    const Handle<Keyframe> here = add_keyframe(*map, 2);
-    struct Case {
-        Vector3 world;
-        float made_at_m;
-        bool is_in_view;
-    };
-    // Created with a cosine of 0.7: 45.6 degrees, and 5.7 more.
-    const Case cases[] = {{{0, 0, 2}, 2, true},    {{0, 0, -2}, 2, false},   {{1.9, 0, 2}, 2, true},
-                          {{2.35, 0, 2}, 2, true}, {{2.6, 0, 2}, 2, false},  {{0, -2.6, 2}, 2, false},
-                          {{0, 0, 2}, 7, false},   {{0, 0, 2}, 0.6F, false}, {{0, 0, 2}, 6, true},
-                          {{0, 0, 2}, 0.7F, true}};
-    std::vector<Handle<MapPoint>> points;
-    for (const Case& one : cases) {
-        points.push_back(add_point_ahead(*map, one.world, one.made_at_m));
-        map->add_observation(points.size() % 2 == 0 ? far : here, observation_of(points.back()));
-    }
-    local->build(*map, SE3{});
-    for (std::size_t i = 0; i < points.size(); ++i) {
-        const auto listed = local->points();
-        EXPECT_EQ(std::count(listed.begin(), listed.end(), points[i].slot()), cases[i].is_in_view ? 1 : 0) << i;
-    }
-}
-
-// Promise: the local map lists points once, new ones at once, never more than its limit, and at most half the
-// keyframes.
-TEST(LocalMap, ListsPointsOnce) {
-    Limits limits = small(8, 60, 20);
-    limits.local_points_max = 25;
-    MapInMemory map(limits);
-    test::InMemory<LocalMap> local(limits);
-    ASSERT_EQ(local.used_bytes(), local.planned_bytes());
-    std::vector<Handle<MapPoint>> points;
-    for (int i = 0; i < 40; ++i) points.push_back(add_point_ahead(*map));
-    for (std::uint64_t k = 0; k < 8; ++k) {
-        const Handle<Keyframe> keyframe = add_keyframe(*map, k + 1);
-        for (std::size_t i = 0; i < 12; ++i) map->add_observation(keyframe, observation_of(points[4 * k + i]));
-        map->attach(keyframe);
-    }
-    local->begin_counting();
-    local->count(*map, points[5].slot());
-    EXPECT_EQ(local->reference(*map).slot(), 0U);
-    EXPECT_TRUE(local->is_stale(*map, SE3{}));
-    local->build(*map, SE3{});
-    EXPECT_FALSE(local->is_stale(*map, SE3{}));
-    std::vector<std::uint32_t> listed(local->points().begin(), local->points().end());
-    EXPECT_LE(listed.size(), 25U);
-    EXPECT_GE(listed.size(), 20U);
-    std::sort(listed.begin(), listed.end());
-    EXPECT_EQ(std::adjacent_find(listed.begin(), listed.end()), listed.end());
-    EXPECT_LE(std::count(local->keyframes().begin(), local->keyframes().end(), 1), 4);
-    EXPECT_EQ(local->keyframes()[7], 1U) << "the newest is always local";
-    EXPECT_EQ(local->keyframes()[0], 1U) << "it shares the point of the frame";
-    const auto size = local->points().size();
-    for (int i = 0; i < 2; ++i) local->add(points[39].slot());
-    EXPECT_LE(local->points().size(), std::min<std::size_t>(size + 1, 25));
-    SE3 away;
-    away.translation.x() = 0.2;
-    EXPECT_TRUE(local->is_stale(*map, away));
-}
-
-// Promise: where more is in view than the list holds, what the local keyframes observe comes first, the rest in the
-// order of the pool; a list says the same however often it was built before, and who is spared is who is listed.
-TEST(LocalMap, LocalKeyframesComeFirst) {
-    Limits limits = small(8, 60, 20);
-    limits.local_points_max = 25;
-    MapInMemory map(limits);
-    test::InMemory<LocalMap> local(limits);
-    std::vector<Handle<MapPoint>> points;
-    for (int i = 0; i < 40; ++i) points.push_back(add_point_ahead(*map));
-    const Handle<Keyframe> far = add_keyframe(*map, 1);
-    map->keyframes().find(far)->world_from_camera.translation = Vector3(50, 0, 0);
-    const Handle<Keyframe> here = add_keyframe(*map, 2);
-    for (std::size_t i = 0; i < 20; ++i) {
-        map->add_observation(far, observation_of(points[i]));
-        map->add_observation(here, observation_of(points[20 + i]));
-    }
-    std::vector<std::uint32_t> expected;
-    for (std::size_t i = 20; i < 40; ++i) expected.push_back(points[i].slot());
-    for (std::size_t i = 0; i < 5; ++i) expected.push_back(points[i].slot());
-    SE3 elsewhere;  // where five other points are in view
-    elsewhere.translation.x() = 4;
-    for (int i = 0; i < 5; ++i) static_cast<void>(add_point_ahead(*map, {4, 0, 2}));
-    for (int round = 0; round < 700; ++round) {  // more than marks have values
-        const bool is_crowded = round % 3 != 0;
-        local->build(*map, is_crowded ? SE3{} : elsewhere);
-        if (!is_crowded) {
-            ASSERT_EQ(local->points().size(), 5U);
-            continue;
-        }
-        const std::vector<std::uint32_t> listed(local->points().begin(), local->points().end());
-        std::vector<bool> is_listed(60);
-        for (const std::uint32_t slot : listed) is_listed[slot] = true;
-        for (std::uint32_t slot = 0; slot < 60; ++slot) ASSERT_EQ(local->spared().has(slot), is_listed[slot]) << round;
-        ASSERT_EQ(listed, expected) << round;
-    }
 }
 
 }  // namespace

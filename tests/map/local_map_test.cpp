@@ -1,0 +1,132 @@
+#include "engine/map/local_map.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "tests/map/map_rig.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::add_keyframe;
+using test::add_point;
+using test::MapInMemory;
+using test::observation_of;
+using test::small;
+
+Handle<MapPoint> add_point_ahead(Map& map, const Vector3& world = {0, 0, 2}, float made_at_m = 2) {
+    const Handle<MapPoint> handle = add_point(map);
+    store(world, map.points().find(handle)->world);
+    map.points().find(handle)->distance_m = made_at_m;
+    return handle;
+}
+
+// Promise: what is in view is listed although only a keyframe far away observes it; what is behind, beside, or was made
+// from much farther or nearer is not, whoever observes it; the view is as wide as the camera's, and a little more.
+TEST(LocalMap, ListsAllThatIsInView) {
+    MapInMemory map(small(8, 60, 20));
+    test::InMemory<LocalMap> local(small(8, 60, 20));
+    const Handle<Keyframe> far = add_keyframe(*map, 1);
+    map->keyframes().find(far)->world_from_camera.translation = Vector3(50, 0, 0);
+    const Handle<Keyframe> here = add_keyframe(*map, 2);
+    struct Case {
+        Vector3 world;
+        float made_at_m;
+        bool is_in_view;
+    };
+    // Created with a cosine of 0.7: 45.6 degrees, and 5.7 more.
+    const Case cases[] = {{{0, 0, 2}, 2, true},    {{0, 0, -2}, 2, false},   {{1.9, 0, 2}, 2, true},
+                          {{2.35, 0, 2}, 2, true}, {{2.6, 0, 2}, 2, false},  {{0, -2.6, 2}, 2, false},
+                          {{0, 0, 2}, 7, false},   {{0, 0, 2}, 0.6F, false}, {{0, 0, 2}, 6, true},
+                          {{0, 0, 2}, 0.7F, true}};
+    std::vector<Handle<MapPoint>> points;
+    for (const Case& one : cases) {
+        points.push_back(add_point_ahead(*map, one.world, one.made_at_m));
+        map->add_observation(points.size() % 2 == 0 ? far : here, observation_of(points.back()));
+    }
+    local->build(*map, SE3{});
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        const auto listed = local->points();
+        EXPECT_EQ(std::count(listed.begin(), listed.end(), points[i].slot()), cases[i].is_in_view ? 1 : 0) << i;
+    }
+}
+
+// Promise: the local map lists points once, new ones at once, never more than its limit, and at most half the
+// keyframes.
+TEST(LocalMap, ListsPointsOnce) {
+    Limits limits = small(8, 60, 20);
+    limits.local_points_max = 25;
+    MapInMemory map(limits);
+    test::InMemory<LocalMap> local(limits);
+    ASSERT_EQ(local.used_bytes(), local.planned_bytes());
+    std::vector<Handle<MapPoint>> points;
+    for (int i = 0; i < 40; ++i) points.push_back(add_point_ahead(*map));
+    for (std::uint64_t k = 0; k < 8; ++k) {
+        const Handle<Keyframe> keyframe = add_keyframe(*map, k + 1);
+        for (std::size_t i = 0; i < 12; ++i) map->add_observation(keyframe, observation_of(points[4 * k + i]));
+        map->attach(keyframe);
+    }
+    local->begin_counting();
+    local->count(*map, points[5].slot());
+    EXPECT_EQ(local->reference(*map).slot(), 0U);
+    EXPECT_TRUE(local->is_stale(*map, SE3{}));
+    local->build(*map, SE3{});
+    EXPECT_FALSE(local->is_stale(*map, SE3{}));
+    std::vector<std::uint32_t> listed(local->points().begin(), local->points().end());
+    EXPECT_LE(listed.size(), 25U);
+    EXPECT_GE(listed.size(), 20U);
+    std::sort(listed.begin(), listed.end());
+    EXPECT_EQ(std::adjacent_find(listed.begin(), listed.end()), listed.end());
+    EXPECT_LE(std::count(local->keyframes().begin(), local->keyframes().end(), 1), 4);
+    EXPECT_EQ(local->keyframes()[7], 1U) << "the newest is always local";
+    EXPECT_EQ(local->keyframes()[0], 1U) << "it shares the point of the frame";
+    const auto size = local->points().size();
+    for (int i = 0; i < 2; ++i) local->add(points[39].slot());
+    EXPECT_LE(local->points().size(), std::min<std::size_t>(size + 1, 25));
+    SE3 away;
+    away.translation.x() = 0.2;
+    EXPECT_TRUE(local->is_stale(*map, away));
+}
+
+// Promise: where more is in view than the list holds, what the local keyframes observe comes first, the rest in the
+// order of the pool; a list says the same however often it was built before, and who is spared is who is listed.
+TEST(LocalMap, LocalKeyframesComeFirst) {
+    Limits limits = small(8, 60, 20);
+    limits.local_points_max = 25;
+    MapInMemory map(limits);
+    test::InMemory<LocalMap> local(limits);
+    std::vector<Handle<MapPoint>> points;
+    for (int i = 0; i < 40; ++i) points.push_back(add_point_ahead(*map));
+    const Handle<Keyframe> far = add_keyframe(*map, 1);
+    map->keyframes().find(far)->world_from_camera.translation = Vector3(50, 0, 0);
+    const Handle<Keyframe> here = add_keyframe(*map, 2);
+    for (std::size_t i = 0; i < 20; ++i) {
+        map->add_observation(far, observation_of(points[i]));
+        map->add_observation(here, observation_of(points[20 + i]));
+    }
+    std::vector<std::uint32_t> expected;
+    for (std::size_t i = 20; i < 40; ++i) expected.push_back(points[i].slot());
+    for (std::size_t i = 0; i < 5; ++i) expected.push_back(points[i].slot());
+    SE3 elsewhere;  // where five other points are in view
+    elsewhere.translation.x() = 4;
+    for (int i = 0; i < 5; ++i) static_cast<void>(add_point_ahead(*map, {4, 0, 2}));
+    for (int round = 0; round < 700; ++round) {  // more than marks have values
+        const bool is_crowded = round % 3 != 0;
+        local->build(*map, is_crowded ? SE3{} : elsewhere);
+        if (!is_crowded) {
+            ASSERT_EQ(local->points().size(), 5U);
+            continue;
+        }
+        const std::vector<std::uint32_t> listed(local->points().begin(), local->points().end());
+        std::vector<bool> is_listed(60);
+        for (const std::uint32_t slot : listed) is_listed[slot] = true;
+        for (std::uint32_t slot = 0; slot < 60; ++slot) ASSERT_EQ(local->spared().has(slot), is_listed[slot]) << round;
+        ASSERT_EQ(listed, expected) << round;
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
