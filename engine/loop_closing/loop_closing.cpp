@@ -412,14 +412,11 @@ std::uint32_t LoopClosing::commit() noexcept {
     const PoseGraphSummary& summary = graph_.summary();
     statistics_.graph_iterations += summary.iterations;
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
-    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
-        if (node_[slot] == 0 || keyframes.find(moved_[slot].handle) == nullptr) continue;
-        moved_[slot].world_from_world = graph_.pose(node_[slot] - 1U) * moved_[slot].before.inverse();
-        moved_[slot].is_any = true;
-    }
     const Handle<Keyframe> newest = world_->map.recent_keyframe(0);
     const SE3 before = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
-    move_map(false);
+    move_keyframes(graph_);
+    world_->map_correction.move_points(world_->map, [](std::uint32_t, const MapPoint&, Vector3&) { return false; });
+    move_camera();
     const SE3 after = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
     statistics_.last_correction_m = length(after.translation - before.translation);
     statistics_.largest_correction_m = std::max(statistics_.largest_correction_m, statistics_.last_correction_m);
@@ -440,59 +437,39 @@ std::uint32_t LoopClosing::commit() noexcept {
     return world_->limits.map_points_max / 16 + 8 * world_->limits.keyframes_max;
 }
 
-// The one step in which the map moves: keyframes by moved_, newer ones with their parent, points with their reference
-// keyframe (or to where the adjustment put them), the camera with the newest keyframe.
-void LoopClosing::move_map(bool is_adjusted) noexcept {
-    Pool<Keyframe>& keyframes = world_->map.keyframes();
-    const std::uint32_t slots = keyframes.slots_count();
-    const auto move = [&](std::uint32_t slot) {
-        renormalise(moved_[slot].world_from_world.rotation);
-        SE3& pose = keyframes.at(slot).world_from_camera;
-        pose = moved_[slot].world_from_world * pose;
-        renormalise(pose.rotation);
-        for (int i = 0; i < 3; ++i) world_->map.note_change(pose.translation(i));
-    };
-    for (std::uint32_t slot = 0; slot < slots; ++slot) {
-        if (moved_[slot].is_any) move(slot);
+// Keyframes of the graph go where it says, all others with them.
+template <typename Solved>
+void LoopClosing::move_keyframes(const Solved& solved) noexcept {
+    Map& map = world_->map;
+    world_->map_correction.begin();
+    for (std::uint32_t slot = 0; slot < moved_.size(); ++slot) {
+        const Keyframe* const keyframe = map.keyframes().find(moved_[slot].handle);
+        if (node_[slot] == 0 || keyframe == nullptr) continue;
+        const SE3 correction = correction_between(solved.pose(node_[slot] - 1U), moved_[slot].before);
+        SE3 now = correction * keyframe->world_from_camera;
+        renormalise(now.rotation);
+        world_->map_correction.correct(map, moved_[slot].handle, now, correction);
+        for (int i = 0; i < 3; ++i) map.note_change(now.translation(i));
     }
-    // Newer ones follow their parent, the oldest first.
-    for (;;) {
-        std::uint32_t next = slots;
-        for (std::uint32_t slot = 0; slot < slots; ++slot) {
-            if (!keyframes.is_taken(slot) || moved_[slot].is_any || moved_[slot].is_looked_at) continue;
-            if (next == slots || keyframes.at(slot).frame < keyframes.at(next).frame) next = slot;
-        }
-        if (next == slots) break;
-        moved_[next].is_looked_at = true;
-        const Handle<Keyframe> parent = keyframes.at(next).parent;
-        if (parent.is_null() || !moved_[parent.slot()].is_any) continue;
-        moved_[next].world_from_world = moved_[parent.slot()].world_from_world;
-        moved_[next].is_any = true;
-        move(next);
+    world_->map_correction.follow(map, 0);
+}
+
+// Where the global adjustment put a point.
+bool LoopClosing::adjusted_place(std::uint32_t slot, const MapPoint& point, Vector3& world) const noexcept {
+    if (point_index_[slot] == 0) return false;
+    const std::uint32_t index = point_index_[slot] - 1;
+    // What tracking has followed since knows better where it is beside its keyframe.
+    if (!(adjusted_[index] == world_->map.points().handle_of(slot)) || point.is_suspect ||
+        !global_.is_point_used(index) || point.last_seen_frame > adjusting_since_) {
+        return false;
     }
-    const Handle<Keyframe> last = world_->map.recent_keyframe(0);
-    const SE3 of_camera = !last.is_null() && moved_[last.slot()].is_any ? moved_[last.slot()].world_from_world : SE3{};
-    Pool<MapPoint>& points = world_->map.points();
-    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
-        if (!points.is_taken(slot)) continue;
-        MapPoint& point = points.at(slot);
-        const bool is_orphan = point.reference.is_null();
-        if (!is_orphan && !moved_[point.reference.slot()].is_any) continue;
-        const SE3& correction = is_orphan ? of_camera : moved_[point.reference.slot()].world_from_world;
-        store(correction * vector_of(point.world), point.world);
-        store(correction * vector_of(point.anchor), point.anchor);
-        store(Vector3(correction.rotation * vector_of(point.world_by_readout)), point.world_by_readout);
-        store(Vector3(correction.rotation * vector_of(point.anchor_by_readout)), point.anchor_by_readout);
-        if (!is_adjusted || point_index_[slot] == 0) continue;
-        const std::uint32_t index = point_index_[slot] - 1;
-        // What tracking has followed since knows better where it is beside its keyframe.
-        if (!(adjusted_[index] == points.handle_of(slot)) || point.is_suspect || !global_.is_point_used(index) ||
-            point.last_seen_frame > adjusting_since_) {
-            continue;
-        }
-        store(global_.point(index), point.world);
-    }
-    world_->move_everything(of_camera);
+    world = global_.point(index);
+    return true;
+}
+
+void LoopClosing::move_camera() noexcept {
+    const SE3* const of_camera = world_->map_correction.of_newest(world_->map);
+    world_->move_everything(of_camera != nullptr ? *of_camera : SE3{});
 }
 
 // --- global adjustment -----------------------------------------------------------------------------------------------
@@ -610,13 +587,12 @@ std::uint32_t LoopClosing::commit_adjustment() noexcept {
     const GlobalSummary& summary = global_.summary();
     statistics_.adjustment_iterations += summary.iterations;
     if (summary.steps_accepted > 0) {
-        const Pool<Keyframe>& keyframes = world_->map.keyframes();
-        for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
-            if (node_[slot] == 0 || keyframes.find(moved_[slot].handle) == nullptr) continue;
-            moved_[slot].world_from_world = global_.pose(node_[slot] - 1U) * moved_[slot].before.inverse();
-            moved_[slot].is_any = true;
-        }
-        move_map(true);
+        move_keyframes(global_);
+        world_->map_correction.move_points(world_->map,
+                                           [this](std::uint32_t slot, const MapPoint& point, Vector3& world) {
+                                               return adjusted_place(slot, point, world);
+                                           });
+        move_camera();
     }
     global_.begin();
     adjusting_ = Adjusting::kNone;

@@ -99,9 +99,6 @@ private:
     struct Moved {
         Handle<Keyframe> handle;  // of the node
         SE3 before;               // when the graph was built
-        SE3 world_from_world;     // new from old
-        bool is_any = false;
-        bool is_looked_at = false;
     };
 
     [[nodiscard]] bool take() noexcept;
@@ -115,7 +112,10 @@ private:
     [[nodiscard]] std::uint32_t answer() noexcept;
     [[nodiscard]] std::uint32_t build() noexcept;
     [[nodiscard]] std::uint32_t commit() noexcept;
-    void move_map(bool is_adjusted) noexcept;
+    template <typename Solved>
+    void move_keyframes(const Solved& solved) noexcept;
+    [[nodiscard]] bool adjusted_place(std::uint32_t slot, const MapPoint& point, Vector3& world) const noexcept;
+    void move_camera() noexcept;
     void adjust(WorkBudget& budget) noexcept;
     [[nodiscard]] std::uint32_t begin_adjustment() noexcept;
     [[nodiscard]] std::uint32_t collect_points() noexcept;

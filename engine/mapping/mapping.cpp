@@ -13,12 +13,6 @@ namespace {
 constexpr std::uint32_t kCullChunk = 1024;  // slots in a piece
 constexpr std::uint32_t kFuseChunk = 32;    // points in a piece
 
-SE3 transform_between(const SE3& now, const SE3& before) noexcept {
-    SE3 out = now * before.inverse();
-    renormalise(out.rotation);
-    return out;
-}
-
 }  // namespace
 
 void Mapping::create(Arena& arena, World& world) noexcept {
@@ -32,7 +26,6 @@ void Mapping::create(Arena& arena, World& world) noexcept {
     problem_observations_ = arena.array<ProblemObservation>(8 * limits.features_max);
     problem_index_ = arena.array<std::uint32_t>(limits.map_points_max);
     counts_ = arena.array<std::uint16_t>(limits.keyframes_max);
-    corrections_ = arena.array<Correction>(limits.keyframes_max);
     // The longest pieces: the commit, which looks at every point; a feature against all of another keyframe; a chunk of
     // points of which each is fused.
     const std::uint32_t commit = limits.map_points_max / 16 + limits.features_max + 4 * limits.keyframes_max;
@@ -346,42 +339,24 @@ std::uint32_t Mapping::commit() noexcept {
 }
 
 void Mapping::correct_keyframes() noexcept {
-    std::fill(corrections_.begin(), corrections_.end(), Correction{});
+    Map& map = world_->map;
+    MapCorrection& correction = world_->map_correction;
+    correction.begin();
     std::uint64_t newest = 0;
-    Pool<Keyframe>& keyframes = world_->map.keyframes();
     for (std::uint32_t k = 0; k < problem_keyframe_count_; ++k) {
         const ProblemKeyframe& in = problem_keyframes_[k];
-        Keyframe* const keyframe = keyframes.find(in.handle);
+        const Keyframe* const keyframe = map.keyframes().find(in.handle);
         if (keyframe == nullptr) continue;
         newest = std::max(newest, keyframe->frame);
         if (in.is_fixed) continue;
         const SE3& pose = adjustment_.pose(in.index);
-        corrections_[in.handle.slot()] = {transform_between(pose, in.world_from_camera), true};
         // What was learnt of the readout meanwhile stays.
-        keyframe->world_from_camera =
-            pose * se3_exp(keyframe->pose_by_readout * (world_->map.readout_s() - readout_s_));
-        for (int i = 0; i < 3; ++i) world_->map.note_change(pose.translation(i));
+        const SE3 now = pose * se3_exp(keyframe->pose_by_readout * (map.readout_s() - readout_s_));
+        correction.correct(map, in.handle, now, correction_between(pose, in.world_from_camera));
+        for (int i = 0; i < 3; ++i) map.note_change(pose.translation(i));
     }
-    // Newer ones, oldest first, so that each finds its parent corrected.
-    for (;;) {
-        std::uint32_t next = kNone;
-        for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
-            if (!keyframes.is_taken(slot) || keyframes.at(slot).frame <= newest) continue;
-            if (next == kNone || keyframes.at(slot).frame < keyframes.at(next).frame) next = slot;
-        }
-        if (next == kNone) break;
-        Keyframe& keyframe = keyframes.at(next);
-        newest = keyframe.frame;
-        if (keyframe.parent.is_null() || !corrections_[keyframe.parent.slot()].is_any) continue;
-        corrections_[next] = corrections_[keyframe.parent.slot()];
-        keyframe.world_from_camera = corrections_[next].world_from_world * keyframe.world_from_camera;
-        renormalise(keyframe.world_from_camera.rotation);
-        for (int i = 0; i < 3; ++i) world_->map.note_change(keyframe.world_from_camera.translation(i));
-    }
-    const Handle<Keyframe> last = world_->map.recent_keyframe(0);
-    if (!last.is_null() && corrections_[last.slot()].is_any) {
-        world_->move_camera(corrections_[last.slot()].world_from_world);
-    }
+    correction.follow(map, newest + 1);
+    if (const SE3* const of_camera = correction.of_newest(map); of_camera != nullptr) world_->move_camera(*of_camera);
 }
 
 void Mapping::correct_points() noexcept {
@@ -389,8 +364,8 @@ void Mapping::correct_points() noexcept {
     for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
         if (!points.is_taken(slot)) continue;
         MapPoint& point = points.at(slot);
-        const bool follows = !point.reference.is_null() && corrections_[point.reference.slot()].is_any;
-        const SE3& correction = corrections_[follows ? point.reference.slot() : 0].world_from_world;
+        const SE3* const correction =
+            point.reference.is_null() ? nullptr : world_->map_correction.of(point.reference.slot());
         const std::uint32_t index = problem_index_[slot];
         const bool is_adjusted = index != 0 && problem_points_[index - 1].handle == points.handle_of(slot) &&
                                  !point.is_suspect && adjustment_.is_point_used(index - 1);
@@ -399,10 +374,10 @@ void Mapping::correct_points() noexcept {
             const Vector3 learnt = vector_of(point.world) - vector_of(problem_points_[index - 1].world);
             store(adjustment_.point(index - 1) + learnt, point.world);
             for (const double w : point.world) world_->map.note_change(w);
-        } else if (follows) {
-            store(correction * vector_of(point.world), point.world);
+        } else if (correction != nullptr) {
+            store(*correction * vector_of(point.world), point.world);
         }
-        if (follows) store(correction * vector_of(point.anchor), point.anchor);
+        if (correction != nullptr) store(*correction * vector_of(point.anchor), point.anchor);
     }
 }
 

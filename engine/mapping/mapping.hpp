@@ -57,7 +57,6 @@ public:
         arena.array<ProblemObservation>(8 * limits.features_max);
         arena.array<std::uint32_t>(limits.map_points_max);
         arena.array<std::uint16_t>(limits.keyframes_max);
-        arena.array<Correction>(limits.keyframes_max);
     }
     void create(Arena& arena, World& world) noexcept;
     void reset() noexcept;
@@ -91,10 +90,6 @@ private:
         std::uint16_t keyframe = 0;  // in problem_keyframes_
         std::uint16_t feature = 0;
     };
-    struct Correction {
-        SE3 world_from_world;  // new from old
-        bool is_any = false;
-    };
 
     // One piece each: what it does, and the units it took.
     [[nodiscard]] std::uint32_t cull() noexcept;
@@ -122,7 +117,6 @@ private:
     std::span<ProblemObservation> problem_observations_;
     std::span<std::uint32_t> problem_index_;  // by point slot: its index in the problem + 1
     std::span<std::uint16_t> counts_;         // by keyframe slot: observations of points of the problem
-    std::span<Correction> corrections_;       // by keyframe slot
     std::span<ProblemKeyframe> problem_keyframes_;
     double readout_s_ = 0;  // of the map, when the window was chosen
     std::uint32_t problem_keyframe_count_ = 0;

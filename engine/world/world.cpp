@@ -21,6 +21,7 @@ void World::create(Arena& arena, const Limits& limits_max, const Configuration& 
     pixel_noise.create(parameters, model);
     map.create(arena, limits_max, parameters.map);
     local_map.create(arena, limits_max, parameters.local_map, view_cosine(model));
+    map_correction.create(arena, limits_max);
     keyframe_queue.create(arena, kKeyframeQueueMax);
     noise = {parameters.noise.pixel_start, parameters.noise.depth_start};
 }

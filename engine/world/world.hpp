@@ -12,6 +12,7 @@
 #include "engine/limits.hpp"
 #include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
+#include "engine/map/map_correction.hpp"
 #include "engine/outputs.hpp"
 
 namespace stillmesh {
@@ -45,6 +46,7 @@ struct World {
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         Map::plan(arena, limits);
         LocalMap::plan(arena, limits);
+        MapCorrection::plan(arena, limits);
         Ring<Handle<Keyframe>>::plan(arena, kKeyframeQueueMax);
     }
     void create(Arena& arena, const Limits& limits_max, const Configuration& parameters,
@@ -65,6 +67,7 @@ struct World {
 
     Map map;
     LocalMap local_map;
+    MapCorrection map_correction;           // used within one step, by what moves the map
     Ring<Handle<Keyframe>> keyframe_queue;  // made by tracking, waiting for mapping; full: not refined
 
     Clock clock;

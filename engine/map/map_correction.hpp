@@ -1,0 +1,71 @@
+// How the map moves, the one way: some keyframes are given new poses; those that follow get the correction of their
+// parent in the spanning tree; points go with their reference keyframe, with their anchors and with what the readout
+// does to them; the camera goes with the newest keyframe. Local adjustment, pose graph and global adjustment differ in
+// what they give new poses to. Used within one step: begin(), correct() each, follow(), move_points().
+// Limits: keyframes_max corrections. Cost: one pass over the points; followers times keyframes.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/arena.hpp"
+#include "engine/geometry/se3.hpp"
+#include "engine/limits.hpp"
+#include "engine/map/map.hpp"
+
+namespace stillmesh {
+
+// New from old world coordinates, for what moved from one pose to another.
+[[nodiscard]] SE3 correction_between(const SE3& now, const SE3& before) noexcept;
+
+// All of a point that lies in the world: where it is, where it was first seen, and how both move with the readout.
+void move_point(MapPoint& point, const SE3& world_from_world) noexcept;
+
+class MapCorrection {
+public:
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        arena.array<Correction>(limits.keyframes_max);
+    }
+    void create(Arena& arena, const Limits& limits) noexcept;
+
+    // Nothing is corrected.
+    void begin() noexcept;
+    // A live keyframe lies at `world_from_camera` from now on; what follows it moves by `world_from_world`, new from
+    // old.
+    void correct(Map& map, Handle<Keyframe> handle, const SE3& world_from_camera, const SE3& world_from_world) noexcept;
+    // Of the other keyframes those of frame `first_frame` or later follow their parent.
+    void follow(Map& map, std::uint64_t first_frame) noexcept;
+    // Every point goes with its reference keyframe; one without, with the newest. `place(slot, point, world)` may say
+    // better where a point is: it is asked before the point moves, fills `world` and returns true.
+    template <typename Place>
+    void move_points(Map& map, Place&& place) const noexcept {
+        const SE3* const of_camera = of_newest(map);
+        Pool<MapPoint>& points = map.points();
+        for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+            if (!points.is_taken(slot)) continue;
+            MapPoint& point = points.at(slot);
+            Vector3 world;
+            const bool is_placed = place(slot, point, world);
+            const SE3* const correction = point.reference.is_null() ? of_camera : of(point.reference.slot());
+            if (correction != nullptr) move_point(point, *correction);
+            if (is_placed) store(world, point.world);
+        }
+    }
+
+    // By keyframe slot; nullptr: it stays where it was.
+    [[nodiscard]] const SE3* of(std::uint32_t slot) const noexcept {
+        return corrections_[slot].is_any ? &corrections_[slot].world_from_world : nullptr;
+    }
+    // Of the newest keyframe, hence of the camera.
+    [[nodiscard]] const SE3* of_newest(const Map& map) const noexcept;
+
+private:
+    struct Correction {
+        SE3 world_from_world;  // new from old
+        bool is_any = false;
+        bool is_looked_at = false;
+    };
+    std::span<Correction> corrections_;  // by keyframe slot
+};
+
+}  // namespace stillmesh
