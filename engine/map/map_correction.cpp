@@ -34,21 +34,31 @@ void MapCorrection::correct(Map& map, Handle<Keyframe> handle, const SE3& world_
     corrections_[handle.slot()].is_any = true;
 }
 
+// What it goes along with: the nearest ancestor that was corrected, unless one that stays comes before it.
+const SE3* MapCorrection::inherited(const Map& map, std::uint32_t slot, std::uint64_t first_frame) const noexcept {
+    const Pool<Keyframe>& keyframes = map.keyframes();
+    while (keyframes.at(slot).frame >= first_frame) {
+        const Handle<Keyframe> parent = keyframes.at(slot).parent;
+        if (parent.is_null()) return nullptr;
+        slot = parent.slot();
+        if (of(slot) != nullptr) return of(slot);
+    }
+    return nullptr;
+}
+
 void MapCorrection::follow(Map& map, std::uint64_t first_frame) noexcept {
     const Pool<Keyframe>& keyframes = map.keyframes();
     const std::uint32_t slots = keyframes.slots_count();
-    // Oldest first.
-    for (;;) {
+    std::uint64_t from_frame = first_frame;
+    for (;;) {  // the oldest first
         std::uint32_t next = slots;
         for (std::uint32_t slot = 0; slot < slots; ++slot) {
-            if (!keyframes.is_taken(slot) || corrections_[slot].is_any || corrections_[slot].is_looked_at) continue;
-            if (keyframes.at(slot).frame < first_frame) continue;
+            if (!keyframes.is_taken(slot) || keyframes.at(slot).frame < from_frame || of(slot) != nullptr) continue;
             if (next == slots || keyframes.at(slot).frame < keyframes.at(next).frame) next = slot;
         }
         if (next == slots) return;
-        corrections_[next].is_looked_at = true;
-        const Handle<Keyframe> parent = keyframes.at(next).parent;
-        const SE3* const correction = parent.is_null() ? nullptr : of(parent.slot());
+        from_frame = keyframes.at(next).frame + 1;
+        const SE3* const correction = inherited(map, next, first_frame);
         if (correction == nullptr) continue;
         SE3 pose = *correction * keyframes.at(next).world_from_camera;
         renormalise(pose.rotation);

@@ -1,8 +1,9 @@
 // How the map moves, the one way: some keyframes are given new poses; those that follow get the correction of their
-// parent in the spanning tree; points go with their reference keyframe, with their anchors and with what the readout
-// does to them; the camera goes with the newest keyframe. Local adjustment, pose graph and global adjustment differ in
-// what they give new poses to. Used within one step: begin(), correct() each, follow(), move_points().
-// Limits: keyframes_max corrections. Cost: one pass over the points; followers times keyframes.
+// nearest corrected ancestor in the spanning tree; points go with their reference keyframe, with their anchors and with
+// what the readout does to them; the camera goes with the newest keyframe. Local adjustment, pose graph and global
+// adjustment differ in what they give new poses to. Used within one step: begin(), correct() each, follow(),
+// move_points(). A parent may be newer than its child: after a return from the store, or when the parent before was
+// forgotten. Limits: keyframes_max corrections. Cost: one pass over the points; followers times keyframes.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +34,8 @@ public:
     // A live keyframe lies at `world_from_camera` from now on; what follows it moves by `world_from_world`, new from
     // old.
     void correct(Map& map, Handle<Keyframe> handle, const SE3& world_from_camera, const SE3& world_from_world) noexcept;
-    // Of the other keyframes those of frame `first_frame` or later follow their parent.
+    // The other keyframes go along with their nearest corrected ancestor. Those of frames before `first_frame` stay,
+    // and what hangs below them.
     void follow(Map& map, std::uint64_t first_frame) noexcept;
     // Every point goes with its reference keyframe; one without, with the newest. `place(slot, point, world)` may say
     // better where a point is: it is asked before the point moves, fills `world` and returns true.
@@ -63,8 +65,9 @@ private:
     struct Correction {
         SE3 world_from_world;  // new from old
         bool is_any = false;
-        bool is_looked_at = false;
     };
+    [[nodiscard]] const SE3* inherited(const Map& map, std::uint32_t slot, std::uint64_t first_frame) const noexcept;
+
     std::span<Correction> corrections_;  // by keyframe slot
 };
 
