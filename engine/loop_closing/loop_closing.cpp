@@ -10,14 +10,7 @@ namespace stillmesh {
 namespace {
 
 constexpr std::uint32_t kSharedMin = PlaceSearch::kSharedMin;
-constexpr std::uint32_t kStrong = 6;  // covisible keyframes of each that become edges
 constexpr std::uint32_t kFusePiece = 32;
-// What one edge of odometry is worth, with kSharedUsual points shared; a loop has been measured with care.
-constexpr double kEdge_m = 0.01;
-constexpr double kEdge_rad = 0.004;
-constexpr double kSharedUsual = 100;
-constexpr double kLoop_m = 0.005;
-constexpr double kLoop_rad = 0.002;
 
 double length(const Vector3& v) noexcept {
     return std::sqrt(v.squaredNorm());
@@ -40,38 +33,34 @@ void LoopClosing::create(Arena& arena, World& world, PlaceSearch& places, PointF
     global_.create(arena, global_sizes(limits));
     point_index_ = arena.array<std::uint32_t>(global_sizes(limits).points_max);
     adjusted_ = arena.array<Handle<MapPoint>>(global_sizes(limits).points_max);
-    graph_.create(arena, {keyframes_max(limits), edges_max(limits)});
-    moved_ = arena.array<Moved>(keyframes_max(limits));
-    node_ = arena.array<std::uint16_t>(keyframes_max(limits));
-    loops_.create(arena, loops_max(limits));
+    adjusted_keyframes_.create(arena, keyframes_max(limits));
+    graph_.create(arena, world, keyframes_max(limits));
+    candidates_.create(arena, world, places, keyframes_max(limits));
     matches_.create(arena, PlaceVerifier::pairs_max(limits));
     const std::uint32_t commit = limits.map_points_max / 16 + 8 * limits.keyframes_max + 1;
-    const std::uint32_t build = 24 * limits.keyframes_max + limits.keyframes_max * limits.keyframes_max / 64 + 1;
     const std::uint32_t choose = 64 * limits.keyframes_max;
     const std::uint32_t words = places.is_on() ? places.find_units(limits.features_max) : 1U;
     const std::uint32_t fuse = kFusePiece * (limits.features_max + 8);
-    piece_units_max_ = std::max({commit, build, choose, words, fuse, places.verifier().piece_units_max(),
-                                 limits.features_max, PoseGraph::kPieceUnitsMax, global_.piece_units_max()});
+    piece_units_max_ = std::max({commit, EssentialGraph::build_units_max(limits), choose, words, fuse,
+                                 places.verifier().piece_units_max(), limits.features_max, PoseGraph::kPieceUnitsMax,
+                                 global_.piece_units_max()});
     reset();
 }
 
 void LoopClosing::reset() noexcept {
-    graph_.begin();
+    graph_.reset();
+    candidates_.reset();
     global_.begin();
     adjusting_ = Adjusting::kNone;
     adjusting_cursor_ = 0;
     adjusting_since_ = 0;
-    loops_.clear();
-    history_count_ = 0;
-    candidates_count_ = 0;
     keyframe_ = found_ = {};
     matches_.clear();
     sources_count_ = targets_count_ = 0;
     stage_ = Stage::kIdle;
     cursor_ = source_ = target_ = 0;
     next_frame_ = 0;
-    closed_frame_ = 0;
-    has_closed_ = false;
+    settled_end_ = 0;
     rest_ = 0;
     statistics_ = LoopStatistics{};
 }
@@ -145,7 +134,11 @@ Progress LoopClosing::step(WorkBudget& budget) noexcept {
                     budget.spend(answer());
                 }
                 break;
-            case Stage::kBuild: budget.spend(build()); break;
+            case Stage::kBuild:
+                drop_adjustment();  // its keyframes are about to move
+                budget.spend(graph_.build(settled_end_));
+                enter(Stage::kSolve);
+                break;
             case Stage::kSolve:
                 if (graph_.step(budget) != Progress::kWorking) enter(Stage::kCommit);
                 break;
@@ -167,7 +160,7 @@ std::uint32_t LoopClosing::find_words() noexcept {
     places_->add(keyframe_);
     next_frame_ = world_->map.keyframes().find(keyframe_)->frame + 1;
     const std::uint32_t units = places_->find_units(world_->map.observations(keyframe_).size());
-    if (world_->is_frozen || moved_.empty()) {  // a map that stays as it is, or is small
+    if (world_->is_frozen || keyframes_max(world_->limits) == 0) {  // a map that stays as it is, or is small
         finish();
         return units;
     }
@@ -176,66 +169,17 @@ std::uint32_t LoopClosing::find_words() noexcept {
     return units;
 }
 
-// Seen together, or the same.
-bool LoopClosing::is_near(Handle<Keyframe> a, Handle<Keyframe> b) const noexcept {
-    return a == b || world_->map.shared(a.slot(), b.slot()) >= kSharedMin;
-}
-
-bool LoopClosing::agrees(const Places& places, Handle<Keyframe> candidate) const noexcept {
-    for (std::uint32_t i = 0; i < places.count; ++i) {
-        if (world_->map.keyframes().find(places.keyframes[i]) != nullptr && is_near(places.keyframes[i], candidate)) {
-            return true;
-        }
-    }
-    return false;
-}
-
 std::uint32_t LoopClosing::choose() noexcept {
     places_->purge(world_->map);
-    const KeyframeDatabase& database = places_->database();
-    const auto [count, scored, score_min] = places_->neighbourhood(world_->map, keyframe_.slot());
-    Places now;
-    candidates_count_ = 0;
-    const double share = world_->configuration.loop.score_share;
-    const std::uint64_t frame = world_->map.keyframes().find(keyframe_)->frame;
     const bool is_resting = rest_ > 0;
     if (rest_ > 0) --rest_;
-    std::uint32_t looked_at = 0;
-    for (const PlaceCandidate& place : places_->query().candidates()) {
-        ++looked_at;
-        if (scored == 0 || now.count == kHistoryMax) break;
-        if (static_cast<double>(place.score) < share * static_cast<double>(score_min)) break;  // they descend
-        if (!database.has(place.keyframe_slot) || !world_->map.keyframes().is_taken(place.keyframe_slot)) continue;
-        const Handle<Keyframe> handle = world_->map.keyframes().handle_of(place.keyframe_slot);
-        if (!places_->has(handle) || handle == keyframe_) continue;
-        const std::uint64_t then = world_->map.keyframes().at(place.keyframe_slot).frame;
-        if ((frame > then ? frame - then : then - frame) < world_->configuration.loop.gap_frames) continue;
-        now.keyframes[now.count++] = handle;
-        if (place.score < score_min || is_resting) continue;
-        if (candidates_count_ == std::min(world_->configuration.loop.candidates_max, kCandidatesMax)) continue;
-        // The k queries before must agree.
-        if (history_count_ < world_->configuration.loop.consistency) continue;
-        bool is_consistent = true;
-        for (std::uint32_t k = 0; k < world_->configuration.loop.consistency && is_consistent; ++k) {
-            is_consistent = agrees(history_[k], handle);
-        }
-        if (!is_consistent) continue;
-        // Of each group the best, which came first.
-        bool is_new = true;
-        for (std::uint32_t i = 0; i < candidates_count_ && is_new; ++i) is_new = !is_near(candidates_[i], handle);
-        if (is_new) candidates_[candidates_count_++] = handle;
-    }
-    for (std::uint32_t k = kConsistencyMax - 1; k > 0; --k) history_[k] = history_[k - 1];
-    history_[0] = now;
-    if (history_count_ < kConsistencyMax) ++history_count_;
-    if (candidates_count_ == 0) {
+    const std::uint32_t units = candidates_.choose(keyframe_, is_resting);
+    if (candidates_.chosen().empty()) {
         finish();
     } else {
         enter(Stage::kAsk);
     }
-    // Scores are merged lists of words; agreement compares every place with those of the queries before.
-    return 1 + count * world_->limits.features_max / 32 + looked_at / 4 +
-           now.count * kHistoryMax * kConsistencyMax / 16;
+    return units;
 }
 
 std::uint32_t LoopClosing::ask() noexcept {
@@ -249,7 +193,7 @@ std::uint32_t LoopClosing::ask() noexcept {
     verifier.end_query(places_->database().direct_index(keyframe_.slot()));
     const auto units = static_cast<std::uint32_t>(seen.size() / 4) + 1;
     const NoiseFactors noise{std::max(1.0, world_->noise.pixel), std::max(1.0, world_->noise.depth)};
-    verifier.start(world_->map, candidates_[cursor_], noise,
+    verifier.start(world_->map, candidates_.chosen()[cursor_], noise,
                    {world_->configuration.loop.matches_min, world_->configuration.loop.inliers_min});
     ++statistics_.candidates;
     stage_ = Stage::kVerify;  // the cursor stays
@@ -294,7 +238,7 @@ std::uint32_t LoopClosing::answer() noexcept {
     if (refusal == Refusal::kNone) refusal = judge(verifier.world_from_query());
     if (refusal != Refusal::kNone) {
         refused(refusal);
-        if (++cursor_ < candidates_count_) {
+        if (++cursor_ < candidates_.chosen().size()) {
             stage_ = Stage::kAsk;
         } else {
             finish();
@@ -314,13 +258,12 @@ std::uint32_t LoopClosing::answer() noexcept {
     const bool is_told = !is_noise(off, verifier.information(), p);
     // The graph takes a loop at its word, to the millimetre: noise is none.
     if (is_small || is_told) {
-        loops_.push_over({found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query()});
+        graph_.add_loop(found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query());
     }
     rest_ = p.rest_keyframes;
     if (is_small || !is_told) {
         ++statistics_.confirmed;
-        closed_frame_ = here.frame;
-        has_closed_ = true;
+        settled_end_ = here.frame + 1;
         enter(Stage::kFuseMatches);
     } else {
         enter(Stage::kBuild);
@@ -330,91 +273,13 @@ std::uint32_t LoopClosing::answer() noexcept {
 
 // --- correction ------------------------------------------------------------------------------------------------------
 
-void LoopClosing::add_edge(std::uint32_t slot_a, std::uint32_t slot_b, double shared) noexcept {
-    const double share = std::clamp(shared / kSharedUsual, 0.2, 3.0);
-    PoseGraphEdge edge;
-    edge.a = node_[slot_a] - 1U;
-    edge.b = node_[slot_b] - 1U;
-    edge.a_from_b = moved_[slot_a].before.inverse() * moved_[slot_b].before;
-    edge.info_translation = share / (kEdge_m * kEdge_m);
-    edge.info_rotation = share / (kEdge_rad * kEdge_rad);
-    static_cast<void>(graph_.add_edge(edge));  // full: those that came first are the most needed
-}
-
-std::uint32_t LoopClosing::build() noexcept {
-    drop_adjustment();  // its keyframes are about to move
-    const Pool<Keyframe>& keyframes = world_->map.keyframes();
-    const std::uint32_t slots = keyframes.slots_count();
-    graph_.begin();
-    std::fill(moved_.begin(), moved_.end(), Moved{});
-    std::fill(node_.begin(), node_.end(), std::uint16_t{0});
-    // Parents before children.
-    std::uint32_t units = 1;
-    for (bool has_grown = true; has_grown;) {
-        has_grown = false;
-        units += slots / 64;
-        for (std::uint32_t slot = 0; slot < slots; ++slot) {
-            if (!keyframes.is_taken(slot) || node_[slot] != 0) continue;
-            const Keyframe& keyframe = keyframes.at(slot);
-            std::uint32_t parent = PoseGraph::kNoParent;
-            if (!keyframe.parent.is_null()) {
-                if (node_[keyframe.parent.slot()] == 0) continue;
-                parent = node_[keyframe.parent.slot()] - 1U;
-            }
-            const auto added = graph_.add_node(keyframe.world_from_camera, parent);
-            STILLMESH_CHECK(added.is_ok());
-            node_[slot] = static_cast<std::uint16_t>(added.value() + 1);
-            moved_[slot].handle = keyframes.handle_of(slot);
-            moved_[slot].before = keyframe.world_from_camera;
-            has_grown = true;
-        }
-    }
-    // First what must not be missing: the tree and the loops.
-    for (std::uint32_t slot = 0; slot < slots; ++slot) {
-        if (node_[slot] == 0 || keyframes.at(slot).parent.is_null()) continue;
-        const std::uint32_t parent = keyframes.at(slot).parent.slot();
-        add_edge(parent, slot, world_->map.shared(parent, slot));
-    }
-    for (std::size_t i = 0; i < loops_.size(); ++i) {
-        const Loop& loop = loops_[i];
-        if (keyframes.find(loop.a) == nullptr || keyframes.find(loop.b) == nullptr) continue;
-        PoseGraphEdge edge;
-        edge.a = node_[loop.a.slot()] - 1U;
-        edge.b = node_[loop.b.slot()] - 1U;
-        edge.a_from_b = loop.a_from_b;
-        edge.info_translation = 1.0 / (kLoop_m * kLoop_m);
-        edge.info_rotation = 1.0 / (kLoop_rad * kLoop_rad);
-        static_cast<void>(graph_.add_edge(edge));
-    }
-    const std::uint32_t strong = std::max(world_->limits.features_max / 10, kSharedMin);
-    for (std::uint32_t slot = 0; slot < slots; ++slot) {
-        if (node_[slot] == 0) continue;
-        std::uint32_t best[kStrong] = {};
-        const std::uint32_t count = world_->map.best_covisible(slot, best, strong);
-        units += 8 + slots / 16;
-        const Keyframe& keyframe = keyframes.at(slot);
-        for (std::uint32_t i = 0; i < count; ++i) {
-            const Keyframe& other = keyframes.at(best[i]);
-            if (other.frame >= keyframe.frame) continue;
-            if (keyframe.parent.slot_plus_one == best[i] + 1 || other.parent.slot_plus_one == slot + 1) continue;
-            // What tracking matched across the gap before anybody corrected it says nothing about where it lies.
-            const bool is_old = has_closed_ && keyframe.frame <= closed_frame_;
-            if (!is_old && keyframe.frame - other.frame >= world_->configuration.loop.gap_frames) continue;
-            add_edge(best[i], slot, world_->map.shared(slot, best[i]));
-        }
-    }
-    graph_.start(PoseGraphOptions{});
-    enter(Stage::kSolve);
-    return units;
-}
-
 std::uint32_t LoopClosing::commit() noexcept {
     const PoseGraphSummary& summary = graph_.summary();
     statistics_.graph_iterations += summary.iterations;
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     const Handle<Keyframe> newest = world_->map.recent_keyframe(0);
     const SE3 before = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
-    move_keyframes(graph_);
+    graph_.move_keyframes();
     world_->map_correction.move_points(world_->map, [](std::uint32_t, const MapPoint&, Vector3&) { return false; });
     move_camera();
     const SE3 after = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
@@ -429,29 +294,11 @@ std::uint32_t LoopClosing::commit() noexcept {
         world_->last_loop = {there->frame, here->frame, after * before.inverse()};
     }
     if (here != nullptr) {
-        closed_frame_ = here->frame;
-        has_closed_ = true;
+        settled_end_ = here->frame + 1;
     }
     if (world_->configuration.loop.is_adjusting && !point_index_.empty()) adjusting_ = Adjusting::kWanted;
     enter(Stage::kFuseMatches);
     return world_->limits.map_points_max / 16 + 8 * world_->limits.keyframes_max;
-}
-
-// Keyframes of the graph go where it says, all others with them.
-template <typename Solved>
-void LoopClosing::move_keyframes(const Solved& solved) noexcept {
-    Map& map = world_->map;
-    world_->map_correction.begin();
-    for (std::uint32_t slot = 0; slot < moved_.size(); ++slot) {
-        const Keyframe* const keyframe = map.keyframes().find(moved_[slot].handle);
-        if (node_[slot] == 0 || keyframe == nullptr) continue;
-        const SE3 correction = correction_between(solved.pose(node_[slot] - 1U), moved_[slot].before);
-        SE3 now = correction * keyframe->world_from_camera;
-        renormalise(now.rotation);
-        world_->map_correction.correct(map, moved_[slot].handle, now, correction);
-        for (int i = 0; i < 3; ++i) map.note_change(now.translation(i));
-    }
-    world_->map_correction.follow(map, 0);
 }
 
 // Where the global adjustment put a point.
@@ -501,17 +348,14 @@ void LoopClosing::drop_adjustment() noexcept {
 std::uint32_t LoopClosing::begin_adjustment() noexcept {
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     global_.begin();
-    std::fill(moved_.begin(), moved_.end(), Moved{});
-    std::fill(node_.begin(), node_.end(), std::uint16_t{0});
+    adjusted_keyframes_.clear();
     std::fill(point_index_.begin(), point_index_.end(), 0U);
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
         if (!keyframes.is_taken(slot)) continue;
         const Keyframe& keyframe = keyframes.at(slot);
         const auto added = global_.add_keyframe(keyframe.world_from_camera, keyframe.parent.is_null());
         STILLMESH_CHECK(added.is_ok());
-        node_[slot] = static_cast<std::uint16_t>(added.value() + 1);
-        moved_[slot].handle = keyframes.handle_of(slot);
-        moved_[slot].before = keyframe.world_from_camera;
+        adjusted_keyframes_.add(world_->map, slot, added.value());
     }
     adjusting_since_ = world_->clock.frame;
     adjusting_cursor_ = 0;
@@ -541,8 +385,8 @@ std::uint32_t LoopClosing::collect_points() noexcept {
 // One keyframe a piece, twice: first how many observations each point has, then the observations.
 std::uint32_t LoopClosing::collect_observations(bool is_reserving) noexcept {
     const std::uint32_t slots = world_->map.keyframes().slots_count();
-    while (adjusting_cursor_ < slots && (node_[adjusting_cursor_] == 0 ||
-                                         world_->map.keyframes().find(moved_[adjusting_cursor_].handle) == nullptr)) {
+    while (adjusting_cursor_ < slots &&
+           world_->map.keyframes().find(adjusted_keyframes_.handle(adjusting_cursor_)) == nullptr) {
         ++adjusting_cursor_;
     }
     if (adjusting_cursor_ == slots) {
@@ -557,7 +401,7 @@ std::uint32_t LoopClosing::collect_observations(bool is_reserving) noexcept {
         return 1 + slots / 32;
     }
     const std::uint32_t keyframe_slot = adjusting_cursor_++;
-    const Handle<Keyframe> handle = moved_[keyframe_slot].handle;
+    const Handle<Keyframe> handle = adjusted_keyframes_.handle(keyframe_slot);
     if (is_reserving) static_cast<void>(world_->map.carry_observations(handle, world_->camera.height));
     for (const Observation& o : world_->map.observations(handle)) {
         const MapPoint* const point = world_->map.points().find(o.point);
@@ -569,7 +413,7 @@ std::uint32_t LoopClosing::collect_observations(bool is_reserving) noexcept {
             continue;
         }
         GlobalObservation in;
-        in.keyframe = node_[keyframe_slot] - 1U;
+        in.keyframe = adjusted_keyframes_.number(keyframe_slot);
         in.point = index;
         in.x = static_cast<double>(o.normalised_x);
         in.y = static_cast<double>(o.normalised_y);
@@ -587,7 +431,7 @@ std::uint32_t LoopClosing::commit_adjustment() noexcept {
     const GlobalSummary& summary = global_.summary();
     statistics_.adjustment_iterations += summary.iterations;
     if (summary.steps_accepted > 0) {
-        move_keyframes(global_);
+        adjusted_keyframes_.move(world_->map, world_->map_correction, global_);
         world_->map_correction.move_points(world_->map,
                                            [this](std::uint32_t slot, const MapPoint& point, Vector3& world) {
                                                return adjusted_place(slot, point, world);

@@ -9,18 +9,17 @@
 // A place that the map has where verification puts it is confirmed, not corrected: tracking has come home by itself.
 // Tracking never waits. Beyond the paper: a loop that would need more drift than odometry can have gathered on the way
 // is none, however alike the places are (rooms of one building look alike).
-// Limits: keyframes_max nodes, edges_max() edges (weaker ones are left out), loops_max() loops (the oldest is
-// forgotten). Units: a residual or an edge evaluated, 32 descriptors compared, 32 postings. No piece takes more than
-// piece_units_max(); the result does not depend on how the pieces are cut into slices.
+// Limits: those of its parts. Units: a residual or an edge evaluated, 32 descriptors compared, 32 postings. No piece
+// takes more than piece_units_max(); the result does not depend on how the pieces are cut into slices.
 #pragma once
 
 #include <cstdint>
 #include <span>
 
 #include "engine/adjust/global_adjustment.hpp"
-#include "engine/adjust/pose_graph.hpp"
-#include "engine/base/ring.hpp"
 #include "engine/configuration.hpp"
+#include "engine/loop_closing/essential_graph.hpp"
+#include "engine/loop_closing/loop_candidates.hpp"
 #include "engine/mapping/point_fusion.hpp"
 #include "engine/outputs.hpp"
 #include "engine/recognition/place_search.hpp"
@@ -44,18 +43,11 @@ public:
         kFuseMatches,
         kFuseNeighbours,
     };
-    static constexpr std::uint32_t kLoopsMax = 64;
-    static constexpr std::uint32_t kConsistencyMax = 5;
-
-    static constexpr std::uint32_t loops_max(const Limits& limits) noexcept {
-        return limits.keyframes_max < kLoopsMax ? limits.keyframes_max : kLoopsMax;
-    }
     // Fewer keyframes than this hold no loop: their places are known, for a lost camera, and no more.
     static constexpr std::uint32_t kKeyframesMin = 16;
     static constexpr std::uint32_t keyframes_max(const Limits& limits) noexcept {
         return limits.keyframes_max < kKeyframesMin ? 0 : limits.keyframes_max;
     }
-    static constexpr std::uint32_t edges_max(const Limits& limits) noexcept { return 6 * keyframes_max(limits); }
     // A local window holds all of a small map: no global adjustment there.
     static constexpr GlobalSizes global_sizes(const Limits& limits) noexcept {
         if (limits.keyframes_max < kKeyframesMin) return {};
@@ -67,10 +59,9 @@ public:
         GlobalAdjustment::plan(arena, global_sizes(limits));
         arena.array<std::uint32_t>(global_sizes(limits).points_max);
         arena.array<Handle<MapPoint>>(global_sizes(limits).points_max);
-        PoseGraph::plan(arena, {keyframes_max(limits), edges_max(limits)});
-        arena.array<Moved>(keyframes_max(limits));
-        arena.array<std::uint16_t>(keyframes_max(limits));
-        Ring<Loop>::plan(arena, loops_max(limits));
+        SolvedKeyframes::plan(arena, keyframes_max(limits));
+        EssentialGraph::plan(arena, keyframes_max(limits));
+        LoopCandidates::plan(arena, keyframes_max(limits));
         FixedVector<PlaceMatch>::plan(arena, PlaceVerifier::pairs_max(limits));
     }
     void create(Arena& arena, World& world, PlaceSearch& places, PointFusion& fusion) noexcept;
@@ -82,24 +73,10 @@ public:
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
 
 private:
-    static constexpr std::uint32_t kHistoryMax = 24;    // places of one query that later ones are compared with
-    static constexpr std::uint32_t kCandidatesMax = 8;  // verified for one keyframe
     static constexpr std::uint32_t kFuseSources = 9;
     static constexpr std::uint32_t kFuseTargets = 6;
 
     enum class Adjusting : std::uint8_t { kNone, kWanted, kPoints, kReserve, kObservations, kRun, kCommit };
-    struct Places {
-        Handle<Keyframe> keyframes[kHistoryMax];
-        std::uint32_t count = 0;
-    };
-    struct Loop {
-        Handle<Keyframe> a, b;  // old and new
-        SE3 a_from_b;
-    };
-    struct Moved {
-        Handle<Keyframe> handle;  // of the node
-        SE3 before;               // when the graph was built
-    };
 
     [[nodiscard]] bool take() noexcept;
     void enter(Stage stage) noexcept;
@@ -110,10 +87,7 @@ private:
     [[nodiscard]] std::uint32_t choose() noexcept;
     [[nodiscard]] std::uint32_t ask() noexcept;
     [[nodiscard]] std::uint32_t answer() noexcept;
-    [[nodiscard]] std::uint32_t build() noexcept;
     [[nodiscard]] std::uint32_t commit() noexcept;
-    template <typename Solved>
-    void move_keyframes(const Solved& solved) noexcept;
     [[nodiscard]] bool adjusted_place(std::uint32_t slot, const MapPoint& point, Vector3& world) const noexcept;
     void move_camera() noexcept;
     void adjust(WorkBudget& budget) noexcept;
@@ -124,30 +98,22 @@ private:
     void drop_adjustment() noexcept;
     [[nodiscard]] std::uint32_t fuse_matches() noexcept;
     [[nodiscard]] std::uint32_t fuse_neighbours() noexcept;
-    [[nodiscard]] bool agrees(const Places& places, Handle<Keyframe> candidate) const noexcept;
-    [[nodiscard]] bool is_near(Handle<Keyframe> a, Handle<Keyframe> b) const noexcept;
     [[nodiscard]] Refusal judge(const SE3& world_from_keyframe) const noexcept;
     void refused(Refusal refusal) noexcept;
-    void add_edge(std::uint32_t slot_a, std::uint32_t slot_b, double shared) noexcept;
     void find_fuse_sides() noexcept;
 
     World* world_ = nullptr;  // this and the others outlive it
     PlaceSearch* places_ = nullptr;
     PointFusion* fusion_ = nullptr;
-    PoseGraph graph_;
+    EssentialGraph graph_;
+    LoopCandidates candidates_;
     GlobalAdjustment global_;
+    SolvedKeyframes adjusted_keyframes_;
     std::span<std::uint32_t> point_index_;  // by point slot: its index in global_ + 1
     std::span<Handle<MapPoint>> adjusted_;  // by index in global_
     std::uint64_t adjusting_since_ = 0;     // frame
     std::uint32_t adjusting_cursor_ = 0;
     Adjusting adjusting_ = Adjusting::kNone;
-    std::span<Moved> moved_;         // by keyframe slot
-    std::span<std::uint16_t> node_;  // by keyframe slot: its node + 1, 0: none
-    Ring<Loop> loops_;
-    Places history_[kConsistencyMax];  // the last queries, the newest first
-    std::uint32_t history_count_ = 0;
-    Handle<Keyframe> candidates_[kCandidatesMax];
-    std::uint32_t candidates_count_ = 0;
     Handle<Keyframe> keyframe_;        // at hand
     Handle<Keyframe> found_;           // the place
     FixedVector<PlaceMatch> matches_;  // features of the keyframe, points of the place
@@ -158,10 +124,9 @@ private:
     Stage stage_ = Stage::kIdle;
     std::uint32_t cursor_ = 0;
     std::uint32_t source_ = 0, target_ = 0;
-    std::uint64_t next_frame_ = 0;    // keyframes made before have been looked up
-    std::uint64_t closed_frame_ = 0;  // keyframes up to here lie right
-    bool has_closed_ = false;
-    std::uint32_t rest_ = 0;  // keyframes until a loop is sought again
+    std::uint64_t next_frame_ = 0;   // keyframes made before have been looked up
+    std::uint64_t settled_end_ = 0;  // keyframes made before lie right
+    std::uint32_t rest_ = 0;         // keyframes until a loop is sought again
     std::uint32_t piece_units_max_ = 0;
     LoopStatistics statistics_;
 };

@@ -67,6 +67,14 @@ void MapCorrection::follow(Map& map, std::uint64_t first_frame) noexcept {
     }
 }
 
+void SolvedKeyframes::clear() noexcept {
+    std::fill(entries_.begin(), entries_.end(), Entry{});
+}
+
+void SolvedKeyframes::add(const Map& map, std::uint32_t slot, std::uint32_t number) noexcept {
+    entries_[slot] = {map.keyframes().handle_of(slot), map.keyframes().at(slot).world_from_camera, number};
+}
+
 const SE3* MapCorrection::of_newest(const Map& map) const noexcept {
     const Handle<Keyframe> newest = map.recent_keyframe(0);
     return newest.is_null() ? nullptr : of(newest.slot());

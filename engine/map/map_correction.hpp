@@ -71,4 +71,43 @@ private:
     std::span<Correction> corrections_;  // by keyframe slot
 };
 
+// The keyframes that a solver was given: their numbers in it, and where they lay then. Those that leave the map
+// meanwhile are left out.
+class SolvedKeyframes {
+public:
+    static constexpr void plan(ArenaPlan& arena, std::uint32_t keyframes_max) noexcept {
+        arena.array<Entry>(keyframes_max);
+    }
+    void create(Arena& arena, std::uint32_t keyframes_max) noexcept { entries_ = arena.array<Entry>(keyframes_max); }
+    void clear() noexcept;
+    void add(const Map& map, std::uint32_t slot, std::uint32_t number) noexcept;
+
+    [[nodiscard]] bool has(std::uint32_t slot) const noexcept { return !entries_[slot].handle.is_null(); }
+    [[nodiscard]] std::uint32_t number(std::uint32_t slot) const noexcept { return entries_[slot].number; }
+    [[nodiscard]] Handle<Keyframe> handle(std::uint32_t slot) const noexcept { return entries_[slot].handle; }
+
+    // They go where the solver says (pose(number)), and all other keyframes with them.
+    template <typename Solver>
+    void move(Map& map, MapCorrection& correction, const Solver& solver) const noexcept {
+        correction.begin();
+        for (std::uint32_t slot = 0; slot < entries_.size(); ++slot) {
+            if (map.keyframes().find(handle(slot)) == nullptr) continue;
+            const SE3 world_from_world = correction_between(solver.pose(number(slot)), entries_[slot].before);
+            SE3 now = world_from_world * map.keyframes().at(slot).world_from_camera;
+            renormalise(now.rotation);
+            correction.correct(map, handle(slot), now, world_from_world);
+            for (int i = 0; i < 3; ++i) map.note_change(now.translation(i));
+        }
+        correction.follow(map, 0);
+    }
+
+private:
+    struct Entry {
+        Handle<Keyframe> handle;  // null: not given
+        SE3 before;
+        std::uint32_t number = 0;
+    };
+    std::span<Entry> entries_;  // by slot
+};
+
 }  // namespace stillmesh
