@@ -22,7 +22,7 @@ using namespace stillmesh;
 
 void check_body(std::span<const std::byte> bytes) {
     RegionInfo info;
-    const Status status = check_region(bytes, 50, 8, 640, 480, info);
+    const Status status = check_region(bytes, {50, 8, 640, 480}, info);
     fuzz::expect(
         status == Status::kOk || status == Status::kInvalid || status == Status::kCorrupt || status == Status::kFull,
         "a closed list of answers");

@@ -66,6 +66,14 @@ inline void store(const Vector3& v, double (&p)[3]) noexcept {
     p[2] = v.z();
 }
 
+// The point where it would be had the readout been longer by `change_s`.
+inline void shift_by_readout(MapPoint& point, double change_s) noexcept {
+    for (int i = 0; i < 3; ++i) {
+        point.world[i] += static_cast<double>(point.world_by_readout[i]) * change_s;
+        point.anchor[i] += static_cast<double>(point.anchor_by_readout[i]) * change_s;
+    }
+}
+
 struct Keyframe {
     SE3 world_from_camera;
     Vector6 pose_by_readout = Vector6::Zero();  // per second, in the camera: how the pose moves with the readout

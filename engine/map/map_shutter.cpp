@@ -8,12 +8,7 @@ void Map::express_with_readout(double readout_s) noexcept {
     const double change_s = readout_s - readout_s_;
     readout_s_ = readout_s;
     for (std::uint32_t slot = 0; slot < points_.slots_count(); ++slot) {
-        if (!points_.is_taken(slot)) continue;
-        MapPoint& point = points_.at(slot);
-        for (int i = 0; i < 3; ++i) {
-            point.world[i] += static_cast<double>(point.world_by_readout[i]) * change_s;
-            point.anchor[i] += static_cast<double>(point.anchor_by_readout[i]) * change_s;
-        }
+        if (points_.is_taken(slot)) shift_by_readout(points_.at(slot), change_s);
     }
     for (std::uint32_t slot = 0; slot < keyframes_.slots_count(); ++slot) {
         if (!keyframes_.is_taken(slot)) continue;

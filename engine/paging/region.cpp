@@ -56,8 +56,7 @@ std::size_t encode_region(const Map& map, Handle<Keyframe> handle, std::uint32_t
     return kRegionHeadBytes + body.position();
 }
 
-Status check_region(std::span<const std::byte> bytes, std::uint32_t features_max, std::uint32_t pyramid_levels,
-                    std::uint32_t width, std::uint32_t height, RegionInfo& info) noexcept {
+Status check_region(std::span<const std::byte> bytes, const RegionBounds& bounds, RegionInfo& info) noexcept {
     using namespace map_checks;
     ByteReader reader(bytes);
     const std::uint32_t version = reader.u32();
@@ -76,7 +75,7 @@ Status check_region(std::span<const std::byte> bytes, std::uint32_t features_max
     if (!reader.is_ok() || zero != 0 || zeros != 0 || parent != 0 || k.observations != features) {
         return Status::kCorrupt;
     }
-    if (features > features_max) return Status::kFull;
+    if (features > bounds.features_max) return Status::kFull;
     if (bytes.size() != region_bytes_max(features)) return Status::kCorrupt;
     const bool is_possible =
         is_pose(k.world_from_camera) && is_pose(k.parent_from_camera) && is_slow(k.speed) &&
@@ -84,17 +83,17 @@ Status check_region(std::span<const std::byte> bytes, std::uint32_t features_max
         is_in(info.map_readout_s, -kReadoutMax_s, kReadoutMax_s) && is_in(drift_m, 0.0F, static_cast<float>(kFar_m)) &&
         is_in(k.time_ns, std::int64_t{0}, kTimeMax_ns) && k.frame < kFramesMax && k.last_useful_frame < kFramesMax;
     if (!is_possible) return Status::kCorrupt;
-    MapBounds bounds;
-    bounds.pyramid_levels = pyramid_levels;
+    MapBounds map_bounds;
+    map_bounds.pyramid_levels = bounds.pyramid_levels;
     for (std::uint32_t i = 0; i < features; ++i) {
         Observation observation;
         Descriptor descriptor;
         if (!read_feature(reader, observation, descriptor)) return Status::kCorrupt;
-        if (!is_feature(observation, bounds, width, height)) return Status::kCorrupt;
+        if (!is_feature(observation, map_bounds, bounds.width, bounds.height)) return Status::kCorrupt;
         MapPoint point;
         std::uint32_t reference = 0;
         if (!read_point(reader, point, reference) || reference != 0 || point.is_suspect) return Status::kCorrupt;
-        if (!is_point(point, bounds)) return Status::kCorrupt;
+        if (!is_point(point, map_bounds)) return Status::kCorrupt;
     }
     STILLMESH_CHECK(reader.is_ok() && reader.remaining() == 0);
     return Status::kOk;

@@ -27,6 +27,12 @@ struct RegionInfo {
     std::uint64_t left_at = 0;  // when it left the map: any number that grows
 };
 
+struct RegionBounds {
+    std::uint32_t features_max = 0;
+    std::uint32_t pyramid_levels = 0;     // below
+    std::uint32_t width = 0, height = 0;  // px, of the camera
+};
+
 // Of a point that is not suspect: equal for the same point, whatever was learnt of it.
 [[nodiscard]] std::uint64_t point_name(const MapPoint& point) noexcept;
 
@@ -35,9 +41,8 @@ struct RegionInfo {
                                         std::uint64_t left_at, std::span<std::byte> out) noexcept;
 
 // Whether the bytes are a region that this engine can take: version, counts, every number.
-//   kInvalid  another version   kFull  more than `features_max` features   kCorrupt  anything else
-[[nodiscard]] Status check_region(std::span<const std::byte> bytes, std::uint32_t features_max,
-                                  std::uint32_t pyramid_levels, std::uint32_t width, std::uint32_t height,
+//   kInvalid  another version   kFull  more than bounds.features_max features   kCorrupt  anything else
+[[nodiscard]] Status check_region(std::span<const std::byte> bytes, const RegionBounds& bounds,
                                   RegionInfo& info) noexcept;
 // Feature `index` of a checked region, and the point that it shows.
 void read_region_feature(std::span<const std::byte> bytes, std::uint32_t index, Observation& observation,

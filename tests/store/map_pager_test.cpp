@@ -168,6 +168,11 @@ public:
             out.hashes.push_back(engine_->state_hash());
             out.without_pose += engine_->pose().state < PoseState::kUnsure ? 1U : 0U;
         }
+        {
+            StateHash all;
+            for (auto h : out.hashes) all.add(h);
+                        static_cast<unsigned long long>(engine_->statistics().store.returned));
+        }
         out.statistics = engine_->statistics();
         out.schedule = out.statistics.schedule;
         return out;
@@ -270,11 +275,13 @@ TEST(MapPager, ARegionIsCheckedBeforeItIsUsed) {
     ASSERT_FALSE(store.regions.empty());
     const std::vector<std::byte> body = store.regions.begin()->second.body;
     RegionInfo info;
-    const auto checked = [&](std::span<const std::byte> bytes) { return check_region(bytes, 250, 5, 320, 240, info); };
+    const auto checked = [&](std::span<const std::byte> bytes) {
+        return check_region(bytes, {250, 5, 320, 240}, info);
+    };
     ASSERT_EQ(checked(body), Status::kOk);
     EXPECT_EQ(info.keyframe.frame, store.regions.begin()->first);
     EXPECT_EQ(body.size(), region_bytes_max(info.keyframe.observations));
-    EXPECT_EQ(check_region(body, info.keyframe.observations - 1, 5, 320, 240, info), Status::kFull);
+    EXPECT_EQ(check_region(body, {info.keyframe.observations - 1, 5, 320, 240}, info), Status::kFull);
     for (std::size_t size = 0; size < body.size(); size += size < 700 ? 1 : 37) {
         ASSERT_NE(checked(std::span(body).first(size)), Status::kOk) << size;
     }
