@@ -1,6 +1,6 @@
 // The bookkeeping of Levenberg-Marquardt, the same in every adjustment: cost at the best state so far and at a
 // candidate, how much the model promised, and the damping, which follows how well it kept its promise (Nielsen 1999).
-// What a step is, and when a cost is as good as solved, is each adjustment's own. Cost: nothing.
+// What a step is is each adjustment's own. Cost: nothing.
 #pragma once
 
 #include <cstdint>
@@ -39,36 +39,55 @@ public:
     void begin(double damping_initial) noexcept {
         damping_ = damping_initial;
         growth_ = 2.0;
+        has_converged_ = is_exhausted_ = false;
     }
     // What is added to an element of the Hessian's diagonal. That counts as `least` at least: an unknown nobody
     // constrains stays where it is.
     [[nodiscard]] double damping_of(double diagonal, double least) const noexcept {
         return damping_ * (diagonal > least ? diagonal : least);
     }
-    [[nodiscard]] bool is_better() const noexcept { return cost - candidate_cost > 0.0 && predicted > 0.0; }
-    // The candidate is the current state from now on; how much better it is.
-    double accept() noexcept {
-        constexpr double kDampingMin = 1e-12;
+    // The candidate's cost is known. True: it is better, and the current state from now on.
+    // `cost_change_min`: a share; a step that lowers the cost by less is the last one. So is one that reaches
+    // `cost_exact`.
+    [[nodiscard]] bool judge(double cost_change_min, double cost_exact) noexcept {
+        const double negligible = cost_change_min * cost;
         const double gain = cost - candidate_cost;
+        if (!(gain > 0.0 && predicted > 0.0)) {
+            // At the minimum the model promises nothing either.
+            has_converged_ = predicted <= negligible && predicted >= -negligible;
+            refuse();
+            return false;
+        }
+        accept(gain);
+        has_converged_ = gain <= negligible || cost <= cost_exact;
+        return true;
+    }
+    // There is no candidate to judge: the step could not be computed.
+    void refuse() noexcept {
+        constexpr double kDampingMax = 1e10;
+        damping_ *= growth_;
+        growth_ *= 2.0;
+        is_exhausted_ = damping_ > kDampingMax;
+    }
+    [[nodiscard]] bool has_converged() const noexcept { return has_converged_; }
+    // Converged, or damping has grown so much that no step is left to try.
+    [[nodiscard]] bool is_over() const noexcept { return has_converged_ || is_exhausted_; }
+
+private:
+    void accept(double gain) noexcept {
+        constexpr double kDampingMin = 1e-12;
         cost = candidate_cost;
         const double surprise = 2.0 * (gain / predicted) - 1.0;
         const double factor = 1.0 - surprise * surprise * surprise;
         damping_ *= factor > 0.1 ? (factor < 2.0 ? factor : 2.0) : 0.1;
         if (damping_ < kDampingMin) damping_ = kDampingMin;
         growth_ = 2.0;
-        return gain;
-    }
-    // False: damping has grown so much that no step is left to try.
-    [[nodiscard]] bool refuse() noexcept {
-        constexpr double kDampingMax = 1e10;
-        damping_ *= growth_;
-        growth_ *= 2.0;
-        return !(damping_ > kDampingMax);
     }
 
-private:
     double damping_ = 0;
     double growth_ = 2;
+    bool has_converged_ = false;
+    bool is_exhausted_ = false;
 };
 
 }  // namespace stillmesh

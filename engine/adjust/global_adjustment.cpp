@@ -15,21 +15,38 @@ constexpr std::uint32_t kKeyframesOfPiece = 8;
 constexpr double kDiagonalMin = 1e-6;
 // Fewer, and a keyframe holds still: six unknowns, two residuals each.
 constexpr std::uint32_t kObservationsMin = 3;
-
-// Derivatives of one observation's residuals, and what weighs them.
-struct Derivatives {
-    PoseRows pose;
-    PointRows point;
-    SightingResidual r;
-    double a = 0, b = 0;  // weights of pixels and of depth
-};
-[[nodiscard]] Derivatives derivatives_of(const CameraRows& camera, const SightingResidual& r, const Sighting& s,
-                                         double threshold) noexcept {
-    const double weight = huber_weight(r.chi2, threshold);
-    return {pose_rows(r), point_rows(camera, r), r, weight * s.info, weight * s.info_z};
-}
+// Per observation, in squared sigmas: a problem fitted this well is solved exactly.
+constexpr double kCostExact = 1e-20;
 
 }  // namespace
+
+// Of one observation's residuals, and what weighs them.
+struct GlobalAdjustment::Derivatives {
+    PoseRows pose;
+    PointRows point;
+    double a = 0, b = 0;  // weights of pixels and of depth
+
+    struct Residuals {
+        double x = 0, y = 0, z = 0;
+    };
+    // How a step of the keyframe changes the residuals.
+    [[nodiscard]] Residuals along(const Vector6& step) const noexcept {
+        Residuals out;
+        for (int k = 0; k < 6; ++k) {
+            out.x += pose.x[k] * step[k];
+            out.y += pose.y[k] * step[k];
+            out.z += pose.z[k] * step[k];
+        }
+        return out;
+    }
+    // Adds J^T W residuals: for the keyframe, for the point.
+    void pull_pose(double x, double y, double z, Vector6& sum) const noexcept {
+        for (int k = 0; k < 6; ++k) sum[k] += a * (pose.x[k] * x + pose.y[k] * y) + b * pose.z[k] * z;
+    }
+    void pull_point(double x, double y, double z, double sum[3]) const noexcept {
+        for (int k = 0; k < 3; ++k) sum[k] += a * (point.x[k] * x + point.y[k] * y) + b * point.z[k] * z;
+    }
+};
 
 void GlobalAdjustment::create(Arena& arena, const GlobalSizes& sizes) noexcept {
     STILLMESH_CHECK(sizes.keyframes_max <= 0xffffU);
@@ -49,7 +66,7 @@ Result<std::uint32_t> GlobalAdjustment::add_keyframe(const SE3& world_from_camer
     STILLMESH_CHECK(state_ == State::kCollecting);
     if (keyframe_count_ == keyframes_.size()) return Status::kFull;
     Keyframe& keyframe = keyframes_[keyframe_count_];
-    keyframe = Keyframe{};
+    keyframe.used = 0;
     keyframe.is_fixed = is_fixed;
     keyframe.begin(world_from_camera);
     if (is_fixed) ++fixed_count_;
@@ -143,7 +160,23 @@ bool GlobalAdjustment::is_point_used(std::uint32_t point) const noexcept {
 Progress GlobalAdjustment::step(WorkBudget& budget) noexcept {
     if (state_ != State::kRunning) return Progress::kIdle;
     return work_in_pieces(
-        budget, summary_.units, [this] { return advance(); }, [this] { return is_done(); });
+        budget, summary_.units, [this] { return next_piece(); }, [this] { return is_done(); });
+}
+
+std::uint32_t GlobalAdjustment::next_piece() noexcept {
+    switch (phase_) {
+        case Phase::kClear: return clear_sums();
+        case Phase::kLinearise: return linearise();
+        case Phase::kPrepare: return prepare();
+        case Phase::kDirect: return direct();
+        case Phase::kMultiply: return multiply();
+        case Phase::kMeasure: return measure();
+        case Phase::kAdvance: return advance();
+        case Phase::kCandidate: return make_candidate();
+        case Phase::kEvaluate: return evaluate();
+    }
+    STILLMESH_CHECK(false);
+    return 0;
 }
 
 void GlobalAdjustment::enter(Phase phase) noexcept {
@@ -151,195 +184,109 @@ void GlobalAdjustment::enter(Phase phase) noexcept {
     cursor_ = 0;
 }
 
-std::uint32_t GlobalAdjustment::advance() noexcept {
-    const auto each_keyframe = [this](auto&& visit) {
-        for (std::uint32_t n = 0; n < kKeyframesOfPiece && cursor_ < keyframe_count_; ++n) visit(keyframes_[cursor_++]);
-        return cursor_ < keyframe_count_;
-    };
-    std::uint32_t units = kKeyframesOfPiece;
-    switch (phase_) {
-        case Phase::kClear:
-            if (each_keyframe([](Keyframe& keyframe) {
-                    keyframe.diagonal.setZero();
-                    for (int i = 0; i < 6; ++i) {
-                        keyframe.hessian[i] = keyframe.gradient[i] = keyframe.reduced[i] = 0.0;
-                        keyframe.damping[i] = keyframe.direction[i] = keyframe.step[i] = 0.0;
-                    }
-                })) {
-                return units;
-            }
-            descent_.cost = 0.0;
-            summary_.points_used = 0;
-            enter(Phase::kLinearise);
-            return units;
-        case Phase::kLinearise:
-            if (cursor_ < point_count_) units = linearise_point(points_[cursor_++]);
-            if (cursor_ < point_count_) return units;
-            if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
-            is_singular_ = false;
-            energy_ = 0.0;
-            inner_ = 0;
-            enter(Phase::kPrepare);
-            return units;
-        case Phase::kPrepare:
-            if (each_keyframe([this](Keyframe& keyframe) {
-                    if (keyframe.moves && !is_singular_) is_singular_ = !prepare(keyframe);
-                })) {
-                return units;
-            }
-            energy_first_ = energy_;
-            if (is_singular_) {
-                refuse();
-            } else if (!(energy_ > 0.0)) {
-                end_inner();
-            } else {
-                enter(Phase::kDirection);
-            }
-            return units;
-        case Phase::kDirection: {
-            const double share = inner_ == 0 ? 0.0 : energy_ / energy_before_;
-            if (each_keyframe([share](Keyframe& keyframe) {
-                    for (int i = 0; i < 6; ++i) {
-                        keyframe.direction[i] =
-                            keyframe.moves ? keyframe.preconditioned[i] + share * keyframe.direction[i] : 0.0;
-                        keyframe.product[i] = keyframe.damping[i] * keyframe.direction[i];
-                    }
-                })) {
-                return units;
-            }
-            ++inner_;
-            ++summary_.inner_iterations;
-            enter(Phase::kMultiply);
-            return units;
-        }
-        case Phase::kMultiply:
-            if (cursor_ < point_count_) units = multiply_point(points_[cursor_++]);
-            if (cursor_ < point_count_) return units;
-            curvature_ = 0.0;
-            enter(Phase::kCurvature);
-            return units;
-        case Phase::kCurvature:
-            if (each_keyframe([this](const Keyframe& keyframe) {
-                    for (int i = 0; i < 6; ++i) {
-                        if (keyframe.moves) curvature_ += keyframe.direction[i] * keyframe.product[i];
-                    }
-                })) {
-                return units;
-            }
-            energy_before_ = energy_;
-            if (!(curvature_ > 0.0)) {
-                end_inner();
-                return units;
-            }
-            curvature_ = energy_ / curvature_;  // from here on the step's length
-            energy_ = 0.0;
-            enter(Phase::kAdvance);
-            return units;
-        case Phase::kAdvance:
-            if (each_keyframe([this](Keyframe& keyframe) {
-                    if (!keyframe.moves) return;
-                    for (int i = 0; i < 6; ++i) {
-                        keyframe.step[i] += curvature_ * keyframe.direction[i];
-                        keyframe.residual[i] -= curvature_ * keyframe.product[i];
-                    }
-                    precondition(keyframe);
-                })) {
-                return units;
-            }
-            if (!(energy_ > options_.inner_residual_max * options_.inner_residual_max * energy_first_) ||
-                inner_ == options_.inner_iterations_max) {
-                end_inner();
-            } else {
-                enter(Phase::kDirection);
-            }
-            return units;
-        case Phase::kCandidate:
-            if (each_keyframe([this](Keyframe& keyframe) {
-                    if (!keyframe.moves) {
-                        keyframe.stay(current_);
-                        return;
-                    }
-                    Vector6 xi;
-                    for (int i = 0; i < 6; ++i) {
-                        const double x = keyframe.step[i];
-                        xi(i) = x;
-                        // Of the reduced model: -2 r x - x S x with S x = r - residual, damping included.
-                        descent_.predicted +=
-                            x * (keyframe.reduced[i] + keyframe.residual[i] + keyframe.damping[i] * x);
-                    }
-                    if (!is_sane_step(xi)) {
-                        is_singular_ = true;
-                        return;
-                    }
-                    keyframe.move(current_, xi);
-                })) {
-                return units;
-            }
-            descent_.candidate_cost = 0.0;
-            if (is_singular_) {
-                refuse();
-            } else {
-                enter(Phase::kEvaluate);
-            }
-            return units;
-        case Phase::kEvaluate:
-            if (cursor_ < point_count_) units = evaluate_point(points_[cursor_++]);
-            if (cursor_ == point_count_) judge();
-            return units;
+template <typename Visit>
+bool GlobalAdjustment::each_keyframe(Visit&& visit) noexcept {
+    for (std::uint32_t n = 0; n < kKeyframesOfPiece && cursor_ < keyframe_count_; ++n) visit(keyframes_[cursor_++]);
+    return cursor_ == keyframe_count_;
+}
+
+template <typename Visit>
+void GlobalAdjustment::each_moving(const Point& p, Visit&& visit) noexcept {
+    for (std::uint32_t i = p.begin; i < p.end; ++i) {
+        const Observation& o = observations_[i];
+        Keyframe& keyframe = keyframes_[o.keyframe];
+        if (!keyframe.moves) continue;
+        const SightingResidual r = sighting_residual(keyframe.camera[current_], p.world[current_], sighting_of(o));
+        if (!r.is_far()) visit(keyframe, derivatives_of(o, r));
     }
-    STILLMESH_CHECK(false);
-    return 0;
+}
+
+GlobalAdjustment::Derivatives GlobalAdjustment::derivatives_of(const Observation& o,
+                                                               const SightingResidual& r) const noexcept {
+    const double weight = huber_weight(r.chi2, threshold_of(o));
+    return {pose_rows(r), point_rows(keyframes_[o.keyframe].camera[current_], r), weight * static_cast<double>(o.info),
+            weight * static_cast<double>(o.info_z)};
 }
 
 void GlobalAdjustment::next_iteration() noexcept {
-    if (summary_.iterations >= options_.iterations_max || point_count_ == 0 || keyframe_count_ == 0) return finish();
+    if (descent_.is_over() || summary_.iterations >= options_.iterations_max || point_count_ == 0 ||
+        keyframe_count_ == 0) {
+        summary_.has_converged = descent_.has_converged();
+        summary_.final_cost = descent_.cost;
+        state_ = State::kDone;
+        return;
+    }
     ++summary_.iterations;
     enter(Phase::kClear);
 }
 
-void GlobalAdjustment::finish() noexcept {
-    summary_.final_cost = descent_.cost;
-    state_ = State::kDone;
+std::uint32_t GlobalAdjustment::clear_sums() noexcept {
+    if (each_keyframe([](Keyframe& keyframe) {
+            keyframe.diagonal.setZero();
+            keyframe.hessian.setZero();
+            keyframe.gradient.setZero();
+            keyframe.reduced.setZero();
+        })) {
+        descent_.cost = 0.0;
+        summary_.points_used = 0;
+        enter(Phase::kLinearise);
+    }
+    return kKeyframesOfPiece;
+}
+
+std::uint32_t GlobalAdjustment::linearise() noexcept {
+    const std::uint32_t units = linearise_point(points_[cursor_++]);
+    if (cursor_ == point_count_) {
+        if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
+        is_singular_ = false;
+        inner_.begin(options_.inner_iterations_max, options_.inner_residual_max);
+        enter(Phase::kPrepare);
+    }
+    return units;
 }
 
 // Sums of the point and of its keyframes, its factor, and what its elimination takes from the keyframes.
 std::uint32_t GlobalAdjustment::linearise_point(Point& p) noexcept {
     p.is_used = p.can_move = false;
-    std::uint32_t seen = 0, depths = 0;
-    for (std::uint32_t i = p.begin; i < p.end; ++i) {
-        ++seen;
-        depths += observations_[i].info_z > 0 ? 1U : 0U;
-    }
-    if (seen < 2 && depths == 0) return 1;
+    const std::uint32_t seen = p.end - p.begin;
+    bool has_depth = false;
+    for (std::uint32_t i = p.begin; i < p.end; ++i) has_depth = has_depth || observations_[i].info_z > 0;
+    if (seen < 2 && !has_depth) return 1;
     p.is_used = true;
     ++summary_.points_used;
-    const double* const world = p.world[current_];
+    sum_up(p);
+    if (!p.can_move) return 1 + 2 * seen;
+    eliminate(p);
+    return 1 + 4 * seen;
+}
+
+void GlobalAdjustment::sum_up(Point& p) noexcept {
     double v[6] = {}, g[3] = {};
     for (std::uint32_t i = p.begin; i < p.end; ++i) {
         const Observation& o = observations_[i];
         Keyframe& keyframe = keyframes_[o.keyframe];
-        const Sighting s = sighting_of(o);
-        const SightingResidual r = sighting_residual(keyframe.camera[current_], world, s);
+        const SightingResidual r = sighting_residual(keyframe.camera[current_], p.world[current_], sighting_of(o));
         descent_.cost += huber_cost(r.chi2, threshold_of(o));
         if (r.is_far()) continue;
-        const Derivatives d = derivatives_of(keyframe.camera[current_], r, s, threshold_of(o));
+        const Derivatives d = derivatives_of(o, r);
+        d.pull_point(r.x, r.y, r.z, g);
         int at = 0;
         for (int row = 0; row < 3; ++row) {
-            g[row] += d.a * (d.point.x[row] * r.x + d.point.y[row] * r.y) + d.b * d.point.z[row] * r.z;
             for (int c = 0; c <= row; ++c, ++at) {
                 v[at] += d.a * (d.point.x[row] * d.point.x[c] + d.point.y[row] * d.point.y[c]) +
                          d.b * d.point.z[row] * d.point.z[c];
             }
         }
         if (!keyframe.moves) continue;
+        d.pull_pose(r.x, r.y, r.z, keyframe.gradient);
         for (int row = 0; row < 6; ++row) {
-            keyframe.gradient[row] += d.a * (d.pose.x[row] * r.x + d.pose.y[row] * r.y) + d.b * d.pose.z[row] * r.z;
+            double h = 0;
             for (int c = 0; c <= row; ++c) {
-                keyframe.diagonal(row, c) += d.a * (d.pose.x[row] * d.pose.x[c] + d.pose.y[row] * d.pose.y[c]) +
-                                             d.b * d.pose.z[row] * d.pose.z[c];
+                h = d.a * (d.pose.x[row] * d.pose.x[c] + d.pose.y[row] * d.pose.y[c]) +
+                    d.b * d.pose.z[row] * d.pose.z[c];
+                keyframe.diagonal(row, c) += h;
             }
-            keyframe.hessian[row] += d.a * (d.pose.x[row] * d.pose.x[row] + d.pose.y[row] * d.pose.y[row]) +
-                                     d.b * d.pose.z[row] * d.pose.z[row];
+            keyframe.hessian[row] += h;
         }
     }
     for (int k = 0; k < 3; ++k) {
@@ -349,149 +296,181 @@ std::uint32_t GlobalAdjustment::linearise_point(Point& p) noexcept {
         p.gradient[k] = g[k];
     }
     p.can_move = factor_point(v, p.factor);
-    if (!p.can_move) return 1 + 2 * seen;
-    double reached[3] = {g[0], g[1], g[2]};  // L^-1 g
+}
+
+void GlobalAdjustment::eliminate(const Point& p) noexcept {
+    double reached[3] = {p.gradient[0], p.gradient[1], p.gradient[2]};  // L^-1 g
     forward(p.factor, reached);
-    for (std::uint32_t i = p.begin; i < p.end; ++i) {
-        const Observation& o = observations_[i];
-        Keyframe& keyframe = keyframes_[o.keyframe];
-        if (!keyframe.moves) continue;
-        const Sighting s = sighting_of(o);
-        const SightingResidual r = sighting_residual(keyframe.camera[current_], world, s);
-        if (r.is_far()) continue;
-        const Derivatives d = derivatives_of(keyframe.camera[current_], r, s, threshold_of(o));
-        double coupled[6][3];  // rows: L^-1 Jpoint^T W Jpose, by column
+    each_moving(p, [&](Keyframe& keyframe, const Derivatives& d) {
+        double coupled[6][3] = {};  // by column: L^-1 Jpoint^T W Jpose
         for (int c = 0; c < 6; ++c) {
-            for (int k = 0; k < 3; ++k) {
-                coupled[c][k] =
-                    d.a * (d.point.x[k] * d.pose.x[c] + d.point.y[k] * d.pose.y[c]) + d.b * d.point.z[k] * d.pose.z[c];
-            }
+            d.pull_point(d.pose.x[c], d.pose.y[c], d.pose.z[c], coupled[c]);
             forward(p.factor, coupled[c]);
         }
         for (int row = 0; row < 6; ++row) {
-            keyframe.reduced[row] +=
-                coupled[row][0] * reached[0] + coupled[row][1] * reached[1] + coupled[row][2] * reached[2];
+            const double* const l = coupled[row];
+            keyframe.reduced[row] += l[0] * reached[0] + l[1] * reached[1] + l[2] * reached[2];
             for (int c = 0; c <= row; ++c) {
-                keyframe.diagonal(row, c) -=
-                    coupled[row][0] * coupled[c][0] + coupled[row][1] * coupled[c][1] + coupled[row][2] * coupled[c][2];
+                keyframe.diagonal(row, c) -= l[0] * coupled[c][0] + l[1] * coupled[c][1] + l[2] * coupled[c][2];
             }
         }
+    });
+}
+
+std::uint32_t GlobalAdjustment::prepare() noexcept {
+    if (each_keyframe([this](Keyframe& keyframe) {
+            if (keyframe.moves && !is_singular_) is_singular_ = !prepare_keyframe(keyframe);
+        })) {
+        if (is_singular_) {
+            refuse();
+        } else {
+            go_on_inner();
+        }
     }
-    return 1 + 4 * seen;
+    return kKeyframesOfPiece;
 }
 
 // Damping, the block's factor, the right-hand side: -(gradient - what the points explain of it).
-bool GlobalAdjustment::prepare(Keyframe& keyframe) noexcept {
+bool GlobalAdjustment::prepare_keyframe(Keyframe& keyframe) noexcept {
     for (int i = 0; i < 6; ++i) {
         keyframe.damping[i] = descent_.damping_of(keyframe.hessian[i], kDiagonalMin);
         keyframe.diagonal(i, i) += keyframe.damping[i];
         keyframe.reduced[i] -= keyframe.gradient[i];
-        keyframe.residual[i] = keyframe.reduced[i];
     }
     if (!cholesky(keyframe.diagonal, is_good_pivot)) return false;
+    keyframe.begin_at_zero(keyframe.reduced);
     precondition(keyframe);
     return true;
 }
 
 void GlobalAdjustment::precondition(Keyframe& keyframe) noexcept {
-    double* const x = keyframe.preconditioned;
-    for (int i = 0; i < 6; ++i) x[i] = keyframe.residual[i];
-    solve_lower(keyframe.diagonal, x);
-    solve_lower_transposed(keyframe.diagonal, x);
-    for (int i = 0; i < 6; ++i) energy_ += keyframe.residual[i] * x[i];
+    keyframe.preconditioned = keyframe.residual;
+    solve_lower(keyframe.diagonal, keyframe.preconditioned);
+    solve_lower_transposed(keyframe.diagonal, keyframe.preconditioned);
+    inner_.add_energy(keyframe);
+}
+
+void GlobalAdjustment::go_on_inner() noexcept {
+    if (inner_.continues()) {
+        enter(Phase::kDirect);
+    } else {
+        end_inner();
+    }
+}
+
+std::uint32_t GlobalAdjustment::direct() noexcept {
+    if (each_keyframe([this](Keyframe& keyframe) {
+            if (!keyframe.moves) return;
+            inner_.update_direction(keyframe);
+            for (int i = 0; i < 6; ++i) keyframe.product[i] = keyframe.damping[i] * keyframe.direction[i];
+        })) {
+        enter(Phase::kMultiply);
+    }
+    return kKeyframesOfPiece;
+}
+
+std::uint32_t GlobalAdjustment::multiply() noexcept {
+    const std::uint32_t units = multiply_point(points_[cursor_++]);
+    if (cursor_ == point_count_) enter(Phase::kMeasure);
+    return units;
 }
 
 // product += (Jpose^T W Jpose - Jpose^T W Jpoint V^-1 Jpoint^T W Jpose) direction, over the point's observations.
 std::uint32_t GlobalAdjustment::multiply_point(const Point& p) noexcept {
     if (!p.is_used) return 1;
-    const double* const world = p.world[current_];
     double pulled[3] = {};
-    for (const bool is_second : {false, true}) {
-        if (is_second) {
-            if (p.can_move) {
-                forward(p.factor, pulled);
-                backward(p.factor, pulled);
-            } else {
-                pulled[0] = pulled[1] = pulled[2] = 0.0;
-            }
-        }
-        for (std::uint32_t i = p.begin; i < p.end; ++i) {
-            const Observation& o = observations_[i];
-            Keyframe& keyframe = keyframes_[o.keyframe];
-            if (!keyframe.moves) continue;
-            const Sighting s = sighting_of(o);
-            const SightingResidual r = sighting_residual(keyframe.camera[current_], world, s);
-            if (r.is_far()) continue;
-            const Derivatives d = derivatives_of(keyframe.camera[current_], r, s, threshold_of(o));
-            double x = 0, y = 0, z = 0;
-            for (int k = 0; k < 6; ++k) {
-                x += d.pose.x[k] * keyframe.direction[k];
-                y += d.pose.y[k] * keyframe.direction[k];
-                z += d.pose.z[k] * keyframe.direction[k];
-            }
-            if (!is_second) {
-                for (int k = 0; k < 3; ++k) {
-                    pulled[k] += d.a * (d.point.x[k] * x + d.point.y[k] * y) + d.b * d.point.z[k] * z;
-                }
-                continue;
-            }
-            for (int k = 0; k < 3; ++k) {
-                x -= d.point.x[k] * pulled[k];
-                y -= d.point.y[k] * pulled[k];
-                z -= d.point.z[k] * pulled[k];
-            }
-            for (int k = 0; k < 6; ++k) {
-                keyframe.product[k] += d.a * (d.pose.x[k] * x + d.pose.y[k] * y) + d.b * d.pose.z[k] * z;
-            }
-        }
+    if (p.can_move) {
+        each_moving(p, [&](const Keyframe& keyframe, const Derivatives& d) {
+            const auto change = d.along(keyframe.direction);
+            d.pull_point(change.x, change.y, change.z, pulled);
+        });
+        forward(p.factor, pulled);
+        backward(p.factor, pulled);
     }
+    each_moving(p, [&](Keyframe& keyframe, const Derivatives& d) {
+        auto change = d.along(keyframe.direction);
+        for (int k = 0; k < 3; ++k) {
+            change.x -= d.point.x[k] * pulled[k];
+            change.y -= d.point.y[k] * pulled[k];
+            change.z -= d.point.z[k] * pulled[k];
+        }
+        d.pull_pose(change.x, change.y, change.z, keyframe.product);
+    });
     return 1 + 2 * (p.end - p.begin);
 }
 
+std::uint32_t GlobalAdjustment::measure() noexcept {
+    if (each_keyframe([this](const Keyframe& keyframe) {
+            if (keyframe.moves) inner_.add_curvature(keyframe);
+        })) {
+        if (inner_.has_step()) {
+            enter(Phase::kAdvance);
+        } else {
+            end_inner();
+        }
+    }
+    return kKeyframesOfPiece;
+}
+
+std::uint32_t GlobalAdjustment::advance() noexcept {
+    if (each_keyframe([this](Keyframe& keyframe) {
+            if (!keyframe.moves) return;
+            inner_.update_solution(keyframe);
+            precondition(keyframe);
+        })) {
+        go_on_inner();
+    }
+    return kKeyframesOfPiece;
+}
+
 void GlobalAdjustment::end_inner() noexcept {
+    summary_.inner_iterations += inner_.iterations();
     descent_.predicted = 0.0;
     is_singular_ = false;
     enter(Phase::kCandidate);
 }
 
-std::uint32_t GlobalAdjustment::evaluate_point(Point& p) noexcept {
-    const double* const world = p.world[current_];
-    double* const candidate = p.world[1 - current_];
-    for (int k = 0; k < 3; ++k) candidate[k] = world[k];
-    if (!p.is_used) return 1;
-    if (p.can_move) {
-        double g[3] = {p.gradient[0], p.gradient[1], p.gradient[2]};
-        // What the point would gain alone, -g V^-1 g, is in the reduced model's constant.
-        double alone[3] = {g[0], g[1], g[2]};
-        forward(p.factor, alone);
-        descent_.predicted += alone[0] * alone[0] + alone[1] * alone[1] + alone[2] * alone[2];
-        for (std::uint32_t i = p.begin; i < p.end; ++i) {
-            const Observation& o = observations_[i];
-            const Keyframe& keyframe = keyframes_[o.keyframe];
-            if (!keyframe.moves) continue;
-            const Sighting s = sighting_of(o);
-            const SightingResidual r = sighting_residual(keyframe.camera[current_], world, s);
-            if (r.is_far()) continue;
-            const Derivatives d = derivatives_of(keyframe.camera[current_], r, s, threshold_of(o));
-            double x = 0, y = 0, z = 0;
-            for (int k = 0; k < 6; ++k) {
-                x += d.pose.x[k] * keyframe.step[k];
-                y += d.pose.y[k] * keyframe.step[k];
-                z += d.pose.z[k] * keyframe.step[k];
+std::uint32_t GlobalAdjustment::make_candidate() noexcept {
+    if (each_keyframe([this](Keyframe& keyframe) {
+            if (!keyframe.moves) return keyframe.stay(current_);
+            for (int i = 0; i < 6; ++i) {
+                const double x = keyframe.solution[i];
+                // Of the reduced model: -2 r x - x S x with S x = r - residual, damping included.
+                descent_.predicted += x * (keyframe.reduced[i] + keyframe.residual[i] + keyframe.damping[i] * x);
             }
-            for (int k = 0; k < 3; ++k) {
-                g[k] += d.a * (d.point.x[k] * x + d.point.y[k] * y) + d.b * d.point.z[k] * z;
+            if (is_sane_step(keyframe.solution)) {
+                keyframe.move(current_, keyframe.solution);
+            } else {
+                is_singular_ = true;
             }
-        }
-        forward(p.factor, g);
-        backward(p.factor, g);
-        if (is_sane_step(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])) {
-            for (int k = 0; k < 3; ++k) {
-                candidate[k] = world[k] - g[k];
-                descent_.predicted += p.damping[k] * g[k] * g[k];
-            }
+        })) {
+        descent_.candidate_cost = 0.0;
+        if (is_singular_) {
+            refuse();
+        } else {
+            enter(Phase::kEvaluate);
         }
     }
+    return kKeyframesOfPiece;
+}
+
+std::uint32_t GlobalAdjustment::evaluate() noexcept {
+    const std::uint32_t units = evaluate_point(points_[cursor_++]);
+    if (cursor_ == point_count_) {
+        if (descent_.judge(options_.cost_change_min, kCostExact * summary_.observations)) {
+            current_ = 1 - current_;
+            ++summary_.steps_accepted;
+        }
+        next_iteration();
+    }
+    return units;
+}
+
+std::uint32_t GlobalAdjustment::evaluate_point(Point& p) noexcept {
+    double* const candidate = p.world[1 - current_];
+    for (int k = 0; k < 3; ++k) candidate[k] = p.world[current_][k];
+    if (!p.is_used) return 1;
+    if (p.can_move) move_point(p);
     for (std::uint32_t i = p.begin; i < p.end; ++i) {
         const Observation& o = observations_[i];
         const SightingResidual r =
@@ -501,30 +480,29 @@ std::uint32_t GlobalAdjustment::evaluate_point(Point& p) noexcept {
     return 1 + 2 * (p.end - p.begin);
 }
 
-void GlobalAdjustment::judge() noexcept {
-    const double negligible = options_.cost_change_min * descent_.cost;
-    if (!descent_.is_better()) {
-        if (descent_.predicted <= negligible) summary_.has_converged = true;
-        refuse();
-        return;
-    }
-    const double gain = descent_.accept();
-    current_ = 1 - current_;
-    ++summary_.steps_accepted;
-    summary_.has_converged = gain <= negligible;
-    if (summary_.has_converged) {
-        finish();
-    } else {
-        next_iteration();
+// To where the keyframes' steps pull it.
+void GlobalAdjustment::move_point(Point& p) noexcept {
+    double g[3] = {p.gradient[0], p.gradient[1], p.gradient[2]};
+    // What the point would gain alone, -g V^-1 g, is in the reduced model's constant.
+    double alone[3] = {g[0], g[1], g[2]};
+    forward(p.factor, alone);
+    descent_.predicted += alone[0] * alone[0] + alone[1] * alone[1] + alone[2] * alone[2];
+    each_moving(p, [&](const Keyframe& keyframe, const Derivatives& d) {
+        const auto change = d.along(keyframe.solution);
+        d.pull_point(change.x, change.y, change.z, g);
+    });
+    forward(p.factor, g);
+    backward(p.factor, g);
+    if (!is_sane_step(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])) return;
+    for (int k = 0; k < 3; ++k) {
+        p.world[1 - current_][k] -= g[k];
+        descent_.predicted += p.damping[k] * g[k] * g[k];
     }
 }
 
 void GlobalAdjustment::refuse() noexcept {
-    if (descent_.refuse() && !summary_.has_converged) {
-        next_iteration();
-    } else {
-        finish();
-    }
+    descent_.refuse();
+    next_iteration();
 }
 
 }  // namespace stillmesh

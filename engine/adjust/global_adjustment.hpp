@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/adjust/conjugate_gradients.hpp"
 #include "engine/adjust/descent.hpp"
 #include "engine/adjust/linearisation.hpp"
 #include "engine/adjust/twin_pose.hpp"
@@ -95,23 +96,24 @@ public:
 
 private:
     enum class State : std::uint8_t { kCollecting, kFilling, kRunning, kDone };
+    // The pieces of a job, in order. The inner iterations are kDirect to kAdvance.
     enum class Phase : std::uint8_t {
         kClear,      // keyframe by keyframe: zero sums
         kLinearise,  // point by point: derivatives, elimination, diagonal blocks
         kPrepare,    // keyframe by keyframe: damping, the preconditioner's factor, the first residual
-        kDirection,  // keyframe by keyframe: the next direction
+        kDirect,     // keyframe by keyframe: the next direction
         kMultiply,   // point by point: the reduced system times the direction
-        kCurvature,  // keyframe by keyframe
+        kMeasure,    // keyframe by keyframe: direction times that
         kAdvance,    // keyframe by keyframe: step and residual
         kCandidate,  // keyframe by keyframe: candidate poses
         kEvaluate,   // point by point: the point's step, cost there
     };
-    struct Keyframe : TwinPose {
-        Matrix6 diagonal = Matrix6::Zero();  // of the reduced system; then its Cholesky factor
-        double hessian[6] = {};              // diagonal of the poses' own Hessian: what damping scales with
-        double damping[6] = {};
-        double gradient[6] = {}, reduced[6] = {};  // of the cost; of the reduced system
-        double step[6] = {}, residual[6] = {}, preconditioned[6] = {}, direction[6] = {}, product[6] = {};
+    // `solution`: the step. The vectors of one that does not move are not read.
+    struct Keyframe : TwinPose, ConjugateBlock {
+        Matrix6 diagonal;  // of the reduced system; then its Cholesky factor
+        Vector6 hessian;   // diagonal of the poses' own Hessian: what damping scales with
+        Vector6 damping;
+        Vector6 gradient, reduced;  // of the cost; of the reduced system
         std::uint32_t used = 0;
         bool is_fixed = false;
         bool moves = false;
@@ -130,25 +132,47 @@ private:
         std::uint16_t keyframe = 0;
     };
 
+    struct Derivatives;
+
+    // One piece each; they return the units it took.
+    std::uint32_t clear_sums() noexcept;
+    std::uint32_t linearise() noexcept;
+    std::uint32_t prepare() noexcept;
+    std::uint32_t direct() noexcept;
+    std::uint32_t multiply() noexcept;
+    std::uint32_t measure() noexcept;
     std::uint32_t advance() noexcept;
+    std::uint32_t make_candidate() noexcept;
+    std::uint32_t evaluate() noexcept;
+    std::uint32_t next_piece() noexcept;
+
     void enter(Phase phase) noexcept;
-    [[nodiscard]] Sighting sighting_of(const Observation& o) const noexcept {
+    // A piece of a phase over keyframes. True: the phase is through.
+    template <typename Visit>
+    [[nodiscard]] bool each_keyframe(Visit&& visit) noexcept;
+    // Calls visit(keyframe, derivatives) for each observation of the point by a keyframe that moves.
+    template <typename Visit>
+    void each_moving(const Point& p, Visit&& visit) noexcept;
+    [[nodiscard]] static Sighting sighting_of(const Observation& o) noexcept {
         return {static_cast<double>(o.x), static_cast<double>(o.y), static_cast<double>(o.z_m),
                 static_cast<double>(o.info), static_cast<double>(o.info_z)};
     }
     [[nodiscard]] double threshold_of(const Observation& o) const noexcept {
         return o.info_z > 0 ? options_.chi2_max_depth : options_.chi2_max_pixel;
     }
+    [[nodiscard]] Derivatives derivatives_of(const Observation& o, const SightingResidual& r) const noexcept;
     std::uint32_t linearise_point(Point& p) noexcept;
+    void sum_up(Point& p) noexcept;
+    void eliminate(const Point& p) noexcept;
     std::uint32_t multiply_point(const Point& p) noexcept;
     std::uint32_t evaluate_point(Point& p) noexcept;
-    [[nodiscard]] bool prepare(Keyframe& keyframe) noexcept;
+    void move_point(Point& p) noexcept;
+    [[nodiscard]] bool prepare_keyframe(Keyframe& keyframe) noexcept;
     void precondition(Keyframe& keyframe) noexcept;
+    void go_on_inner() noexcept;
     void end_inner() noexcept;
-    void judge() noexcept;
     void refuse() noexcept;
     void next_iteration() noexcept;
-    void finish() noexcept;
 
     std::span<Keyframe> keyframes_;
     std::span<Point> points_;
@@ -160,9 +184,8 @@ private:
     std::uint32_t cursor_ = 0;
     std::uint32_t keyframe_count_ = 0, point_count_ = 0, observation_count_ = 0, fixed_count_ = 0;
     std::uint32_t current_ = 0;
-    std::uint32_t inner_ = 0;
     Descent descent_;
-    double energy_ = 0, energy_before_ = 0, energy_first_ = 0, curvature_ = 0;
+    ConjugateGradients inner_;
     bool is_singular_ = false;
 };
 

@@ -255,7 +255,6 @@ void LocalAdjustment::begin_round() noexcept {
     }
     summary_.observations_used = summary_.residuals_used = summary_.points_used = summary_.keyframes_used = 0;
     iteration_ = 0;
-    has_converged_ = false;
     descent_.begin(options_.damping_initial);
     enter(Phase::kSelect);
 }
@@ -304,7 +303,9 @@ void LocalAdjustment::assign_columns() noexcept {
 }
 
 void LocalAdjustment::next_iteration() noexcept {
-    if (iteration_ >= options_.iterations_max[round_] || summary_.points_used == 0) return end_round();
+    if (descent_.is_over() || iteration_ >= options_.iterations_max[round_] || summary_.points_used == 0) {
+        return end_round();
+    }
     ++iteration_;
     ++summary_.iterations;
     enter(Phase::kClear);
@@ -508,30 +509,16 @@ std::uint32_t LocalAdjustment::evaluate_point(Point& p) noexcept {
 }
 
 void LocalAdjustment::judge_step() noexcept {
-    const double negligible = options_.cost_change_min * descent_.cost;
-    if (!descent_.is_better()) {
-        // At the minimum the model promises nothing either.
-        if (descent_.predicted <= negligible && descent_.predicted >= -negligible) has_converged_ = true;
-        refuse_step();
-        return;
+    if (descent_.judge(options_.cost_change_min, kCostExact * summary_.observations_used)) {
+        current_ = 1 - current_;
+        ++summary_.steps_accepted;
     }
-    const double gain = descent_.accept();
-    current_ = 1 - current_;
-    ++summary_.steps_accepted;
-    if (gain <= negligible || descent_.cost <= kCostExact * summary_.observations_used) has_converged_ = true;
-    if (has_converged_) {
-        end_round();
-    } else {
-        next_iteration();
-    }
+    next_iteration();
 }
 
 void LocalAdjustment::refuse_step() noexcept {
-    if (descent_.refuse() && !has_converged_) {
-        next_iteration();
-    } else {
-        end_round();
-    }
+    descent_.refuse();
+    next_iteration();
 }
 
 void LocalAdjustment::end_round() noexcept {
@@ -565,7 +552,7 @@ void LocalAdjustment::finish() noexcept {
         begin_round();
         return;
     }
-    if (has_converged_) {
+    if (descent_.has_converged()) {
         summary_.outcome = AdjustmentOutcome::kConverged;
     } else if (summary_.steps_accepted > 0) {
         summary_.outcome = AdjustmentOutcome::kIterationsEnded;

@@ -227,7 +227,6 @@ private:
     std::uint32_t column_count_ = 0;
     std::uint32_t round_ = 0;
     std::uint32_t iteration_ = 0;  // in the round
-    bool has_converged_ = false;   // this round
     Descent descent_;
 };
 

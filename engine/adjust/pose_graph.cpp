@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::uint32_t kEdgesOfPiece = 32;
 constexpr std::uint32_t kNodesOfPiece = 16;
+constexpr std::uint32_t kNodeUnits = kNodesOfPiece / 2;
 
 // The least of the diagonal that damping scales.
 constexpr double kDiagonalMin = 1e-9;
@@ -83,7 +84,26 @@ const SE3& PoseGraph::pose(std::uint32_t node) const noexcept {
 Progress PoseGraph::step(WorkBudget& budget) noexcept {
     if (state_ != State::kRunning) return Progress::kIdle;
     return work_in_pieces(
-        budget, summary_.units, [this] { return advance(); }, [this] { return is_done(); });
+        budget, summary_.units, [this] { return next_piece(); }, [this] { return is_done(); });
+}
+
+std::uint32_t PoseGraph::next_piece() noexcept {
+    switch (phase_) {
+        case Phase::kClear: return clear_sums();
+        case Phase::kLinearise: return linearise();
+        case Phase::kFactorise: return factorise();
+        case Phase::kBegin: return begin_inner();
+        case Phase::kForward: return precondition_forward();
+        case Phase::kBackward: return precondition_backward();
+        case Phase::kDirect: return direct();
+        case Phase::kMultiply: return multiply();
+        case Phase::kMeasure: return measure();
+        case Phase::kAdvance: return advance();
+        case Phase::kCandidate: return make_candidate();
+        case Phase::kEvaluate: return evaluate();
+    }
+    STILLMESH_CHECK(false);
+    return 0;
 }
 
 void PoseGraph::enter(Phase phase) noexcept {
@@ -94,193 +114,197 @@ void PoseGraph::enter(Phase phase) noexcept {
 template <typename Visit>
 bool PoseGraph::each_node(Visit&& visit) noexcept {
     for (std::uint32_t n = 0; n < kNodesOfPiece && cursor_ < node_count_; ++n, ++cursor_) visit(nodes_[cursor_]);
-    return cursor_ < node_count_;
+    return cursor_ == node_count_;
 }
 template <typename Visit>
 bool PoseGraph::each_node_from_leaves(Visit&& visit) noexcept {
     for (std::uint32_t n = 0; n < kNodesOfPiece && cursor_ < node_count_; ++n, ++cursor_) {
         visit(nodes_[node_count_ - 1 - cursor_]);
     }
-    return cursor_ < node_count_;
+    return cursor_ == node_count_;
 }
 template <typename Visit>
 bool PoseGraph::each_edge(Visit&& visit) noexcept {
     for (std::uint32_t n = 0; n < kEdgesOfPiece && cursor_ < edge_count_; ++n, ++cursor_) visit(edges_[cursor_]);
-    return cursor_ < edge_count_;
-}
-
-std::uint32_t PoseGraph::advance() noexcept {
-    constexpr std::uint32_t kNodeUnits = kNodesOfPiece / 2;
-    switch (phase_) {
-        case Phase::kClear:
-            if (each_node([](Node& node) {
-                    node.diagonal.setZero();
-                    node.to_parent.setZero();
-                    node.gradient.setZero();
-                    node.damping.setZero();
-                })) {
-                return kNodeUnits;
-            }
-            descent_.cost = 0.0;
-            enter(Phase::kLinearise);
-            return kNodeUnits;
-        case Phase::kLinearise:
-            if (each_edge([this](Edge& edge) { linearise_edge(edge); })) return 2 * kEdgesOfPiece;
-            if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
-            is_singular_ = false;
-            enter(Phase::kFactorise);
-            return 2 * kEdgesOfPiece;
-        case Phase::kFactorise:
-            if (each_node_from_leaves([this](Node& node) {
-                    if (node.parent != kNoParent && !is_singular_) is_singular_ = !factorise_node(node);
-                })) {
-                return 2 * kNodesOfPiece;
-            }
-            if (is_singular_) {
-                refuse();
-            } else {
-                inner_ = 0;
-                enter(Phase::kBeginInner);
-            }
-            return 2 * kNodesOfPiece;
-        case Phase::kBeginInner:
-            if (each_node([](Node& node) {
-                    node.step.setZero();
-                    node.direction.setZero();
-                    node.residual = -node.gradient;
-                    node.preconditioned = node.residual;
-                })) {
-                return kNodeUnits;
-            }
-            enter(Phase::kForward);
-            return kNodeUnits;
-        case Phase::kForward:
-            // y = L^-1 r: children have given theirs to the node before its turn.
-            if (each_node_from_leaves([this](Node& node) {
-                    if (node.parent == kNoParent) return;
-                    solve_lower(node.diagonal, node.preconditioned);
-                    Node& parent = nodes_[node.parent];
-                    parent.preconditioned.noalias() -= node.to_parent.transpose() * node.preconditioned;
-                })) {
-                return kNodeUnits;
-            }
-            energy_before_ = energy_;
-            energy_ = 0.0;
-            enter(Phase::kBackward);
-            return kNodeUnits;
-        case Phase::kBackward:
-            if (each_node([this](Node& node) {
-                    if (node.parent == kNoParent) {
-                        node.preconditioned.setZero();
-                        return;
-                    }
-                    node.preconditioned.noalias() -= node.to_parent * nodes_[node.parent].preconditioned;
-                    solve_lower_transposed(node.diagonal, node.preconditioned);
-                    for (int i = 0; i < 6; ++i) energy_ += node.residual(i) * node.preconditioned(i);
-                })) {
-                return kNodeUnits;
-            }
-            if (inner_ == 0) energy_first_ = energy_;
-            if (!(energy_ > options_.inner_residual_max * options_.inner_residual_max * energy_first_) ||
-                inner_ == options_.inner_iterations_max) {
-                end_inner();
-            } else {
-                enter(Phase::kDirection);
-            }
-            return kNodeUnits;
-        case Phase::kDirection: {
-            const double share = inner_ == 0 ? 0.0 : energy_ / energy_before_;
-            if (each_node([share](Node& node) {
-                    for (int i = 0; i < 6; ++i) {
-                        node.direction(i) = node.preconditioned(i) + share * node.direction(i);
-                        node.product(i) = node.damping(i) * node.direction(i);
-                    }
-                })) {
-                return kNodeUnits;
-            }
-            ++inner_;
-            ++summary_.inner_iterations;
-            enter(Phase::kMultiply);
-            return kNodeUnits;
-        }
-        case Phase::kMultiply:
-            if (each_edge([this](const Edge& edge) { multiply_edge(edge); })) return kEdgesOfPiece;
-            curvature_ = 0.0;
-            enter(Phase::kCurvature);
-            return kEdgesOfPiece;
-        case Phase::kCurvature:
-            if (each_node([this](const Node& node) {
-                    if (node.parent == kNoParent) return;
-                    for (int i = 0; i < 6; ++i) curvature_ += node.direction(i) * node.product(i);
-                })) {
-                return kNodeUnits;
-            }
-            if (curvature_ > 0.0) {
-                enter(Phase::kAdvance);
-            } else {
-                end_inner();
-            }
-            return kNodeUnits;
-        case Phase::kAdvance: {
-            const double length = energy_ / curvature_;
-            if (each_node([length](Node& node) {
-                    if (node.parent == kNoParent) {
-                        node.preconditioned.setZero();
-                        return;
-                    }
-                    for (int i = 0; i < 6; ++i) {
-                        node.step(i) += length * node.direction(i);
-                        node.residual(i) -= length * node.product(i);
-                        node.preconditioned(i) = node.residual(i);
-                    }
-                })) {
-                return kNodeUnits;
-            }
-            enter(Phase::kForward);
-            return kNodeUnits;
-        }
-        case Phase::kCandidate:
-            if (each_node([this](Node& node) {
-                    if (node.parent == kNoParent) return;
-                    if (!is_sane_step(node.step)) {
-                        is_singular_ = true;
-                        return;
-                    }
-                    SE3 candidate = node.pose[current_];
-                    candidate.translation += candidate.rotation * Vector3(node.step.head<3>());
-                    candidate.rotation = candidate.rotation * so3_exp(node.step.tail<3>());
-                    renormalise(candidate.rotation);
-                    node.pose[1 - current_] = candidate;
-                    // The cost is not halved: the model's decrease is -2 g x - x H x, and H x = -g - damping x - r.
-                    for (int i = 0; i < 6; ++i) {
-                        const double x = node.step(i);
-                        descent_.predicted += x * (node.damping(i) * x - node.gradient(i) + node.residual(i));
-                    }
-                })) {
-                return kNodeUnits;
-            }
-            descent_.candidate_cost = 0.0;
-            if (is_singular_) {
-                refuse();
-            } else {
-                enter(Phase::kEvaluate);
-            }
-            return kNodeUnits;
-        case Phase::kEvaluate:
-            if (each_edge([this](const Edge& edge) { descent_.candidate_cost += cost_of(edge, 1 - current_); })) {
-                return kEdgesOfPiece;
-            }
-            judge();
-            return kEdgesOfPiece;
-    }
-    STILLMESH_CHECK(false);
-    return 0;
+    return cursor_ == edge_count_;
 }
 
 void PoseGraph::next_iteration() noexcept {
-    if (summary_.iterations >= options_.iterations_max || node_count_ == 0 || edge_count_ == 0) return finish();
+    if (descent_.is_over() || summary_.iterations >= options_.iterations_max || node_count_ == 0 || edge_count_ == 0) {
+        summary_.has_converged = descent_.has_converged();
+        summary_.final_cost = descent_.cost;
+        state_ = State::kDone;
+        return;
+    }
     ++summary_.iterations;
     enter(Phase::kClear);
+}
+
+std::uint32_t PoseGraph::clear_sums() noexcept {
+    if (each_node([](Node& node) {
+            node.diagonal.setZero();
+            node.to_parent.setZero();
+            node.gradient.setZero();
+            node.damping.setZero();
+        })) {
+        descent_.cost = 0.0;
+        enter(Phase::kLinearise);
+    }
+    return kNodeUnits;
+}
+
+std::uint32_t PoseGraph::linearise() noexcept {
+    if (each_edge([this](Edge& edge) { linearise_edge(edge); })) {
+        if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
+        is_singular_ = false;
+        enter(Phase::kFactorise);
+    }
+    return 2 * kEdgesOfPiece;
+}
+
+std::uint32_t PoseGraph::factorise() noexcept {
+    if (each_node_from_leaves([this](Node& node) {
+            if (!node.is_fixed() && !is_singular_) is_singular_ = !factorise_node(node);
+        })) {
+        if (is_singular_) {
+            refuse();
+        } else {
+            inner_.begin(options_.inner_iterations_max, options_.inner_residual_max);
+            enter(Phase::kBegin);
+        }
+    }
+    return 2 * kNodesOfPiece;
+}
+
+std::uint32_t PoseGraph::begin_inner() noexcept {
+    if (each_node([](Node& node) {
+            node.begin_at_zero(-node.gradient);
+            node.preconditioned = node.residual;
+        })) {
+        enter(Phase::kForward);
+    }
+    return kNodeUnits;
+}
+
+// y = L^-1 r: children have given theirs to the node before its turn.
+std::uint32_t PoseGraph::precondition_forward() noexcept {
+    if (each_node_from_leaves([this](Node& node) {
+            if (node.is_fixed()) return;
+            solve_lower(node.diagonal, node.preconditioned);
+            nodes_[node.parent].preconditioned.noalias() -= node.to_parent.transpose() * node.preconditioned;
+        })) {
+        enter(Phase::kBackward);
+    }
+    return kNodeUnits;
+}
+
+std::uint32_t PoseGraph::precondition_backward() noexcept {
+    if (each_node([this](Node& node) {
+            if (node.is_fixed()) {
+                node.preconditioned.setZero();
+                return;
+            }
+            node.preconditioned.noalias() -= node.to_parent * nodes_[node.parent].preconditioned;
+            solve_lower_transposed(node.diagonal, node.preconditioned);
+            inner_.add_energy(node);
+        })) {
+        if (inner_.continues()) {
+            enter(Phase::kDirect);
+        } else {
+            end_inner();
+        }
+    }
+    return kNodeUnits;
+}
+
+std::uint32_t PoseGraph::direct() noexcept {
+    if (each_node([this](Node& node) {
+            inner_.update_direction(node);
+            for (int i = 0; i < 6; ++i) node.product(i) = node.damping(i) * node.direction(i);
+        })) {
+        enter(Phase::kMultiply);
+    }
+    return kNodeUnits;
+}
+
+std::uint32_t PoseGraph::multiply() noexcept {
+    if (each_edge([this](const Edge& edge) { multiply_edge(edge); })) enter(Phase::kMeasure);
+    return kEdgesOfPiece;
+}
+
+std::uint32_t PoseGraph::measure() noexcept {
+    if (each_node([this](const Node& node) {
+            if (!node.is_fixed()) inner_.add_curvature(node);
+        })) {
+        if (inner_.has_step()) {
+            enter(Phase::kAdvance);
+        } else {
+            end_inner();
+        }
+    }
+    return kNodeUnits;
+}
+
+std::uint32_t PoseGraph::advance() noexcept {
+    if (each_node([this](Node& node) {
+            if (node.is_fixed()) return;
+            inner_.update_solution(node);
+            node.preconditioned = node.residual;
+        })) {
+        enter(Phase::kForward);
+    }
+    return kNodeUnits;
+}
+
+void PoseGraph::end_inner() noexcept {
+    summary_.inner_iterations += inner_.iterations();
+    descent_.predicted = 0.0;
+    is_singular_ = false;
+    enter(Phase::kCandidate);
+}
+
+std::uint32_t PoseGraph::make_candidate() noexcept {
+    if (each_node([this](Node& node) {
+            if (node.is_fixed()) return;
+            if (!is_sane_step(node.solution)) {
+                is_singular_ = true;
+                return;
+            }
+            SE3 candidate = node.pose[current_];
+            candidate.translation += candidate.rotation * Vector3(node.solution.head<3>());
+            candidate.rotation = candidate.rotation * so3_exp(node.solution.tail<3>());
+            renormalise(candidate.rotation);
+            node.pose[1 - current_] = candidate;
+            // The cost is not halved: the model's decrease is -2 g x - x H x, and H x = -g - damping x - r.
+            for (int i = 0; i < 6; ++i) {
+                const double x = node.solution(i);
+                descent_.predicted += x * (node.damping(i) * x - node.gradient(i) + node.residual(i));
+            }
+        })) {
+        descent_.candidate_cost = 0.0;
+        if (is_singular_) {
+            refuse();
+        } else {
+            enter(Phase::kEvaluate);
+        }
+    }
+    return kNodeUnits;
+}
+
+std::uint32_t PoseGraph::evaluate() noexcept {
+    if (each_edge([this](const Edge& edge) { descent_.candidate_cost += cost_of(edge, 1 - current_); })) {
+        if (descent_.judge(options_.cost_change_min, kCostExact * edge_count_)) {
+            current_ = 1 - current_;
+            ++summary_.steps_accepted;
+        }
+        next_iteration();
+    }
+    return kEdgesOfPiece;
+}
+
+void PoseGraph::refuse() noexcept {
+    descent_.refuse();
+    next_iteration();
 }
 
 double PoseGraph::cost_of(const Edge& edge, std::uint32_t which) const noexcept {
@@ -383,43 +407,6 @@ bool PoseGraph::factorise_node(Node& node) noexcept {
     Node& parent = nodes_[node.parent];
     if (parent.parent != kNoParent) parent.diagonal.noalias() -= node.to_parent.transpose() * node.to_parent;
     return true;
-}
-
-void PoseGraph::end_inner() noexcept {
-    descent_.predicted = 0.0;
-    is_singular_ = false;
-    enter(Phase::kCandidate);
-}
-
-void PoseGraph::judge() noexcept {
-    const double negligible = options_.cost_change_min * descent_.cost;
-    if (!descent_.is_better()) {
-        if (descent_.predicted <= negligible) summary_.has_converged = true;
-        refuse();
-        return;
-    }
-    const double gain = descent_.accept();
-    current_ = 1 - current_;
-    ++summary_.steps_accepted;
-    summary_.has_converged = gain <= negligible || descent_.cost <= kCostExact * edge_count_;
-    if (summary_.has_converged) {
-        finish();
-    } else {
-        next_iteration();
-    }
-}
-
-void PoseGraph::refuse() noexcept {
-    if (descent_.refuse() && !summary_.has_converged) {
-        next_iteration();
-    } else {
-        finish();
-    }
-}
-
-void PoseGraph::finish() noexcept {
-    summary_.final_cost = descent_.cost;
-    state_ = State::kDone;
 }
 
 }  // namespace stillmesh

@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/adjust/conjugate_gradients.hpp"
 #include "engine/adjust/descent.hpp"
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
@@ -84,41 +85,53 @@ public:
 
 private:
     enum class State : std::uint8_t { kCollecting, kRunning, kDone };
+    // The pieces of a job, in order. The inner iterations are kForward to kAdvance.
     enum class Phase : std::uint8_t {
-        kClear,       // node by node: zero sums
-        kLinearise,   // edge by edge: residuals, derivatives, sums
-        kFactorise,   // leaves to root: the preconditioner
-        kBeginInner,  // node by node: residual = right-hand side
-        kForward,     // leaves to root: the preconditioner applied
-        kBackward,    // root to leaves
-        kDirection,   // node by node: the next direction
-        kMultiply,    // edge by edge: Hessian times direction
-        kCurvature,   // node by node: direction times that
-        kAdvance,     // node by node: the step grows along the direction
-        kCandidate,   // node by node: candidate poses
-        kEvaluate,    // edge by edge: cost there
+        kClear,      // node by node: zero sums
+        kLinearise,  // edge by edge: residuals, derivatives, sums
+        kFactorise,  // leaves to root: the preconditioner
+        kBegin,      // node by node: the right-hand side
+        kForward,    // leaves to root: the preconditioner applied
+        kBackward,   // root to leaves
+        kDirect,     // node by node: the next direction
+        kMultiply,   // edge by edge: Hessian times direction
+        kMeasure,    // node by node: direction times that
+        kAdvance,    // node by node: the step grows along the direction
+        kCandidate,  // node by node: candidate poses
+        kEvaluate,   // edge by edge: cost there
     };
-    struct Node {
+    // `solution`: the step.
+    struct Node : ConjugateBlock {
         SE3 pose[2];        // current and candidate, by current_
         Matrix6 diagonal;   // of the Hessian; later the tree's Cholesky factor of this node, L
         Matrix6 to_parent;  // Hessian block (node, parent); later L^-1 times it
         Vector6 damping;    // added to the diagonal
         Vector6 gradient;
-        Vector6 step;
-        Vector6 residual;
-        Vector6 preconditioned;
-        Vector6 direction;
-        Vector6 product;
         std::uint32_t parent = kNoParent;
+        [[nodiscard]] bool is_fixed() const noexcept { return parent == kNoParent; }
     };
     struct Edge {
         PoseGraphEdge given;
         Matrix3 log_change;  // so3_log_derivative at the residual
     };
 
+    // One piece each; they return the units it took.
+    std::uint32_t clear_sums() noexcept;
+    std::uint32_t linearise() noexcept;
+    std::uint32_t factorise() noexcept;
+    std::uint32_t begin_inner() noexcept;
+    std::uint32_t precondition_forward() noexcept;
+    std::uint32_t precondition_backward() noexcept;
+    std::uint32_t direct() noexcept;
+    std::uint32_t multiply() noexcept;
+    std::uint32_t measure() noexcept;
     std::uint32_t advance() noexcept;
+    std::uint32_t make_candidate() noexcept;
+    std::uint32_t evaluate() noexcept;
+    std::uint32_t next_piece() noexcept;
+
     void enter(Phase phase) noexcept;
-    // Pieces of a phase over nodes or edges; false: the phase is through.
+    // A piece of a phase over nodes or edges. True: the phase is through.
     template <typename Visit>
     [[nodiscard]] bool each_node(Visit&& visit) noexcept;
     template <typename Visit>
@@ -130,10 +143,8 @@ private:
     void multiply_edge(const Edge& edge) noexcept;
     [[nodiscard]] bool factorise_node(Node& node) noexcept;
     void end_inner() noexcept;
-    void judge() noexcept;
     void refuse() noexcept;
     void next_iteration() noexcept;
-    void finish() noexcept;
 
     std::span<Node> nodes_;
     std::span<Edge> edges_;
@@ -144,10 +155,8 @@ private:
     std::uint32_t cursor_ = 0;
     std::uint32_t node_count_ = 0, edge_count_ = 0;
     std::uint32_t current_ = 0;
-    std::uint32_t inner_ = 0;
     Descent descent_;
-    double energy_ = 0, energy_before_ = 0, energy_first_ = 0;  // residual times preconditioned residual
-    double curvature_ = 0;
+    ConjugateGradients inner_;
     bool is_singular_ = false;
 };
 
