@@ -168,11 +168,6 @@ public:
             out.hashes.push_back(engine_->state_hash());
             out.without_pose += engine_->pose().state < PoseState::kUnsure ? 1U : 0U;
         }
-        {
-            StateHash all;
-            for (auto h : out.hashes) all.add(h);
-                        static_cast<unsigned long long>(engine_->statistics().store.returned));
-        }
         out.statistics = engine_->statistics();
         out.schedule = out.statistics.schedule;
         return out;
