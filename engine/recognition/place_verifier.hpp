@@ -1,8 +1,8 @@
 // Is a candidate really the place that it looks like (method.md 9.3), and where from there? Features of a query (a
-// frame, or a keyframe) are matched to the static points that a candidate keyframe observes, through the nodes of the
-// vocabulary (method.md 2) with ratio and orientation checks; 3D-3D RANSAC with the points' covariance finds the pose;
-// with it more points of the candidate and its neighbours are matched by projection; the pose is adjusted again and
-// judged by how many agree, what share of all matches that is, and how far over the image they are spread.
+// frame, or a keyframe) are matched to the static points that a candidate keyframe observes (place_matcher.hpp); 3D-3D
+// RANSAC with the points' covariance finds the pose; with it more points of the candidate and its neighbours are
+// matched by projection; the pose is adjusted again and judged by how many agree, what share of all matches that is,
+// and how far over the image they are spread.
 //
 // A machine that can stop anywhere: begin(), set_query(), start(), step() until kDone, then is_accepted() and the rest.
 // Of the map, what goes while it runs is skipped. Limits: features_max features, kPairsMax pairs.
@@ -15,13 +15,10 @@
 #include "engine/base/fixed_vector.hpp"
 #include "engine/base/random.hpp"
 #include "engine/configuration.hpp"
-#include "engine/geometry/camera.hpp"
-#include "engine/geometry/pixel_noise.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
-#include "engine/matching/feature_grid.hpp"
-#include "engine/place/bag_of_words.hpp"
 #include "engine/pose/pose_optimiser.hpp"
+#include "engine/recognition/place_matcher.hpp"
 #include "engine/schedule/task.hpp"
 
 namespace stillmesh {
@@ -46,11 +43,6 @@ struct PlaceMatch {
 };
 
 class PlaceVerifier {
-    struct Claim {  // by query feature
-        Handle<MapPoint> point;
-        std::uint32_t distance_bits = 0;
-    };
-
 public:
     static constexpr std::uint32_t kPairsMax = 400;
 
@@ -58,33 +50,25 @@ public:
         return limits.features_max / 2 < kPairsMax ? limits.features_max / 2 : kPairsMax;
     }
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
-        FeatureGrid::plan(arena, limits);
-        FixedVector<Keypoint>::plan(arena, limits.features_max);
-        FixedVector<Observation>::plan(arena, limits.features_max);
-        FixedVector<WordOfFeature>::plan(arena, limits.features_max);
-        arena.array<Claim>(limits.features_max);
+        PlaceMatcher::plan(arena, limits);
         FixedVector<Correspondence>::plan(arena, pairs_max(limits));
         FixedVector<PlaceMatch>::plan(arena, pairs_max(limits));
         FixedVector<std::uint16_t>::plan(arena, pairs_max(limits));
-        arena.array<std::uint64_t>(projected_words(limits));
     }
     void create(Arena& arena, const Limits& limits, const Configuration& configuration,
                 const CameraModel& camera) noexcept;
 
-    // A new query; forgets everything. Its descriptors are borrowed until the next.
+    // A new query; forgets everything. Its descriptors are borrowed until the next. Then its features and their direct
+    // index, as for the matcher.
     void begin_query(std::span<const Descriptor> descriptors = {}) noexcept;
-    // Its features one by one, as many as descriptors. `observation.point` is of no interest.
-    void add_feature(const Observation& observation, bool is_eligible) noexcept;
-    // The direct index of all features added.
-    void end_query(std::span<const WordOfFeature> by_word) noexcept;
+    void add_feature(const Observation& observation, bool is_eligible) noexcept {
+        matcher_.add_feature(observation, is_eligible);
+    }
+    void end_query(std::span<const WordOfFeature> by_word) noexcept { matcher_.end_query(by_word); }
+    [[nodiscard]] const PlaceMatcher& matcher() const noexcept { return matcher_; }
 
-    // A first look, some ten times cheaper than verification: how many features of a keyframe have one of the query
-    // that is alike, under nodes of level kLookLevel, and turned as most are. `there`: the keyframe's direct index.
-    static constexpr std::uint32_t kLookLevel = 2;
-    [[nodiscard]] std::uint32_t count_alike(const Map& map, const Vocabulary& vocabulary, Handle<Keyframe> keyframe,
-                                            std::span<const WordOfFeature> there) const noexcept;
-
-    // What is asked of it: pairs by descriptor, and of those and their neighbours that agree on the pose in the end.
+    // What a candidate has to reach: pairs by descriptor, and of those and their neighbours that agree on the pose in
+    // the end.
     struct Demands {
         std::uint32_t matches_min = 0, inliers_min = 0;
     };
@@ -113,44 +97,26 @@ public:
     [[nodiscard]] std::uint64_t likeness(const Map& map) const noexcept;
     // Those that agree.
     [[nodiscard]] std::span<const PlaceMatch> agreeing() const noexcept { return matches_.span(); }
-    [[nodiscard]] std::span<const Observation> query() const noexcept { return query_.span(); }
 
 private:
     enum class Stage : std::uint8_t { kIdle, kMatch, kGather, kSample, kRefine, kGuide, kJudge, kDone };
     static constexpr std::uint32_t kNeighboursMax = 8;
 
-    static constexpr std::uint32_t projected_words(const Limits& limits) noexcept {
-        return (limits.map_points_max + 63) / 64;
-    }
-
     void refuse(Refusal refusal) noexcept;
-    [[nodiscard]] std::uint32_t match(const Map& map, const Vocabulary& vocabulary,
-                                      std::span<const WordOfFeature> there) noexcept;
-    void claim(std::uint32_t feature, Handle<MapPoint> point, std::uint32_t distance_bits) noexcept;
     [[nodiscard]] std::uint32_t gather(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t sample() noexcept;
     [[nodiscard]] std::uint32_t refine() noexcept;
     [[nodiscard]] std::uint32_t guide(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t judge(const Map& map) noexcept;
-    [[nodiscard]] bool mark_projected(std::uint32_t slot) noexcept;
-    void keep_common_turn(const Map& map) noexcept;
-    [[nodiscard]] Correspondence pair_of(std::size_t i, const MapPoint& point) const noexcept;
     void collect(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t choose_agreeing(const SE3& world_from_camera, double chi2_max) noexcept;
 
     const Configuration* configuration_ = nullptr;  // outlives it
-    CameraModel camera_;
-    FeatureGrid grid_;
-    FixedVector<Keypoint> keypoints_;
-    FixedVector<Observation> query_;
-    std::span<const Descriptor> descriptors_;
-    FixedVector<WordOfFeature> by_word_;
-    std::span<Claim> claims_;
+    std::uint32_t width_ = 0, height_ = 0;          // px, of the image
+    PlaceMatcher matcher_;
     FixedVector<Correspondence> pairs_;
-    FixedVector<PlaceMatch> matches_;     // of pairs_, index by index; at the end those that agree
-    FixedVector<std::uint16_t> chosen_;   // in pairs_
-    std::span<std::uint64_t> projected_;  // a bit for each slot of a point
-    PixelNoise pixel_noise_;
+    FixedVector<PlaceMatch> matches_;    // of pairs_, index by index; at the end those that agree
+    FixedVector<std::uint16_t> chosen_;  // in pairs_
     std::uint32_t piece_units_max_ = 0;
 
     Stage stage_ = Stage::kIdle;
@@ -161,12 +127,9 @@ private:
     std::uint32_t source_ = 0;
     NoiseFactors noise_;
     Demands demands_;
-    std::size_t a_ = 0, b_ = 0, b_end_ = 0;  // in the direct indices
-    std::uint32_t node_end_ = 0;
     std::uint32_t cursor_ = 0;
     std::uint32_t iterations_ = 0, iterations_wanted_ = 0;
     std::uint32_t matched_ = 0;
-    std::uint32_t offered_ = 0;  // points in view from the pose found
     double best_votes_ = 0;
     SE3 best_;
     PoseFit fit_;

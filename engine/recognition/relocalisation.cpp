@@ -46,7 +46,7 @@ void Relocalisation::add_feature(const Observation& observation) noexcept {
 
 bool Relocalisation::query(const Map& map) noexcept {
     PlaceVerifier& verifier = places_->verifier();
-    const std::span<const Observation> features = verifier.query();
+    const std::span<const Observation> features = verifier.matcher().query();
     STILLMESH_CHECK(features.size() == descriptors_.size());
     if (features.size() < configuration_->loop.inliers_min) return false;  // a covered lens
     const std::span<std::uint8_t> eligible = places_->eligible().first(features.size());
@@ -64,8 +64,8 @@ bool Relocalisation::query(const Map& map) noexcept {
 }
 
 std::uint32_t Relocalisation::count_alike(const Map& map, Handle<Keyframe> keyframe) const noexcept {
-    return places_->verifier().count_alike(map, places_->vocabulary(), keyframe,
-                                           places_->database().direct_index(keyframe.slot()));
+    return places_->verifier().matcher().count_alike(map, places_->vocabulary(), keyframe,
+                                                     places_->database().direct_index(keyframe.slot()));
 }
 
 bool Relocalisation::verify(const Map& map, Handle<Keyframe> keyframe) noexcept {

@@ -1,4 +1,4 @@
-#include "engine/recognition/place_verifier.hpp"
+#include "engine/recognition/place_matcher.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,9 +15,9 @@ namespace {
 constexpr std::uint32_t kFeatures = 90;
 constexpr float kTurn_rad = 1.0F;
 
-struct Verifier : PlaceVerifier {
+struct Matcher : PlaceMatcher {
     void create(Arena& arena, const Limits& limits) {
-        PlaceVerifier::create(arena, limits, configuration, {.width = 160, .height = 120, .fx = 130, .fy = 130});
+        PlaceMatcher::create(arena, limits, configuration, {.width = 160, .height = 120, .fx = 130, .fy = 130});
     }
     Configuration configuration;
 };
@@ -49,10 +49,10 @@ public:
     // Features from `eligible` on are not.
     [[nodiscard]] std::uint32_t count(std::uint32_t eligible = kFeatures) {
         mine_->find(vocabulary_, descriptors_);
-        verifier_->begin_query(descriptors_);
-        for (std::uint32_t i = 0; i < kFeatures; ++i) verifier_->add_feature(query_[i], i < eligible);
-        verifier_->end_query(mine_->by_word());
-        return verifier_->count_alike(*map_, vocabulary_, keyframe_, there_->by_word());
+        matcher_->begin_query(descriptors_);
+        for (std::uint32_t i = 0; i < kFeatures; ++i) matcher_->add_feature(query_[i], i < eligible);
+        matcher_->end_query(mine_->by_word());
+        return matcher_->count_alike(*map_, vocabulary_, keyframe_, there_->by_word());
     }
 
 private:
@@ -61,21 +61,21 @@ private:
     test::InMemory<Map> map_{Limits::tiny()};
     test::InMemory<FrameWords> mine_{kFeatures};
     test::InMemory<FrameWords> there_{kFeatures};
-    test::InMemory<Verifier> verifier_{Limits::tiny()};
+    test::InMemory<Matcher> matcher_{Limits::tiny()};
     Handle<Keyframe> keyframe_;
     std::vector<Observation> query_;
     std::vector<Descriptor> descriptors_;
 };
 
 // Promise: the first look at a keyframe counts every feature that shows a point of it, however the camera is rolled.
-TEST(PlaceVerifier, CountsWhatIsAlike) {
+TEST(PlaceMatcher, CountsWhatIsAlike) {
     Look look;
     EXPECT_EQ(look.count(), kFeatures);
 }
 
 // Promise: people look alike everywhere: what shows a point that moves, or did, does not count, nor do features that
 // are not asked about, nor points that are gone.
-TEST(PlaceVerifier, CountsOnlyWhatStandsStill) {
+TEST(PlaceMatcher, CountsOnlyWhatStandsStill) {
     Look look;
     for (std::uint32_t i = 0; i < 20; ++i) look.point(i).is_suspect = true;
     for (std::uint32_t i = 20; i < 30; ++i) look.point(i).weight_tenths = 9;
@@ -84,7 +84,7 @@ TEST(PlaceVerifier, CountsOnlyWhatStandsStill) {
 }
 
 // Promise: other descriptors are not counted, nor those that turned as no others did.
-TEST(PlaceVerifier, DoesNotCountLookAlikes) {
+TEST(PlaceMatcher, DoesNotCountLookAlikes) {
     Look look;
     for (std::uint32_t i = 0; i < 15; ++i) look.query(i).angle_rad -= 0.7F + 0.1F * static_cast<float>(i);
     EXPECT_EQ(look.count(), kFeatures - 15);
