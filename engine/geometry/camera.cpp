@@ -14,6 +14,10 @@ constexpr int kNewtonStepsMax = 12;
 // A step this small in normalised units (1e-5 px at a focal length of 500 px) leaves an error of its square.
 constexpr double kStep2Enough = 4e-16;
 constexpr double kResidualMaxPx = 0.01;
+// How far out a lens sees: so many times as far as one without distortion, and so much more (normalised). Farther out
+// the polynomial may bend a point back into the picture, which no lens does.
+constexpr double kReachFactor = 1.2;
+constexpr double kReach = 0.2;
 
 struct Distorted {
     Vector2 position;   // normalised, distorted
@@ -116,6 +120,16 @@ Status validate(const CameraModel& model) noexcept {
 Vector2 distort_to_pixel(const CameraModel& model, const Vector2& normalised) noexcept {
     const Vector2 d = has_distortion(model) ? distort(model, normalised).position : normalised;
     return {model.fx * d.x() + model.cx, model.fy * d.y() + model.cy};
+}
+
+bool project(const CameraModel& model, const Vector3& q, double z_min_m, Vector2& pixel) noexcept {
+    if (!(q.z() >= z_min_m)) return false;  // NaN too
+    const Vector2 n(q.x() / q.z(), q.y() / q.z());
+    const double out_x = kReachFactor * std::max(model.cx, model.width - model.cx) + kReach * model.fx;
+    const double out_y = kReachFactor * std::max(model.cy, model.height - model.cy) + kReach * model.fy;
+    if (std::abs(n.x()) * model.fx > out_x || std::abs(n.y()) * model.fy > out_y) return false;
+    pixel = distort_to_pixel(model, n);
+    return true;
 }
 
 Vector2 undistort_to_normalised(const CameraModel& model, const Vector2& pixel) noexcept {

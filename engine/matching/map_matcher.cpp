@@ -2,34 +2,21 @@
 
 #include <algorithm>
 
-#include "engine/base/numbers.hpp"
 #include "engine/features/hamming.hpp"
 #include "engine/geometry/camera.hpp"
+#include "engine/matching/common_turn.hpp"
 
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kNoDistance = 257;  // more than any two descriptors have
-
-// Turns of the picture are counted in bins of 12 degrees; those of the fullest agree.
-constexpr std::int32_t kTurnBins = 30;
-constexpr double kTwoPi = 6.283185307179586;
+constexpr std::uint32_t kDistanceMax = 256;  // bits of a descriptor
 
 // Nearer is behind the camera, or in its glass.
 constexpr double kNearest_m = 0.1;
-// The quick reject before distortion is computed, in image sizes over focal lengths: no lens bends more than this.
-constexpr double kMarginFactor = 0.6;
-constexpr double kMargin = 0.2;
 
 // The local map's points lie in a pool that is larger than any cache: fetched so many points ahead.
 constexpr std::uint32_t kAhead = 8;
 constexpr std::size_t kPicked = 64;  // features that are looked at together
-
-std::int32_t turn_bin(float from_rad, float to_rad) noexcept {
-    const double turn = (static_cast<double>(to_rad) - static_cast<double>(from_rad)) / kTwoPi;
-    const std::int32_t bin = floor_clamped((turn + 2.0) * kTurnBins + 0.5, 0, 4 * kTurnBins);
-    return bin % kTurnBins;
-}
 
 }  // namespace
 
@@ -61,22 +48,18 @@ void MapMatcher::clear() noexcept {
 void MapMatcher::by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera,
                                double radius_px) noexcept {
     clear();
-    project(map, local, world_from_camera, radius_px, nullptr);
+    search(map, local, world_from_camera, radius_px, nullptr);
 }
 
 void MapMatcher::more_by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera,
                                     double radius_px, std::uint64_t frame) noexcept {
-    project(map, local, world_from_camera, radius_px, &frame);
+    search(map, local, world_from_camera, radius_px, &frame);
 }
 
-void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
-                         const std::uint64_t* seen_frame) noexcept {
+void MapMatcher::search(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
+                        const std::uint64_t* seen_frame) noexcept {
     const bool is_more = seen_frame != nullptr;
     const SE3 camera_from_world = world_from_camera.inverse();
-    const double width = camera_.width;
-    const double height = camera_.height;
-    const double margin_x = kMarginFactor * width / camera_.fx + kMargin;
-    const double margin_y = kMarginFactor * height / camera_.fy + kMargin;
     const auto levels = static_cast<std::int32_t>(scale_of_level_.size());
     const Pool<MapPoint>& points = map.points();
     const auto count = local != nullptr ? static_cast<std::uint32_t>(local->points().size()) : points.slots_count();
@@ -87,17 +70,13 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
         const MapPoint& point = points.at(slot);
         if (is_more && point.last_seen_frame == *seen_frame) continue;
         const Vector3 q = camera_from_world * vector_of(point.world);
-        if (q.z() < kNearest_m) continue;
-        const Vector2 n(q.x() / q.z(), q.y() / q.z());
-        if (n.x() > margin_x || n.x() < -margin_x || n.y() > margin_y || n.y() < -margin_y) continue;
-        Vector2 pixel = distort_to_pixel(camera_, n);
+        Vector2 pixel;
+        if (!project(camera_, q, kNearest_m, pixel)) continue;
         if (readout_s_ > 0 || readout_s_ < 0) {
-            const double row_time_s = (pixel.y() / height - 0.5) * readout_s_;
-            const Vector3 p = moved_a_little(speed_ * -row_time_s, q);
-            if (p.z() < kNearest_m) continue;
-            pixel = distort_to_pixel(camera_, Vector2(p.x() / p.z(), p.y() / p.z()));
+            const double row_time_s = (pixel.y() / camera_.height - 0.5) * readout_s_;
+            if (!project(camera_, moved_a_little(speed_ * -row_time_s, q), kNearest_m, pixel)) continue;
         }
-        if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < width && pixel.y() < height)) continue;
+        if (!is_in_picture(camera_, pixel)) continue;
         // A point twice as far is seen on the level whose scale is half: which level to expect.
         const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_of_level_[point.level];
         std::int32_t level = 0;
@@ -106,18 +85,20 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
             ++level;
         }
         const double radius = radius_px * scale_of_level_[static_cast<std::size_t>(level)];
-        const Nearest nearest = find_nearest(point.descriptor, pixel, radius, level, is_more);
-        if (nearest.best > parameters_.hamming_max) continue;
+        const NearestTwo<Found> two = find_nearest(point.descriptor, pixel, radius, level, is_more);
+        if (!two.is_any()) continue;
         // Neighbours on other levels are often the same corner; only rivals on the same level count.
-        const bool has_rival = nearest.second != kNoDistance && nearest.second_level == nearest.level;
-        const double best_allowed = parameters_.ratio_max * static_cast<double>(nearest.second);
-        if (has_rival && static_cast<double>(nearest.best) > best_allowed) continue;
-        Claim& claim = claims_[nearest.feature];
-        // Whatever the order of the list, the lower slot wins a tie.
-        const bool is_nearer =
-            nearest.best < claim.distance_bits || (nearest.best == claim.distance_bits && slot < claim.point_slot());
-        if (claim.is_free() || is_nearer) claim = {slot + 1, nearest.best};
+        if (two.next.level == two.nearest.level && !two.is_clear(parameters_.ratio_max)) continue;
+        claim(two.nearest.feature, slot, two.best);
     }
+}
+
+// Whatever the order in which points come, the lower slot wins a tie.
+void MapMatcher::claim(std::uint32_t feature, std::uint32_t slot, std::uint32_t distance_bits) noexcept {
+    Claim& claim = claims_[feature];
+    const bool is_nearer =
+        distance_bits < claim.distance_bits || (distance_bits == claim.distance_bits && slot < claim.point_slot());
+    if (claim.is_free() || is_nearer) claim = {slot + 1, distance_bits};
 }
 
 // Those of `count` features that lie in the disc, in `picked`. Five of six do not, and which is anybody's guess: picked
@@ -136,20 +117,15 @@ void MapMatcher::project(const Map& map, const LocalMap* local, const SE3& world
     return picked_count;
 }
 
-MapMatcher::Nearest MapMatcher::find_nearest(const Descriptor& descriptor, const Vector2& pixel, double radius_px,
-                                             std::int32_t level, bool is_free_only) const noexcept {
+NearestTwo<MapMatcher::Found> MapMatcher::find_nearest(const Descriptor& descriptor, const Vector2& pixel,
+                                                       double radius_px, std::int32_t level,
+                                                       bool is_free_only) const noexcept {
     const Disc disc{pixel.x(), pixel.y(), radius_px * radius_px,
                     static_cast<std::uint32_t>(level) - parameters_.levels_off, 2 * parameters_.levels_off};
-    Nearest nearest{parameters_.hamming_max + 1, kNoDistance};
+    NearestTwo<Found> two{parameters_.hamming_max};
     const auto compare = [&](std::uint32_t feature, std::int32_t feature_level) {
         if (is_free_only && !claims_[feature].is_free()) return;
-        const std::uint32_t distance = hamming_distance(features_->descriptors[feature], descriptor);
-        if (distance < nearest.best) {
-            nearest = {distance, nearest.best, feature, feature_level, nearest.level};
-        } else if (distance < nearest.second) {
-            nearest.second = distance;
-            nearest.second_level = feature_level;
-        }
+        two.offer(hamming_distance(features_->descriptors[feature], descriptor), {feature, feature_level});
     };
     grid_.visit_rows(pixel.x(), pixel.y(), radius_px, [&](std::size_t begin, std::size_t end) {
         std::uint8_t picked[kPicked];
@@ -159,7 +135,7 @@ MapMatcher::Nearest MapMatcher::find_nearest(const Descriptor& descriptor, const
             for (std::size_t k = 0; k < picked_count; ++k) compare(some[picked[k]].feature, some[picked[k]].level);
         }
     });
-    return nearest;
+    return two;
 }
 
 void MapMatcher::by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexcept {
@@ -167,23 +143,13 @@ void MapMatcher::by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexce
     for (const Observation& observation : map.observations(keyframe)) {
         const MapPoint* const point = map.points().find(observation.point);
         if (point == nullptr) continue;
-        std::uint32_t best = parameters_.hamming_wide_max + 1;
-        std::uint32_t second = kNoDistance;
-        std::uint32_t best_feature = 0;
-        for (std::size_t i = 0; i < features_->size(); ++i) {
-            const std::uint32_t distance = hamming_distance(features_->descriptors[i], point->descriptor);
-            if (distance < best) {
-                second = best;
-                best = distance;
-                best_feature = static_cast<std::uint32_t>(i);
-            } else if (distance < second) {
-                second = distance;
-            }
+        NearestTwo<std::uint32_t> two{parameters_.hamming_wide_max};
+        for (std::uint32_t i = 0; i < features_->size(); ++i) {
+            two.offer(hamming_distance(features_->descriptors[i], point->descriptor), i);
         }
-        if (best > parameters_.hamming_wide_max) continue;
-        if (static_cast<double>(best) > parameters_.ratio_max * static_cast<double>(second)) continue;
-        Claim& claim = claims_[best_feature];
-        if (claim.is_free() || best < claim.distance_bits) claim = {observation.point.slot() + 1, best};
+        if (two.is_any() && two.is_clear(parameters_.ratio_max)) {
+            claim(two.nearest, observation.point.slot(), two.best);
+        }
     }
     keep_common_turn(map);
 }
@@ -194,63 +160,35 @@ void MapMatcher::by_words(const Map& map, Handle<Keyframe> keyframe, const Vocab
     clear();
     const std::span<const Observation> observations = map.observations(keyframe);
     STILLMESH_CHECK(frame_index.size() <= features_->size() && keyframe_index.size() <= observations.size());
-    visit_common_nodes(vocabulary, level, keyframe_index, frame_index,
-                       [&](std::span<const WordOfFeature> of_keyframe, std::span<const WordOfFeature> of_frame) {
-                           for (const WordOfFeature& entry : of_keyframe) {
-                               const Handle<MapPoint> handle = observations[entry.feature].point;
-                               const MapPoint* const point = map.points().find(handle);
-                               if (point == nullptr) continue;
-                               std::uint32_t best = kNoDistance;
-                               std::uint32_t second = kNoDistance;
-                               std::uint32_t best_feature = 0;
-                               for (const WordOfFeature& candidate : of_frame) {
-                                   const std::uint32_t distance =
-                                       hamming_distance(features_->descriptors[candidate.feature], point->descriptor);
-                                   if (distance < best) {
-                                       second = best;
-                                       best = distance;
-                                       best_feature = candidate.feature;
-                                   } else if (distance < second) {
-                                       second = distance;
-                                   }
-                               }
-                               if (best > parameters_.hamming_wide_max) continue;
-                               if (static_cast<double>(best) > parameters_.ratio_max * static_cast<double>(second))
-                                   continue;
-                               Claim& claim = claims_[best_feature];
-                               const bool is_nearer =
-                                   best < claim.distance_bits ||
-                                   (best == claim.distance_bits && handle.slot() < claim.point_slot());
-                               if (claim.is_free() || is_nearer) claim = {handle.slot() + 1, best};
-                           }
-                       });
+    const auto match = [&](std::span<const WordOfFeature> of_keyframe, std::span<const WordOfFeature> of_frame) {
+        for (const WordOfFeature& entry : of_keyframe) {
+            const Handle<MapPoint> handle = observations[entry.feature].point;
+            const MapPoint* const point = map.points().find(handle);
+            if (point == nullptr) continue;
+            NearestTwo<std::uint32_t> two{kDistanceMax};
+            for (const WordOfFeature& candidate : of_frame) {
+                two.offer(hamming_distance(features_->descriptors[candidate.feature], point->descriptor),
+                          candidate.feature);
+            }
+            if (two.best > parameters_.hamming_wide_max || !two.is_clear(parameters_.ratio_max)) continue;
+            claim(two.nearest, handle.slot(), two.best);
+        }
+    };
+    visit_common_nodes(vocabulary, level, keyframe_index, frame_index, match);
     keep_common_turn(map);
 }
 
-// A camera that rolls turns all descriptors alike: matches that turn otherwise are look-alikes.
 void MapMatcher::keep_common_turn(const Map& map) noexcept {
-    std::uint32_t counts[kTurnBins] = {};
-    const auto bin_of = [&](std::size_t feature) {
-        return turn_bin(map.points().at(claims_[feature].point_slot()).angle_rad,
-                        features_->keypoints[feature].angle_rad);
-    };
+    CommonTurn turn;
+    const auto angle_of = [&](const Claim& claim) { return map.points().at(claim.point_slot()).angle_rad; };
     for (std::size_t i = 0; i < features_->size(); ++i) {
-        if (!claims_[i].is_free()) ++counts[bin_of(i)];
+        if (!claims_[i].is_free()) turn.add(angle_of(claims_[i]), features_->keypoints[i].angle_rad);
     }
-    bool is_kept[kTurnBins] = {};
-    std::uint32_t fullest = 0;
-    for (std::uint32_t rank = 0; rank < parameters_.turn_bins; ++rank) {
-        std::int32_t best = -1;
-        for (std::int32_t bin = 0; bin < kTurnBins; ++bin) {
-            if (!is_kept[bin] && counts[bin] > 0 && (best < 0 || counts[bin] > counts[best])) best = bin;
+    turn.choose(parameters_.turn_bins, parameters_.turn_factor);
+    for (std::size_t i = 0; i < features_->size(); ++i) {
+        if (!claims_[i].is_free() && !turn.has(angle_of(claims_[i]), features_->keypoints[i].angle_rad)) {
+            claims_[i] = Claim{};
         }
-        if (best < 0) break;
-        if (rank == 0) fullest = counts[best];
-        if (parameters_.turn_factor * counts[best] < fullest) break;  // far from the fullest it is an accident
-        is_kept[best] = true;
-    }
-    for (std::size_t i = 0; i < features_->size(); ++i) {
-        if (!claims_[i].is_free() && !is_kept[bin_of(i)]) claims_[i] = Claim{};
     }
 }
 

@@ -15,6 +15,7 @@
 #include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/feature_grid.hpp"
+#include "engine/matching/nearest_two.hpp"
 #include "engine/place/bag_of_words.hpp"
 #include "engine/place/vocabulary.hpp"
 
@@ -76,16 +77,15 @@ private:
         std::uint32_t lowest_level, levels;  // modulo 2^32; how many above it
     };
     static std::size_t pick(const Place* places, std::size_t count, Disc disc, std::uint8_t* picked) noexcept;
-    // The feature whose descriptor is nearest, and the next.
-    struct Nearest {
-        std::uint32_t best, second;  // bits
+    struct Found {
         std::uint32_t feature = 0;
-        std::int32_t level = 0, second_level = -1;
+        std::int32_t level = 0;
     };
-    [[nodiscard]] Nearest find_nearest(const Descriptor& descriptor, const Vector2& pixel, double radius_px,
-                                       std::int32_t level, bool is_free_only) const noexcept;
-    void project(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
-                 const std::uint64_t* seen_frame) noexcept;
+    [[nodiscard]] NearestTwo<Found> find_nearest(const Descriptor& descriptor, const Vector2& pixel, double radius_px,
+                                                 std::int32_t level, bool is_free_only) const noexcept;
+    void claim(std::uint32_t feature, std::uint32_t slot, std::uint32_t distance_bits) noexcept;
+    void search(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
+                const std::uint64_t* seen_frame) noexcept;
     void keep_common_turn(const Map& map) noexcept;
 
     MatchingParameters parameters_;

@@ -2,23 +2,14 @@
 
 #include <algorithm>
 
-#include "engine/base/numbers.hpp"
 #include "engine/features/hamming.hpp"
+#include "engine/matching/common_turn.hpp"
+#include "engine/matching/nearest_two.hpp"
 
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kNoDistance = 257;
-constexpr double kScaleSlack = 1.6;   // between a feature's scale and the one expected
-constexpr double kTangentMax2 = 4.0;  // how far out (squared) a lens may see
-
-constexpr std::int32_t kTurnBins = 30;
-constexpr double kTwoPi = 6.283185307179586;
-
-std::int32_t turn_bin(float from_rad, float to_rad) noexcept {
-    const double turn = (static_cast<double>(to_rad) - static_cast<double>(from_rad)) / kTwoPi;
-    return floor_clamped((turn + 2.0) * kTurnBins + 0.5, 0, 4 * kTurnBins) % kTurnBins;
-}
+constexpr double kScaleSlack = 1.6;  // between a feature's scale and the one expected
 
 }  // namespace
 
@@ -66,37 +57,24 @@ std::uint32_t PlaceMatcher::count_alike(const Map& map, const Vocabulary& vocabu
                                         std::span<const WordOfFeature> there) const noexcept {
     const std::span<const Observation> observations = map.observations(keyframe);
     const std::span<const Descriptor> descriptors = map.descriptors(keyframe);
-    std::uint32_t turns[kTurnBins] = {};
+    CommonTurn turns;
     const auto look = [&](std::span<const WordOfFeature> mine, std::span<const WordOfFeature> theirs) {
         for (const WordOfFeature a : mine) {
             if (query_[a.feature].level == kNotEligible) continue;
-            std::uint32_t best = configuration_->loop.hamming_max + 1;
-            std::uint32_t second = kNoDistance;
-            std::uint32_t feature = 0;
+            NearestTwo<std::uint32_t> two{configuration_->loop.hamming_max};
             for (const WordOfFeature b : theirs) {
                 if (b.feature >= observations.size()) continue;
-                const std::uint32_t distance = hamming_distance(descriptors_[a.feature], descriptors[b.feature]);
-                if (distance < best) {
-                    second = best;
-                    best = distance;
-                    feature = b.feature;
-                } else {
-                    second = std::min(second, distance);
-                }
+                two.offer(hamming_distance(descriptors_[a.feature], descriptors[b.feature]), b.feature);
             }
-            if (best > configuration_->loop.hamming_max) continue;
-            if (static_cast<double>(best) > configuration_->loop.ratio_max * static_cast<double>(second)) continue;
+            if (!two.is_any() || !two.is_clear(configuration_->loop.ratio_max)) continue;
             // People look alike everywhere.
-            if (!is_static(map.points().find(observations[feature].point), configuration_->weights.eligible)) continue;
-            ++turns[turn_bin(observations[feature].angle_rad, query_[a.feature].angle_rad)];
+            const Observation& o = observations[two.nearest];
+            if (!is_static(map.points().find(o.point), configuration_->weights.eligible)) continue;
+            turns.add(o.angle_rad, query_[a.feature].angle_rad);
         }
     };
     visit_common_nodes(vocabulary, std::min(kLookLevel, vocabulary.info().levels), by_word_.span(), there, look);
-    std::uint32_t alike = 0;
-    for (std::uint32_t i = 0; i < kTurnBins; ++i) {
-        alike = std::max(alike, turns[i] + turns[(i + 1) % kTurnBins] + turns[(i + 2) % kTurnBins]);
-    }
-    return alike;
+    return turns.count_alike();
 }
 
 void PlaceMatcher::begin_place() noexcept {
@@ -138,55 +116,35 @@ std::uint32_t PlaceMatcher::match(const Map& map, const Vocabulary& vocabulary, 
         ++compared;
         enter_node_of(mine, vocabulary, there);
         if (query_[mine.feature].level == kNotEligible) continue;
-        std::uint32_t best = configuration_->loop.hamming_max + 1;
-        std::uint32_t second = kNoDistance;
-        Handle<MapPoint> point;
+        NearestTwo<Handle<MapPoint>> two{configuration_->loop.hamming_max};
         for (std::size_t b = b_; b < b_end_; ++b) {
             const std::uint32_t feature = there[b].feature;
             if (feature >= observations.size()) continue;
             ++compared;
             const std::uint32_t distance = hamming_distance(descriptors_[mine.feature], descriptors[feature]);
-            if (distance >= second) continue;  // before the point is looked up: that costs ten times as much
+            if (distance >= two.second) continue;  // before the point is looked up: that costs ten times as much
             const Handle<MapPoint> seen = observations[feature].point;
-            if (!is_static(map.points().find(seen), configuration_->weights.eligible)) continue;
-            if (distance < best) {
-                second = best;
-                best = distance;
-                point = seen;
-            } else {
-                second = distance;
-            }
+            if (is_static(map.points().find(seen), configuration_->weights.eligible)) two.offer(distance, seen);
         }
-        if (point.is_null()) continue;
-        if (static_cast<double>(best) > configuration_->loop.ratio_max * static_cast<double>(second)) continue;
-        offer(mine.feature, point, best);
+        if (two.is_any() && two.is_clear(configuration_->loop.ratio_max)) offer(mine.feature, two.nearest, two.best);
     }
     return 1 + compared / 32;
 }
 
 void PlaceMatcher::keep_common_turn(const Map& map) noexcept {
-    std::uint32_t counts[kTurnBins] = {};
-    const auto bin_of = [&](std::size_t feature) {
-        return turn_bin(map.points().find(claims_[feature].point)->angle_rad, query_[feature].angle_rad);
-    };
+    CommonTurn turn;
     for (std::size_t i = 0; i < query_.size(); ++i) {
-        if (map.points().find(claims_[i].point) == nullptr) claims_[i] = Claim{};
-        if (!claims_[i].point.is_null()) ++counts[bin_of(i)];
-    }
-    bool is_kept[kTurnBins] = {};
-    std::uint32_t fullest = 0;
-    for (int rank = 0; rank < 3; ++rank) {
-        std::int32_t best = -1;
-        for (std::int32_t bin = 0; bin < kTurnBins; ++bin) {
-            if (!is_kept[bin] && counts[bin] > 0 && (best < 0 || counts[bin] > counts[best])) best = bin;
+        const MapPoint* const point = map.points().find(claims_[i].point);
+        if (point == nullptr) {
+            claims_[i] = Claim{};
+        } else {
+            turn.add(point->angle_rad, query_[i].angle_rad);
         }
-        if (best < 0) break;
-        if (rank == 0) fullest = counts[best];
-        if (10 * counts[best] < fullest) break;  // far from the fullest it is an accident
-        is_kept[best] = true;
     }
+    turn.choose(configuration_->matching.turn_bins, configuration_->matching.turn_factor);
     for (std::size_t i = 0; i < query_.size(); ++i) {
-        if (!claims_[i].point.is_null() && !is_kept[bin_of(i)]) claims_[i] = Claim{};
+        const MapPoint* const point = map.points().find(claims_[i].point);
+        if (point != nullptr && !turn.has(point->angle_rad, query_[i].angle_rad)) claims_[i] = Claim{};
     }
 }
 
@@ -248,11 +206,8 @@ std::uint32_t PlaceMatcher::project(const Map& map, Handle<MapPoint> handle, con
     if (point == nullptr || !mark_projected(handle.slot())) return 0;
     if (!is_static(point, configuration_->weights.eligible)) return 0;
     const Vector3 q = camera_from_world * vector_of(point->world);
-    if (q.z() < configuration_->depth.z_min_m) return 0;
-    const Vector2 n(q.x() / q.z(), q.y() / q.z());
-    if (n.squaredNorm() > kTangentMax2) return 0;
-    const Vector2 pixel = distort_to_pixel(camera_, n);
-    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera_.width && pixel.y() < camera_.height)) return 0;
+    Vector2 pixel;
+    if (!visible_pixel(camera_, q, configuration_->depth.z_min_m, pixel)) return 0;
     const double ratio = static_cast<double>(point->distance_m) / q.z() * pixel_noise_.scale(point->level);
     // What is too near or too far has no feature on any level.
     const std::span<const double> scales = pixel_noise_.scales();

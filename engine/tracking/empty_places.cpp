@@ -18,10 +18,8 @@ EmptyPlaces::Look EmptyPlaces::look_at(const MapPoint& point, const Frame& frame
     const EmptinessParameters& p = parameters_;
     const CameraModel& camera = measured.camera();
     const Vector3 q = camera_from_world * vector_of(point.world);
-    if (q.z() < z_min_m_ || q.z() > z_max_m_) return Look::kNothing;
-    const Vector2 n(q.x() / q.z(), q.y() / q.z());
-    if (n.squaredNorm() > 4.0) return Look::kNothing;  // before distortion is computed
-    const Vector2 pixel = distort_to_pixel(camera, n);
+    Vector2 pixel;
+    if (q.z() > z_max_m_ || !project(camera, q, z_min_m_, pixel)) return Look::kNothing;
     const auto reach_px = static_cast<std::int32_t>(p.reach_px);
     const auto width = static_cast<std::int32_t>(camera.width);
     const auto height = static_cast<std::int32_t>(camera.height);

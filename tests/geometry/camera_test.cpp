@@ -123,6 +123,70 @@ TEST(Camera, PinholeIsExact) {
     EXPECT_EQ(undistort_to_normalised(model, {model.cx + model.fx, model.cy}).x(), 1.0);
 }
 
+// Promise: whatever a pixel of the known cameras shows is projected to that pixel and visible, at any depth from the
+// nearest on; of an off-centre camera too.
+TEST(Camera, EveryPixelIsVisible) {
+    CameraModel off_centre = freiburg3();
+    off_centre.cx = 160.0;
+    off_centre.cy = 400.0;
+    for (const CameraModel& model : {freiburg1(), freiburg2(), freiburg3(), euroc(), off_centre}) {
+        for (std::uint32_t y = 0; y < model.height; y += 4) {
+            for (std::uint32_t x = 0; x < model.width; x += 4) {
+                const Vector2 n = undistort_to_normalised(model, Vector2(x + 0.25, y + 0.25));
+                for (const double z : {0.5, 3.0}) {
+                    Vector2 pixel;
+                    ASSERT_TRUE(visible_pixel(model, {n.x() * z, n.y() * z, z}, 0.5, pixel)) << x << " " << y;
+                    ASSERT_NEAR(pixel.x(), x + 0.25, 1e-6);
+                    ASSERT_NEAR(pixel.y(), y + 0.25, 1e-6);
+                    ASSERT_FALSE(visible_pixel(model, {n.x() * z, n.y() * z, z}, z + 1e-9, pixel));
+                }
+            }
+        }
+    }
+}
+
+// Promise: visible is what Brown's formula puts into the picture, its left and upper border included; but not what lies
+// so far out that the formula folds it back, nor what is behind the camera or not finite.
+TEST(Camera, NothingElseIsVisible) {
+    Random random(7);
+    int visible = 0, outside = 0;
+    for (const CameraModel& model : {freiburg1(), freiburg2(), freiburg3(), euroc()}) {
+        for (int i = 0; i < 20000; ++i) {
+            const Vector3 q(random.uniform(-4, 4), random.uniform(-3, 3), random.uniform(-1, 4));
+            Vector2 pixel;
+            const bool is_visible = visible_pixel(model, q, 0.2, pixel);
+            bool is_wanted = q.z() >= 0.2;
+            if (is_wanted) {
+                const auto [u, v] = brown(model, q.x() / q.z(), q.y() / q.z());
+                is_wanted = u >= 0 && v >= 0 && u < model.width && v < model.height;
+            }
+            ASSERT_EQ(is_visible, is_wanted) << q.x() << " " << q.y() << " " << q.z();
+            ++(is_visible ? visible : outside);
+        }
+    }
+    EXPECT_GT(visible, 10000);
+    EXPECT_GT(outside, 10000);
+    const CameraModel plain{640, 480, 500, 500, 320, 240};
+    Vector2 pixel;
+    EXPECT_TRUE(visible_pixel(plain, {-0.64, -0.48, 1.0}, 0.2, pixel));
+    EXPECT_FALSE(visible_pixel(plain, {0.64, 0.0, 1.0}, 0.2, pixel));
+    EXPECT_FALSE(visible_pixel(plain, {0.0, 0.48, 1.0}, 0.2, pixel));
+    CameraModel barrel = plain;
+    barrel.k1 = -0.2;
+    ASSERT_EQ(validate(barrel), Status::kOk);
+    EXPECT_TRUE(is_in_picture(barrel, distort_to_pixel(barrel, {1.8, 0.0})));  // folded back
+    EXPECT_FALSE(visible_pixel(barrel, {1.8, 0.0, 1.0}, 0.2, pixel));
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    const double infinite = std::numeric_limits<double>::infinity();
+    for (const Vector3& q : {Vector3(0, 0, nan), Vector3(nan, 0, 1), Vector3(0, nan, 1), Vector3(infinite, 0, 1),
+                             Vector3(infinite, 0, infinite)}) {
+        EXPECT_FALSE(visible_pixel(plain, q, 0.2, pixel));
+    }
+    // Around the picture there is a pixel too, for who wants to know by how much it is missed.
+    EXPECT_TRUE(project(plain, {0.65, 0.0, 1.0}, 0.2, pixel));
+    EXPECT_NEAR(pixel.x(), 645.0, 1e-9);
+}
+
 // Promise: nonsense is refused with kInvalid: no size, no focal length, no number, an image that folds over.
 TEST(Camera, RefusesNonsense) {
     const auto refuses = [](auto change) {
