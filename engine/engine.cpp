@@ -142,6 +142,7 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
                           state.relocalisation.is_on() ? &state.relocalisation : nullptr);
     state.mapping.create(arena, world);
     state.loop_closing.create(arena, world, state.places, state.mapping.fusion());
+    state.refinement.create(arena, world);
     if (limits.store_features_max > 0) {
         state.pager = arena.array<MapPager>(1);
         state.pager[0].create(arena, world, state.places, store);
@@ -150,7 +151,10 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
     // First: what it does in a while is bounded by its configuration.
     if (has_store(state)) state.scheduler.add(state.pager[0]);
     if (configuration.mapping.is_enabled) state.scheduler.add(state.mapping);
-    if (state.places.is_on()) state.scheduler.add(state.loop_closing);
+    if (state.places.is_on()) {
+        state.scheduler.add(state.loop_closing);
+        state.scheduler.add_behind(state.refinement);
+    }
     arena.seal();
     state.arena_used_bytes = arena.used_bytes();
     STILLMESH_CHECK(state.arena_used_bytes == static_bytes_needed(limits));
@@ -196,6 +200,7 @@ EngineStatistics Engine::statistics() const noexcept {
     state.tracking.fill(out);
     state.mapping.fill(out);
     state.loop_closing.fill(out);
+    state.refinement.fill(out.loop);
     state.relocalisation.fill(out);
     if (has_store(state)) state.pager[0].fill(out);
     out.schedule = state.scheduler.statistics();
@@ -275,6 +280,7 @@ void Engine::reset() noexcept {
     state.mapping.reset();
     state.places.reset();
     state.loop_closing.reset();
+    state.refinement.reset();
     state.relocalisation.reset();
     state.scheduler.reset();
     state.map_copy.cancel();

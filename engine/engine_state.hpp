@@ -7,6 +7,7 @@
 #include "engine/base/arena.hpp"
 #include "engine/engine.hpp"
 #include "engine/loop_closing/loop_closing.hpp"
+#include "engine/mapping/global_refinement.hpp"
 #include "engine/mapping/mapping.hpp"
 #include "engine/paging/map_pager.hpp"
 #include "engine/place/vocabulary.hpp"
@@ -27,6 +28,7 @@ struct EngineState final : Engine {
     MapCopy map_copy;
     PlaceSearch places;
     LoopClosing loop_closing;
+    GlobalRefinement refinement;
     Relocalisation relocalisation;
     std::span<MapPager> pager;  // one, if the limits ask for a store
     Scheduler scheduler;        // of the background tasks, in the order of add() in create()

@@ -29,6 +29,7 @@ namespace stillmesh {
     Tracking::plan(plan, limits);
     Mapping::plan(plan, limits);
     LoopClosing::plan(plan, limits);
+    GlobalRefinement::plan(plan, limits);
     if (limits.store_features_max > 0) {
         plan.array<MapPager>(1);
         MapPager::plan(plan, limits);

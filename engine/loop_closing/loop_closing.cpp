@@ -30,30 +30,21 @@ void LoopClosing::create(Arena& arena, World& world, PlaceSearch& places, PointF
     places_ = &places;
     fusion_ = &fusion;
     const Limits& limits = world.limits;
-    global_.create(arena, global_sizes(limits));
-    point_index_ = arena.array<std::uint32_t>(global_sizes(limits).points_max);
-    adjusted_ = arena.array<Handle<MapPoint>>(global_sizes(limits).points_max);
-    adjusted_keyframes_.create(arena, keyframes_max(limits));
-    graph_.create(arena, world, keyframes_max(limits));
-    candidates_.create(arena, world, places, keyframes_max(limits));
+    graph_.create(arena, world, World::loop_keyframes_max(limits));
+    candidates_.create(arena, world, places, World::loop_keyframes_max(limits));
     matches_.create(arena, PlaceVerifier::pairs_max(limits));
     const std::uint32_t commit = limits.map_points_max / 16 + 8 * limits.keyframes_max + 1;
     const std::uint32_t choose = 64 * limits.keyframes_max;
     const std::uint32_t words = places.is_on() ? places.find_units(limits.features_max) : 1U;
     const std::uint32_t fuse = kFusePiece * (limits.features_max + 8);
     piece_units_max_ = std::max({commit, EssentialGraph::build_units_max(limits), choose, words, fuse,
-                                 places.verifier().piece_units_max(), limits.features_max, PoseGraph::kPieceUnitsMax,
-                                 global_.piece_units_max()});
+                                 places.verifier().piece_units_max(), limits.features_max, PoseGraph::kPieceUnitsMax});
     reset();
 }
 
 void LoopClosing::reset() noexcept {
     graph_.reset();
     candidates_.reset();
-    global_.begin();
-    adjusting_ = Adjusting::kNone;
-    adjusting_cursor_ = 0;
-    adjusting_since_ = 0;
     keyframe_ = found_ = {};
     matches_.clear();
     sources_count_ = targets_count_ = 0;
@@ -107,9 +98,7 @@ Progress LoopClosing::step(WorkBudget& budget) noexcept {
     if (!places_->is_on()) return Progress::kIdle;
     while (!budget.is_spent()) {
         if (stage_ == Stage::kIdle && !take()) {
-            if (adjusting_ == Adjusting::kNone) return budget.units_spent() == 0 ? Progress::kIdle : Progress::kDone;
-            adjust(budget);
-            continue;
+            return budget.units_spent() == 0 ? Progress::kIdle : Progress::kDone;
         }
         if (is_searching()) {
             const bool is_overtaken = !places_->is_used_by(PlaceSearch::User::kLoopClosing);
@@ -125,17 +114,16 @@ Progress LoopClosing::step(WorkBudget& budget) noexcept {
                 if (places_->query().step(places_->database(), budget) != Progress::kWorking) enter(Stage::kChoose);
                 break;
             case Stage::kChoose: budget.spend(choose()); break;
-            case Stage::kAsk: budget.spend(ask()); break;
+            case Stage::kPrepare: budget.spend(prepare()); break;
             case Stage::kVerify:
                 if (!places_->has(places_->verifier().candidate()) ||
                     places_->verifier().step(world_->map, places_->vocabulary(),
                                              places_->database().direct_index(places_->verifier().candidate().slot()),
                                              budget) != Progress::kWorking) {
-                    budget.spend(answer());
+                    budget.spend(accept_or_refuse());
                 }
                 break;
             case Stage::kBuild:
-                drop_adjustment();  // its keyframes are about to move
                 budget.spend(graph_.build(settled_end_));
                 enter(Stage::kSolve);
                 break;
@@ -160,7 +148,8 @@ std::uint32_t LoopClosing::find_words() noexcept {
     places_->add(keyframe_);
     next_frame_ = world_->map.keyframes().find(keyframe_)->frame + 1;
     const std::uint32_t units = places_->find_units(world_->map.observations(keyframe_).size());
-    if (world_->is_frozen || keyframes_max(world_->limits) == 0) {  // a map that stays as it is, or is small
+    const bool is_small = World::loop_keyframes_max(world_->limits) == 0;
+    if (world_->is_frozen || is_small) {
         finish();
         return units;
     }
@@ -177,12 +166,12 @@ std::uint32_t LoopClosing::choose() noexcept {
     if (candidates_.chosen().empty()) {
         finish();
     } else {
-        enter(Stage::kAsk);
+        enter(Stage::kPrepare);
     }
     return units;
 }
 
-std::uint32_t LoopClosing::ask() noexcept {
+std::uint32_t LoopClosing::prepare() noexcept {
     PlaceVerifier& verifier = places_->verifier();
     const std::span<const Observation> seen = world_->map.observations(keyframe_);
     verifier.begin_query(world_->map.descriptors(keyframe_));
@@ -218,7 +207,7 @@ Refusal LoopClosing::judge(const SE3& world_from_keyframe) const noexcept {
     return Refusal::kNone;
 }
 
-void LoopClosing::refused(Refusal refusal) noexcept {
+void LoopClosing::count(Refusal refusal) noexcept {
     switch (refusal) {
         case Refusal::kNone: break;
         case Refusal::kFewMatches: ++statistics_.refused_matches; break;
@@ -231,15 +220,15 @@ void LoopClosing::refused(Refusal refusal) noexcept {
     }
 }
 
-std::uint32_t LoopClosing::answer() noexcept {
+std::uint32_t LoopClosing::accept_or_refuse() noexcept {
     PlaceVerifier& verifier = places_->verifier();
     Refusal refusal = verifier.is_accepted() ? Refusal::kNone : verifier.refusal();
     if (verifier.is_running()) refusal = Refusal::kGone;
     if (refusal == Refusal::kNone) refusal = judge(verifier.world_from_query());
     if (refusal != Refusal::kNone) {
-        refused(refusal);
+        count(refusal);
         if (++cursor_ < candidates_.chosen().size()) {
-            stage_ = Stage::kAsk;
+            stage_ = Stage::kPrepare;
         } else {
             finish();
         }
@@ -255,13 +244,13 @@ std::uint32_t LoopClosing::answer() noexcept {
     const LoopParameters& p = world_->configuration.loop;
     const bool is_small =
         length(off.translation) < p.correction_min_m && rotation_angle(off.rotation) < p.correction_min_rad;
-    const bool is_told = !is_noise(off, verifier.information(), p);
+    const bool is_significant = !is_noise(off, verifier.information(), p);
     // The graph takes a loop at its word, to the millimetre: noise is none.
-    if (is_small || is_told) {
+    if (is_small || is_significant) {
         graph_.add_loop(found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query());
     }
     rest_ = p.rest_keyframes;
-    if (is_small || !is_told) {
+    if (is_small || !is_significant) {
         ++statistics_.confirmed;
         settled_end_ = here.frame + 1;
         enter(Stage::kFuseMatches);
@@ -281,7 +270,7 @@ std::uint32_t LoopClosing::commit() noexcept {
     const SE3 before = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
     graph_.move_keyframes();
     world_->map_correction.move_points(world_->map, [](std::uint32_t, const MapPoint&, Vector3&) { return false; });
-    move_camera();
+    world_->follow_correction();
     const SE3 after = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
     statistics_.last_correction_m = length(after.translation - before.translation);
     statistics_.largest_correction_m = std::max(statistics_.largest_correction_m, statistics_.last_correction_m);
@@ -293,153 +282,8 @@ std::uint32_t LoopClosing::commit() noexcept {
     if (here != nullptr && there != nullptr) {
         world_->last_loop = {there->frame, here->frame, after * before.inverse()};
     }
-    if (here != nullptr) {
-        settled_end_ = here->frame + 1;
-    }
-    if (world_->configuration.loop.is_adjusting && !point_index_.empty()) adjusting_ = Adjusting::kWanted;
+    if (here != nullptr) settled_end_ = here->frame + 1;
     enter(Stage::kFuseMatches);
-    return world_->limits.map_points_max / 16 + 8 * world_->limits.keyframes_max;
-}
-
-// Where the global adjustment put a point.
-bool LoopClosing::adjusted_place(std::uint32_t slot, const MapPoint& point, Vector3& world) const noexcept {
-    if (point_index_[slot] == 0) return false;
-    const std::uint32_t index = point_index_[slot] - 1;
-    // What tracking has followed since knows better where it is beside its keyframe.
-    if (!(adjusted_[index] == world_->map.points().handle_of(slot)) || point.is_suspect ||
-        !global_.is_point_used(index) || point.last_seen_frame > adjusting_since_) {
-        return false;
-    }
-    world = global_.point(index);
-    return true;
-}
-
-void LoopClosing::move_camera() noexcept {
-    const SE3* const of_camera = world_->map_correction.of_newest(world_->map);
-    world_->move_everything(of_camera != nullptr ? *of_camera : SE3{});
-}
-
-// --- global adjustment -----------------------------------------------------------------------------------------------
-
-void LoopClosing::adjust(WorkBudget& budget) noexcept {
-    switch (adjusting_) {
-        case Adjusting::kNone: break;
-        case Adjusting::kWanted: budget.spend(begin_adjustment()); break;
-        case Adjusting::kPoints: budget.spend(collect_points()); break;
-        case Adjusting::kReserve: budget.spend(collect_observations(true)); break;
-        case Adjusting::kObservations: budget.spend(collect_observations(false)); break;
-        case Adjusting::kRun: {
-            // Piece by piece: a keyframe that comes goes first.
-            WorkBudget piece(std::min(budget.units_left(), 256U));
-            if (global_.step(piece) != Progress::kWorking) adjusting_ = Adjusting::kCommit;
-            budget.spend(static_cast<std::uint32_t>(piece.units_spent()));
-            break;
-        }
-        case Adjusting::kCommit: budget.spend(commit_adjustment()); break;
-    }
-}
-
-void LoopClosing::drop_adjustment() noexcept {
-    if (adjusting_ != Adjusting::kNone && adjusting_ != Adjusting::kWanted) ++statistics_.adjustments_dropped;
-    global_.begin();
-    adjusting_ = Adjusting::kNone;
-}
-
-std::uint32_t LoopClosing::begin_adjustment() noexcept {
-    const Pool<Keyframe>& keyframes = world_->map.keyframes();
-    global_.begin();
-    adjusted_keyframes_.clear();
-    std::fill(point_index_.begin(), point_index_.end(), 0U);
-    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
-        if (!keyframes.is_taken(slot)) continue;
-        const Keyframe& keyframe = keyframes.at(slot);
-        const auto added = global_.add_keyframe(keyframe.world_from_camera, keyframe.parent.is_null());
-        STILLMESH_CHECK(added.is_ok());
-        adjusted_keyframes_.add(world_->map, slot, added.value());
-    }
-    adjusting_since_ = world_->clock.frame;
-    adjusting_cursor_ = 0;
-    adjusting_ = Adjusting::kPoints;
-    ++statistics_.adjustments;
-    return world_->limits.keyframes_max + world_->limits.map_points_max / 64;
-}
-
-std::uint32_t LoopClosing::collect_points() noexcept {
-    const Pool<MapPoint>& points = world_->map.points();
-    for (std::uint32_t n = 0; n < 512 && adjusting_cursor_ < points.slots_count(); ++n, ++adjusting_cursor_) {
-        const std::uint32_t slot = adjusting_cursor_;
-        if (!points.is_taken(slot) || points.at(slot).observers < 2) continue;
-        if (!is_static(&points.at(slot), world_->configuration.weights.eligible)) continue;
-        const auto added = global_.add_point(vector_of(points.at(slot).world));
-        STILLMESH_CHECK(added.is_ok());
-        point_index_[slot] = added.value() + 1;
-        adjusted_[added.value()] = points.handle_of(slot);
-    }
-    if (adjusting_cursor_ == points.slots_count()) {
-        adjusting_cursor_ = 0;
-        adjusting_ = Adjusting::kReserve;
-    }
-    return 128;
-}
-
-// One keyframe a piece, twice: first how many observations each point has, then the observations.
-std::uint32_t LoopClosing::collect_observations(bool is_reserving) noexcept {
-    const std::uint32_t slots = world_->map.keyframes().slots_count();
-    while (adjusting_cursor_ < slots &&
-           world_->map.keyframes().find(adjusted_keyframes_.handle(adjusting_cursor_)) == nullptr) {
-        ++adjusting_cursor_;
-    }
-    if (adjusting_cursor_ == slots) {
-        adjusting_cursor_ = 0;
-        if (is_reserving) {
-            global_.fill();
-            adjusting_ = Adjusting::kObservations;
-        } else {
-            global_.start(GlobalOptions{});
-            adjusting_ = Adjusting::kRun;
-        }
-        return 1 + slots / 32;
-    }
-    const std::uint32_t keyframe_slot = adjusting_cursor_++;
-    const Handle<Keyframe> handle = adjusted_keyframes_.handle(keyframe_slot);
-    if (is_reserving) static_cast<void>(world_->map.carry_observations(handle, world_->camera.height));
-    for (const Observation& o : world_->map.observations(handle)) {
-        const MapPoint* const point = world_->map.points().find(o.point);
-        if (point == nullptr || point_index_[o.point.slot()] == 0) continue;
-        const std::uint32_t index = point_index_[o.point.slot()] - 1;
-        if (!(adjusted_[index] == o.point)) continue;
-        if (is_reserving) {
-            static_cast<void>(global_.reserve(index));  // full: the rest has no say
-            continue;
-        }
-        GlobalObservation in;
-        in.keyframe = adjusted_keyframes_.number(keyframe_slot);
-        in.point = index;
-        in.x = static_cast<double>(o.normalised_x);
-        in.y = static_cast<double>(o.normalised_y);
-        in.var_pixel = world_->pixel_noise.var(o.level) * world_->noise.pixel / o.looks;
-        if (o.var_z >= 0) {
-            in.z_m = static_cast<double>(o.z_m);
-            in.var_z = static_cast<double>(o.var_z) * world_->noise.depth / o.looks;
-        }
-        static_cast<void>(global_.add_observation(in));  // more than were reserved: linked meanwhile
-    }
-    return 1 + world_->limits.features_max / 4;
-}
-
-std::uint32_t LoopClosing::commit_adjustment() noexcept {
-    const GlobalSummary& summary = global_.summary();
-    statistics_.adjustment_iterations += summary.iterations;
-    if (summary.steps_accepted > 0) {
-        adjusted_keyframes_.move(world_->map, world_->map_correction, global_);
-        world_->map_correction.move_points(world_->map,
-                                           [this](std::uint32_t slot, const MapPoint& point, Vector3& world) {
-                                               return adjusted_place(slot, point, world);
-                                           });
-        move_camera();
-    }
-    global_.begin();
-    adjusting_ = Adjusting::kNone;
     return world_->limits.map_points_max / 16 + 8 * world_->limits.keyframes_max;
 }
 

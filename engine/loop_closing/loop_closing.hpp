@@ -5,7 +5,6 @@
 //   commit   in one bounded step keyframes, points and the camera move: newer keyframes follow their parent, points
 //            their reference keyframe; map_from_odom takes the jump. A local adjustment that runs is dropped.
 //   fuse     what both sides know of the place becomes one
-//   adjust   global bundle adjustment, whenever no keyframe waits; another loop drops it, and it begins anew
 // A place that the map has where verification puts it is confirmed, not corrected: tracking has come home by itself.
 // Tracking never waits. Beyond the paper: a loop that would need more drift than odometry can have gathered on the way
 // is none, however alike the places are (rooms of one building look alike).
@@ -16,7 +15,6 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/adjust/global_adjustment.hpp"
 #include "engine/configuration.hpp"
 #include "engine/loop_closing/essential_graph.hpp"
 #include "engine/loop_closing/loop_candidates.hpp"
@@ -35,7 +33,7 @@ public:
         kWords,
         kQuery,
         kChoose,
-        kAsk,
+        kPrepare,
         kVerify,
         kBuild,
         kSolve,
@@ -43,25 +41,9 @@ public:
         kFuseMatches,
         kFuseNeighbours,
     };
-    // Fewer keyframes than this hold no loop: their places are known, for a lost camera, and no more.
-    static constexpr std::uint32_t kKeyframesMin = 16;
-    static constexpr std::uint32_t keyframes_max(const Limits& limits) noexcept {
-        return limits.keyframes_max < kKeyframesMin ? 0 : limits.keyframes_max;
-    }
-    // A local window holds all of a small map: no global adjustment there.
-    static constexpr GlobalSizes global_sizes(const Limits& limits) noexcept {
-        if (limits.keyframes_max < kKeyframesMin) return {};
-        const std::uint64_t seen = std::uint64_t{limits.keyframes_max} * limits.features_max;
-        const std::uint64_t usual = std::uint64_t{8} * limits.map_points_max;
-        return {limits.keyframes_max, limits.map_points_max, static_cast<std::uint32_t>(seen < usual ? seen : usual)};
-    }
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
-        GlobalAdjustment::plan(arena, global_sizes(limits));
-        arena.array<std::uint32_t>(global_sizes(limits).points_max);
-        arena.array<Handle<MapPoint>>(global_sizes(limits).points_max);
-        SolvedKeyframes::plan(arena, keyframes_max(limits));
-        EssentialGraph::plan(arena, keyframes_max(limits));
-        LoopCandidates::plan(arena, keyframes_max(limits));
+        EssentialGraph::plan(arena, World::loop_keyframes_max(limits));
+        LoopCandidates::plan(arena, World::loop_keyframes_max(limits));
         FixedVector<PlaceMatch>::plan(arena, PlaceVerifier::pairs_max(limits));
     }
     void create(Arena& arena, World& world, PlaceSearch& places, PointFusion& fusion) noexcept;
@@ -76,8 +58,6 @@ private:
     static constexpr std::uint32_t kFuseSources = 9;
     static constexpr std::uint32_t kFuseTargets = 6;
 
-    enum class Adjusting : std::uint8_t { kNone, kWanted, kPoints, kReserve, kObservations, kRun, kCommit };
-
     [[nodiscard]] bool take() noexcept;
     void enter(Stage stage) noexcept;
     void drop() noexcept;
@@ -85,21 +65,13 @@ private:
     [[nodiscard]] bool is_searching() const noexcept { return stage_ >= Stage::kWords && stage_ <= Stage::kVerify; }
     [[nodiscard]] std::uint32_t find_words() noexcept;
     [[nodiscard]] std::uint32_t choose() noexcept;
-    [[nodiscard]] std::uint32_t ask() noexcept;
-    [[nodiscard]] std::uint32_t answer() noexcept;
+    [[nodiscard]] std::uint32_t prepare() noexcept;
+    [[nodiscard]] std::uint32_t accept_or_refuse() noexcept;
     [[nodiscard]] std::uint32_t commit() noexcept;
-    [[nodiscard]] bool adjusted_place(std::uint32_t slot, const MapPoint& point, Vector3& world) const noexcept;
-    void move_camera() noexcept;
-    void adjust(WorkBudget& budget) noexcept;
-    [[nodiscard]] std::uint32_t begin_adjustment() noexcept;
-    [[nodiscard]] std::uint32_t collect_points() noexcept;
-    [[nodiscard]] std::uint32_t collect_observations(bool is_reserving) noexcept;
-    [[nodiscard]] std::uint32_t commit_adjustment() noexcept;
-    void drop_adjustment() noexcept;
     [[nodiscard]] std::uint32_t fuse_matches() noexcept;
     [[nodiscard]] std::uint32_t fuse_neighbours() noexcept;
     [[nodiscard]] Refusal judge(const SE3& world_from_keyframe) const noexcept;
-    void refused(Refusal refusal) noexcept;
+    void count(Refusal refusal) noexcept;
     void find_fuse_sides() noexcept;
 
     World* world_ = nullptr;  // this and the others outlive it
@@ -107,13 +79,6 @@ private:
     PointFusion* fusion_ = nullptr;
     EssentialGraph graph_;
     LoopCandidates candidates_;
-    GlobalAdjustment global_;
-    SolvedKeyframes adjusted_keyframes_;
-    std::span<std::uint32_t> point_index_;  // by point slot: its index in global_ + 1
-    std::span<Handle<MapPoint>> adjusted_;  // by index in global_
-    std::uint64_t adjusting_since_ = 0;     // frame
-    std::uint32_t adjusting_cursor_ = 0;
-    Adjusting adjusting_ = Adjusting::kNone;
     Handle<Keyframe> keyframe_;        // at hand
     Handle<Keyframe> found_;           // the place
     FixedVector<PlaceMatch> matches_;  // features of the keyframe, points of the place

@@ -5,12 +5,17 @@ namespace stillmesh {
 void Scheduler::create(std::uint32_t slice_units) noexcept {
     STILLMESH_CHECK(slice_units > 0);
     tasks_ = {};
-    tasks_count_ = 0;
+    tasks_count_ = last_ = 0;
     slice_units_ = slice_units;
     reset();
 }
 
 void Scheduler::add(Task& task) noexcept {
+    last_ = tasks_count_;
+    add_behind(task);
+}
+
+void Scheduler::add_behind(Task& task) noexcept {
     STILLMESH_CHECK(tasks_count_ < kTasksMax);
     tasks_[tasks_count_++] = {&task, 0};
 }
@@ -24,7 +29,7 @@ void Scheduler::reset() noexcept {
 std::uint32_t Scheduler::slice(std::uint32_t units) noexcept {
     const bool is_turn_of_last = statistics_.units_spent / slice_units_ % kTurns == kTurns - 1;
     for (std::uint32_t n = 0; n < tasks_count_; ++n) {
-        const std::uint32_t i = is_turn_of_last ? (n + tasks_count_ - 1) % tasks_count_ : n;
+        const std::uint32_t i = is_turn_of_last ? (n + last_) % tasks_count_ : n;
         WorkBudget budget(units);
         const Progress progress = tasks_[i].task->step(budget);
         if (progress == Progress::kIdle) {
@@ -79,7 +84,11 @@ std::uint64_t Scheduler::units_spent_by(std::uint32_t task) const noexcept {
 void Scheduler::add_to(StateHash& hash) const noexcept {
     hash.add(statistics_.units_granted);
     hash.add(debt_units_);
-    for (std::uint32_t i = 0; i < tasks_count_; ++i) hash.add(tasks_[i].units_spent);
+    std::uint64_t units_behind = 0;
+    for (std::uint32_t i = last_ + 1; i < tasks_count_; ++i) units_behind += tasks_[i].units_spent;
+    for (std::uint32_t i = 0; i < tasks_count_ && i <= last_; ++i) {
+        hash.add(tasks_[i].units_spent + (i == last_ ? units_behind : 0));
+    }
 }
 
 }  // namespace stillmesh

@@ -1,10 +1,10 @@
 // Background work in the shadow of tracking, on the same thread: a few tasks in order of priority (mapping before loop
-// closing), given work units by whoever runs the engine. Tracking itself is no task: it runs to completion in
-// Engine::submit, before any of this.
+// closing, and the refinement of the whole map behind it), given work units by Engine::step. Tracking itself is no task:
+// it runs to completion in Engine::submit, before any of this.
 //
 // The rule. Units are spent in turns of slice_units. Three turns of four begin with the first task that has work, the
 // fourth with the last one, and after each slice, which ends with its turn at the latest, the search begins anew. What
-// a task overdraws (at most the ceiling of one of its steps) is a debt, taken from the next grants; what nobody needs
+// a task overdraws (at most the ceiling of one of its steps) is a debt, taken from the next grants; what no task needs
 // is lost. Hence
 //   - the same steps are done whether units are granted at once or in any parts: step(a), step(b) is step(a + b), as
 //     long as nothing new arrives between the two;
@@ -28,7 +28,7 @@ struct ScheduleStatistics {
     std::uint64_t slices = 0;      // times a task was given a budget and used it
     std::uint64_t units_granted = 0;
     std::uint64_t units_spent = 0;
-    std::uint64_t units_lost = 0;              // granted, and nobody had work
+    std::uint64_t units_lost = 0;              // granted, and no task had work
     std::uint32_t largest_slice_units = 0;     // spent by one slice
     std::uint32_t largest_overdraw_units = 0;  // beyond the budget of a slice
 };
@@ -42,6 +42,8 @@ public:
     void create(std::uint32_t slice_units) noexcept;
     // In order of priority, the first first. The task must outlive the scheduler.
     void add(Task& task) noexcept;
+    // One that begins no turn: it gets what the task before it leaves, in every turn.
+    void add_behind(Task& task) noexcept;
     // As after create and the same add() calls; the tasks are not touched.
     void reset() noexcept;
 
@@ -64,6 +66,7 @@ private:
 
     std::array<Entry, kTasksMax> tasks_;
     std::uint32_t tasks_count_ = 0;
+    std::uint32_t last_ = 0;  // begins every fourth turn: the last that was not added behind another
     std::uint32_t slice_units_ = 1;
     std::uint64_t debt_units_ = 0;
     ScheduleStatistics statistics_;

@@ -51,4 +51,9 @@ void World::move_everything(const SE3& correction) noexcept {
     local_map.invalidate();
 }
 
+void World::follow_correction() noexcept {
+    const SE3* const of_camera = map_correction.of_newest(map);
+    move_everything(of_camera != nullptr ? *of_camera : SE3{});
+}
+
 }  // namespace stillmesh

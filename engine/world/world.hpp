@@ -51,6 +51,11 @@ struct World {
     }
     void create(Arena& arena, const Limits& limits_max, const Configuration& parameters,
                 const CameraModel& model) noexcept;
+    // Fewer keyframes than this hold no loop: their places are known, for a lost camera, and no more.
+    static constexpr std::uint32_t kLoopKeyframesMin = 16;
+    static constexpr std::uint32_t loop_keyframes_max(const Limits& limits) noexcept {
+        return limits.keyframes_max < kLoopKeyframesMin ? 0 : limits.keyframes_max;
+    }
     // Forgets everything but limits, configuration and camera.
     void reset() noexcept;
 
@@ -59,6 +64,8 @@ struct World {
     // The whole map was corrected: the camera follows, and map_from_odom takes the jump. Adjustments that began before
     // are void.
     void move_everything(const SE3& correction) noexcept;
+    // Likewise, by map_correction: as its newest keyframe.
+    void follow_correction() noexcept;
 
     Limits limits;
     Configuration configuration;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -158,6 +159,71 @@ TEST(Scheduler, TheLastTaskHasATurn) {
     for (int frame = 0; frame < 500; ++frame) static_cast<void>(scheduler.step(16));
     EXPECT_NEAR(static_cast<double>(scheduler.units_spent_by(0)), 6000, 6000 * 7 / 200);
     EXPECT_NEAR(static_cast<double>(scheduler.units_spent_by(1)), 2000, 2000 * 7 / 200);
+}
+
+// Promise: a task behind another gets what that one leaves, in every turn, and nothing while it has work: beside a task
+// that always has some, all of the quarter, but for what the task before it needed.
+TEST(Scheduler, ATaskBehindAnotherWaitsForIt) {
+    std::vector<int> trace;
+    StepTask mapping(1, trace);
+    StepTask loop(2, trace);
+    StepTask refinement(3, trace);
+    Scheduler scheduler;
+    scheduler.create(200);
+    scheduler.add(mapping);
+    scheduler.add(loop);
+    scheduler.add_behind(refinement);
+    mapping.add_job(std::vector<std::uint32_t>(10'000, 2));
+    loop.add_job(std::vector<std::uint32_t>(250, 2));
+    refinement.add_job(std::vector<std::uint32_t>(10'000, 2));
+    for (int frame = 0; frame < 100; ++frame) {
+        static_cast<void>(scheduler.step(80));
+        if (loop.steps_left() > 0) {
+            ASSERT_EQ(scheduler.units_spent_by(2), 0U) << frame;
+        }
+    }
+    EXPECT_EQ(scheduler.units_spent_by(0), 6000U);
+    EXPECT_EQ(scheduler.units_spent_by(1), 500U);
+    EXPECT_EQ(scheduler.units_spent_by(2), 1500U);
+    // New work of the task before it goes first again.
+    trace.clear();
+    loop.add_job(std::vector<std::uint32_t>(100, 2));
+    while (loop.steps_left() > 0) static_cast<void>(scheduler.step(80));
+    EXPECT_EQ(std::count(trace.begin(), trace.end(), 3), 0);
+}
+
+// Promise: however the units are cut, three tasks do the same, one of them behind another; the hash sees all of them.
+TEST(Scheduler, SameWorkOfThreeTasksHoweverCut) {
+    Random random(17);
+    for (int round = 0; round < 100; ++round) {
+        const std::uint32_t slice_units = 1 + random.below(100);
+        std::vector<int> traces[2];
+        StepTask tasks[2][3] = {{{1, traces[0]}, {2, traces[0]}, {3, traces[0]}},
+                                {{1, traces[1]}, {2, traces[1]}, {3, traces[1]}}};
+        Scheduler schedulers[2];
+        for (int k = 0; k < 2; ++k) {
+            schedulers[k].create(slice_units);
+            schedulers[k].add(tasks[k][0]);
+            schedulers[k].add(tasks[k][1]);
+            schedulers[k].add_behind(tasks[k][2]);
+        }
+        for (int frame = 0; frame < 40; ++frame) {
+            for (int i = 0; i < 3; ++i) {
+                if (random.below(3) == 0) continue;
+                const auto job = random_steps(random, 1 + random.below(20), 1 + random.below(50));
+                for (auto& three : tasks) three[i].add_job(job);
+            }
+            const std::uint32_t units = random.below(400);
+            static_cast<void>(schedulers[0].step(units));
+            for (std::uint32_t left = units; left > 0;) {
+                const std::uint32_t part = random.below(left + 1);
+                static_cast<void>(schedulers[1].step(part));
+                left -= part;
+            }
+            ASSERT_EQ(traces[0], traces[1]) << "round " << round << ", frame " << frame;
+            ASSERT_EQ(hash_of(schedulers[0]), hash_of(schedulers[1])) << "round " << round << ", frame " << frame;
+        }
+    }
 }
 
 // Promise: the same units give the same steps in the same order and the same hash, in whatever parts they are granted,
