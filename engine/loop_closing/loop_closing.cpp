@@ -353,7 +353,7 @@ std::uint32_t LoopClosing::fuse_neighbours() noexcept {
             continue;
         }
         ++n;
-        units += fusion_->fuse_into(seen[cursor_++].point, targets_[target_], world_->noise.depth);
+        units += fusion_->fuse_into(seen[cursor_++].point, targets_[target_]);
     }
     if (target_ >= targets_count_) finish();
     return units;

@@ -175,7 +175,7 @@ std::uint32_t Mapping::fuse() noexcept {
         const std::span<const Observation> seen = world_->map.observations(source);
         std::uint32_t units = 1;
         for (std::uint32_t i = 0; i < kFuseChunk && cursor_ < seen.size(); ++i) {
-            units += fusion_.fuse(seen[cursor_++].point, world_->noise.depth);
+            units += fusion_.fuse(seen[cursor_++].point);
         }
         return units;
     }

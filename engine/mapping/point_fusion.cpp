@@ -11,10 +11,7 @@ constexpr double kVarianceMin_m2 = 1e-6;
 }  // namespace
 
 void PointFusion::create(Arena& arena, World& world) noexcept {
-    configuration_ = &world.configuration;
-    camera_ = &world.camera;
-    pixel_noise_ = &world.pixel_noise;
-    map_ = &world.map;
+    world_ = &world;
     grid_.create(arena, world.limits);
     keypoints_.create(arena, world.limits.features_max);
     reset();
@@ -22,35 +19,35 @@ void PointFusion::create(Arena& arena, World& world) noexcept {
 
 std::uint32_t PointFusion::set_target(Handle<Keyframe> keyframe) noexcept {
     keypoints_.clear();
-    for (const Observation& o : map_->observations(keyframe)) {
+    for (const Observation& o : world_->map.observations(keyframe)) {
         Keypoint keypoint;
         keypoint.x = o.x;
         keypoint.y = o.y;
         keypoint.level = o.level;
         STILLMESH_CHECK(keypoints_.push(keypoint));
     }
-    grid_.build(camera_->width, camera_->height, keypoints_.span());
+    grid_.build(world_->camera.width, world_->camera.height, keypoints_.span());
     target_ = keyframe;
     return static_cast<std::uint32_t>(keypoints_.size()) / 8;
 }
 
-std::uint32_t PointFusion::fuse_into(Handle<MapPoint> handle, Handle<Keyframe> keyframe, double noise_depth) noexcept {
-    if (map_->keyframes().find(keyframe) == nullptr) return 1;
+std::uint32_t PointFusion::fuse_into(Handle<MapPoint> handle, Handle<Keyframe> keyframe) noexcept {
+    if (world_->map.keyframes().find(keyframe) == nullptr) return 1;
     const std::uint32_t units = has_target(keyframe) ? 1 : 1 + set_target(keyframe);
-    return units + fuse(handle, noise_depth);
+    return units + fuse(handle);
 }
 
-std::uint32_t PointFusion::find_alike(const MapPoint& point, const Vector2& pixel, double z_m,
-                                      double noise_depth) const noexcept {
-    const std::span<const Observation> there = map_->observations(target_);
-    const std::span<const Descriptor> descriptors = map_->descriptors(target_);
-    const MappingParameters& p = configuration_->mapping;
+std::uint32_t PointFusion::find_alike(const MapPoint& point, const Vector2& pixel, double z_m) const noexcept {
+    const Map& map = world_->map;
+    const std::span<const Observation> there = map.observations(target_);
+    const std::span<const Descriptor> descriptors = map.descriptors(target_);
+    const MappingParameters& p = world_->configuration.mapping;
     std::uint32_t best = p.fusion_hamming_max + 1;
     std::uint32_t best_feature = kNone;
-    const double ratio = static_cast<double>(point.distance_m) / z_m * pixel_noise_->scale(point.level);
+    const double ratio = static_cast<double>(point.distance_m) / z_m * world_->pixel_noise.scale(point.level);
     grid_.visit_near(pixel.x(), pixel.y(), p.fusion_radius_px * ratio, [&](std::uint32_t i) {
         const Observation& o = there[i];
-        const double scale = pixel_noise_->scale(o.level);
+        const double scale = world_->pixel_noise.scale(o.level);
         if (scale > p.fusion_scale_factor * ratio || ratio > p.fusion_scale_factor * scale) return;
         const double dx = static_cast<double>(o.x) - pixel.x();
         const double dy = static_cast<double>(o.y) - pixel.y();
@@ -58,7 +55,8 @@ std::uint32_t PointFusion::find_alike(const MapPoint& point, const Vector2& pixe
         if (dx * dx + dy * dy > radius * radius) return;
         if (o.var_z >= 0) {
             const double dz = static_cast<double>(o.z_m) - z_m;
-            if (dz * dz > p.fusion_depth_chi2_max * noise_depth * (static_cast<double>(o.var_z) + point.var_z)) return;
+            if (dz * dz > p.fusion_depth_chi2_max * world_->noise.depth * (static_cast<double>(o.var_z) + point.var_z))
+                return;
         }
         const std::uint32_t distance = hamming_distance(descriptors[i], point.descriptor);
         if (distance >= best) return;
@@ -68,23 +66,25 @@ std::uint32_t PointFusion::find_alike(const MapPoint& point, const Vector2& pixe
     return best_feature;
 }
 
-std::uint32_t PointFusion::fuse(Handle<MapPoint> handle, double noise_depth) noexcept {
-    const MapPoint* const point = map_->points().find(handle);
-    if (point == nullptr || point->is_suspect || map_->is_observed_by(handle.slot(), target_.slot())) return 0;
-    const double z_min_m = configuration_->depth.z_min_m;
-    const SE3 camera_from_world = map_->keyframes().find(target_)->world_from_camera.inverse();
+std::uint32_t PointFusion::fuse(Handle<MapPoint> handle) noexcept {
+    Map& map = world_->map;
+    const MapPoint* const point = map.points().find(handle);
+    if (point == nullptr || point->is_suspect || map.is_observed_by(handle.slot(), target_.slot())) return 0;
+    const double z_min_m = world_->configuration.depth.z_min_m;
+    const SE3 camera_from_world = map.keyframes().find(target_)->world_from_camera.inverse();
     const Vector3 q = camera_from_world * vector_of(point->world);
     if (q.z() < z_min_m) return 0;
     const Vector2 n(q.x() / q.z(), q.y() / q.z());
     if (n.squaredNorm() > kTangentMax2) return 0;
-    const Vector2 pixel = distort_to_pixel(*camera_, n);
-    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera_->width && pixel.y() < camera_->height)) return 1;
-    const std::uint32_t feature = find_alike(*point, pixel, q.z(), noise_depth);
+    const Vector2 pixel = distort_to_pixel(world_->camera, n);
+    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < world_->camera.width && pixel.y() < world_->camera.height))
+        return 1;
+    const std::uint32_t feature = find_alike(*point, pixel, q.z());
     if (feature == kNone) return 2;
-    const Handle<MapPoint> rival = map_->observations(target_)[feature].point;
-    const MapPoint* const other = map_->points().find(rival);
+    const Handle<MapPoint> rival = map.observations(target_)[feature].point;
+    const MapPoint* const other = map.points().find(rival);
     if (other == nullptr) {
-        static_cast<void>(map_->link(target_, feature, handle));
+        static_cast<void>(map.link(target_, feature, handle));
         ++observations_found_;
         return 4;
     }
@@ -95,16 +95,16 @@ std::uint32_t PointFusion::fuse(Handle<MapPoint> handle, double noise_depth) noe
     const double dz = there.z() - q.z();
     const double dx = (there.x() / there.z() - n.x()) * q.z();
     const double dy = (there.y() / there.z() - n.y()) * q.z();
-    const double var_z = noise_depth * (point->var_z + other->var_z) + kVarianceMin_m2;
+    const double var_z = world_->noise.depth * (point->var_z + other->var_z) + kVarianceMin_m2;
     const double var_lateral = point->var_lateral + other->var_lateral;
-    if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > configuration_->region.point_chi2_max) return 2;
+    if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > world_->configuration.region.point_chi2_max) return 2;
     const bool is_older = point->observers > other->observers ||
                           (point->observers == other->observers && point->created_ns <= other->created_ns);
     const Handle<MapPoint> kept = is_older ? handle : rival;
     const Handle<MapPoint> gone = is_older ? rival : handle;
     // Where tracking has matched it in this very frame, correspondences name its slot: it goes with a later keyframe.
-    if (map_->points().find(gone)->observers > kObserversMax) return 2;
-    return 4 + map_->fuse(kept, gone) / 64;
+    if (map.points().find(gone)->observers > kObserversMax) return 2;
+    return 4 + map.fuse(kept, gone) / 64;
 }
 
 }  // namespace stillmesh

@@ -38,10 +38,8 @@ public:
     [[nodiscard]] bool has_target(Handle<Keyframe> keyframe) const noexcept { return target_ == keyframe; }
     [[nodiscard]] std::uint32_t set_target(Handle<Keyframe> keyframe) noexcept;
     void forget_target() noexcept { target_ = {}; }
-    // `noise_depth`: the factor of all depth variances.
-    [[nodiscard]] std::uint32_t fuse(Handle<MapPoint> handle, double noise_depth) noexcept;
-    [[nodiscard]] std::uint32_t fuse_into(Handle<MapPoint> handle, Handle<Keyframe> keyframe,
-                                          double noise_depth) noexcept;
+    [[nodiscard]] std::uint32_t fuse(Handle<MapPoint> handle) noexcept;
+    [[nodiscard]] std::uint32_t fuse_into(Handle<MapPoint> handle, Handle<Keyframe> keyframe) noexcept;
 
     [[nodiscard]] std::uint64_t observations_found() const noexcept { return observations_found_; }
 
@@ -50,14 +48,9 @@ private:
     static constexpr std::uint32_t kNone = 0xffffffffU;
 
     // In the target, around the projection `pixel` of a point `z_m` away: the feature that is most alike, or kNone.
-    [[nodiscard]] std::uint32_t find_alike(const MapPoint& point, const Vector2& pixel, double z_m,
-                                           double noise_depth) const noexcept;
+    [[nodiscard]] std::uint32_t find_alike(const MapPoint& point, const Vector2& pixel, double z_m) const noexcept;
 
-    // Of the world, which outlives it.
-    const Configuration* configuration_ = nullptr;
-    const CameraModel* camera_ = nullptr;
-    const PixelNoise* pixel_noise_ = nullptr;
-    Map* map_ = nullptr;
+    World* world_ = nullptr;  // outlives it
     Handle<Keyframe> target_;
     FixedVector<Keypoint> keypoints_;  // of the target
     FeatureGrid grid_;                 // of them
