@@ -81,7 +81,7 @@ struct PoolStatistics {
 struct MappingStatistics {
     std::uint64_t keyframes_inserted = 0;  // taken from the queue
     std::uint64_t adjustments = 0;         // bundle adjustments started
-    std::uint64_t adjustments_dropped = 0;
+    std::uint64_t adjustments_dropped = 0;  // of them, not finished: the keyframe left, or the whole map moved
     std::uint64_t adjustment_slices = 0;
     std::uint64_t adjustment_iterations = 0;
     std::uint64_t observations_found = 0;    // that tracking had missed

@@ -62,7 +62,8 @@ Progress Mapping::step(WorkBudget& budget) noexcept {
     if (stage_ == Stage::kIdle && !take()) return Progress::kIdle;
     while (!budget.is_spent()) {
         // Only tracking evicts besides the last stages, and never the newest; but the queue may have been long.
-        if (world_->map.keyframes().find(keyframe_) == nullptr && stage_ < Stage::kRedundant) {
+        const bool needs_keyframe = stage_ != Stage::kIdle && stage_ < Stage::kRedundant;
+        if (needs_keyframe && world_->map.keyframes().find(keyframe_) == nullptr) {
             drop_adjustment();
             enter(Stage::kEvict);
         }
@@ -98,8 +99,8 @@ Progress Mapping::step(WorkBudget& budget) noexcept {
 }
 
 void Mapping::drop_adjustment() noexcept {
+    if (stage_ == Stage::kAdjust || stage_ == Stage::kCommit) ++statistics_.adjustments_dropped;
     window_.cancel();
-    ++statistics_.adjustments_dropped;
 }
 
 // The whole map moved since the window was chosen: what is known of it is out of date.

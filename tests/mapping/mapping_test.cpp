@@ -161,6 +161,53 @@ TEST(Mapping, AFewPointsMoveNoCamera) {
     EXPECT_GE(held, 3U);
 }
 
+// Promise: an adjustment counts as dropped when it had been started, not when its keyframe leaves the map, or the whole
+// map is corrected, before; then nothing of it is left behind.
+TEST(Mapping, OnlyWhatWasStartedIsDropped) {
+    using Stage = Mapping::Stage;
+    for (const bool is_corrected : {false, true}) {
+        std::uint32_t before_start = 0, after_start = 0;
+        for (const Stage until :
+             {Stage::kTriangulate, Stage::kChoose, Stage::kCollect, Stage::kAdjust, Stage::kCommit}) {
+            const Limits limits = limits_of(8, 300);
+            Rig rig(sequence().camera, limits, fitting(limits));
+            Map& map = rig.world().map;
+            for (const test::KeptFrame& kept : sequence().frames) {
+                rig.tracking().track(kept.frame());
+                if (rig.world().keyframe_queue.is_empty()) continue;
+                const Handle<Keyframe> at_hand = rig.world().keyframe_queue[0];
+                Progress progress = Progress::kWorking;
+                while (progress == Progress::kWorking && rig.mapping().stage() != until) {
+                    WorkBudget budget(1);
+                    progress = rig.mapping().step(budget);
+                }
+                if (rig.mapping().stage() != until) continue;
+                EngineStatistics then;
+                rig.mapping().fill(then);
+                if (is_corrected) {
+                    rig.world().move_everything(SE3{});
+                } else {
+                    map.release_keyframe(at_hand);
+                }
+                WorkBudget budget(1000);
+                EXPECT_EQ(rig.mapping().step(budget), Progress::kDone);
+                EXPECT_LT(budget.units_spent(), 1000U) << "what it does not need others may have";
+                EngineStatistics now;
+                rig.mapping().fill(now);
+                const bool is_started = until == Stage::kAdjust || until == Stage::kCommit;
+                EXPECT_EQ(now.mapping.adjustments_dropped - then.mapping.adjustments_dropped, is_started ? 1U : 0U)
+                    << static_cast<int>(until);
+                EXPECT_LE(now.mapping.adjustments_dropped, now.mapping.adjustments);
+                EXPECT_EQ(map.find_fault(), nullptr) << map.find_fault();
+                ++(is_started ? after_start : before_start);
+                break;
+            }
+        }
+        EXPECT_EQ(before_start, 3U);
+        EXPECT_EQ(after_start, 2U);
+    }
+}
+
 // Promise: the n-th take fails, for keyframes n = 2, 3, ... and points from the fewest that are allowed: tracking goes
 // on with mapping at work, the map stays right, and the pools never hold more than they may.
 TEST(Mapping, EveryPoolMayBeFull) {
