@@ -9,6 +9,7 @@
 #include "engine/map/map_readout.hpp"
 #include "engine/record/map_load.hpp"
 #include "engine/static_bytes_needed.hpp"
+#include "engine/tuned_engine.hpp"
 
 namespace stillmesh {
 namespace {
@@ -69,8 +70,12 @@ ConfigurationProblem validate(const Limits& limits) noexcept {
 }
 
 ConfigurationProblem validate(const Configuration& configuration, const Limits& limits) noexcept {
-    Configuration c = configuration;
-    const ConfigurationProblem problem = out_of_range([&c](auto&& visitor) { visit_parameters(c, visitor); });
+    return validate(Parameters(configuration), limits);
+}
+
+ConfigurationProblem validate(const Parameters& parameters, const Limits& limits) noexcept {
+    Parameters p = parameters;
+    const ConfigurationProblem problem = out_of_range([&p](auto&& visitor) { visit_all_parameters(p, visitor); });
     if (problem.key != nullptr) return problem;
     // What the keys ask of each other: the range is what is left of the key's own.
     struct Rule {
@@ -79,38 +84,38 @@ ConfigurationProblem validate(const Configuration& configuration, const Limits& 
         double value, min, max;
     };
     const Rule rules[] = {
-        {"features.count", "is more than limits.features_max", static_cast<double>(c.features.count), 50.0,
+        {"features.count", "is more than limits.features_max", static_cast<double>(p.features.count), 50.0,
          static_cast<double>(limits.features_max)},
-        {"features.levels", "is more than limits.pyramid_levels_max", static_cast<double>(c.features.levels), 1.0,
+        {"features.levels", "is more than limits.pyramid_levels_max", static_cast<double>(p.features.levels), 1.0,
          static_cast<double>(limits.pyramid_levels_max)},
         {"features.fast_threshold_low", "is above features.fast_threshold",
-         static_cast<double>(c.features.fast_threshold_low), 1.0, static_cast<double>(c.features.fast_threshold)},
-        {"matching.radius_wide_px", "is below matching.radius_px", c.matching.radius_wide_px, c.matching.radius_px,
+         static_cast<double>(p.features.fast_threshold_low), 1.0, static_cast<double>(p.features.fast_threshold)},
+        {"matching.radius_wide_px", "is below matching.radius_px", p.matching.radius_wide_px, p.matching.radius_px,
          400.0},
-        {"pose.inlier_ratio_min", "is above pose.inlier_ratio_start", c.pose.inlier_ratio_min, 0.05,
-         c.pose.inlier_ratio_start},
-        {"keyframes.tracked_share_urgent", "is above keyframes.tracked_share_max", c.keyframes.tracked_share_urgent,
-         0.0, c.keyframes.tracked_share_max},
+        {"pose.inlier_ratio_min", "is above pose.inlier_ratio_start", p.pose.inlier_ratio_min, 0.05,
+         p.pose.inlier_ratio_start},
+        {"keyframes.tracked_share_max", "is below keyframes.tracked_share_urgent", p.keyframes.tracked_share_max,
+         p.keyframes.tracked_share_urgent, 1.0},
         {"mapping.window_keyframes", "is more than limits.keyframes_max",
-         static_cast<double>(c.mapping.window_keyframes), 2.0, static_cast<double>(limits.keyframes_max)},
-        {"weights.start", "is above weights.max", static_cast<double>(c.weights.start), 0.0,
-         static_cast<double>(c.weights.max)},
-        {"weights.suspicious", "is above weights.max", static_cast<double>(c.weights.suspicious), 0.0,
-         static_cast<double>(c.weights.max)},
-        {"weights.eligible", "is above weights.max", static_cast<double>(c.weights.eligible), 0.0,
-         static_cast<double>(c.weights.max)},
-        {"weights.drift_m", "is above weights.drift_max_m", c.weights.drift_m, 0.0, c.weights.drift_max_m},
-        {"noise.pixel_start", "is not between noise.pixel_min and noise.max", c.noise.pixel_start, c.noise.pixel_min,
-         c.noise.max},
-        {"noise.depth_start", "is not between noise.depth_min and noise.max", c.noise.depth_start, c.noise.depth_min,
-         c.noise.max},
+         static_cast<double>(p.mapping.window_keyframes), 2.0, static_cast<double>(limits.keyframes_max)},
+        {"weights.start", "is above weights.max", static_cast<double>(p.weights.start), 0.0,
+         static_cast<double>(p.weights.max)},
+        {"weights.max", "is below weights.suspicious", static_cast<double>(p.weights.max),
+         static_cast<double>(p.weights.suspicious), 255.0},
+        {"weights.eligible", "is above weights.max", static_cast<double>(p.weights.eligible), 0.0,
+         static_cast<double>(p.weights.max)},
+        {"weights.drift_m", "is above weights.drift_max_m", p.weights.drift_m, 0.0, p.weights.drift_max_m},
+        {"noise.pixel_start", "is not between noise.pixel_min and noise.max", p.noise.pixel_start, p.noise.pixel_min,
+         p.noise.max},
+        {"noise.depth_start", "is not between noise.depth_min and noise.max", p.noise.depth_start, p.noise.depth_min,
+         p.noise.max},
     };
     for (const Rule& rule : rules) {
         if (rule.value < rule.min || rule.value > rule.max)
             return {rule.key, rule.sentence, rule.value, rule.min, rule.max};
     }
-    if (c.depth.z_min_m >= c.depth.z_max_m) {
-        return {"depth.z_min_m", "is not below depth.z_max_m", c.depth.z_min_m, 0.05, c.depth.z_max_m};
+    if (p.depth.z_min_m >= p.depth.z_max_m) {
+        return {"depth.z_min_m", "is not below depth.z_max_m", p.depth.z_min_m, 0.05, p.depth.z_max_m};
     }
     return {};
 }
@@ -118,39 +123,45 @@ ConfigurationProblem validate(const Configuration& configuration, const Limits& 
 Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits, const Configuration& configuration,
                                const CameraModel& camera, const Kernels& kernels, FeatureExtractor* extractor,
                                std::span<const std::byte> vocabulary, MapStore* store) noexcept {
+    return create_engine(block, limits, Parameters(configuration), camera, {kernels, extractor, vocabulary, store});
+}
+
+Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, const Parameters& parameters,
+                              const CameraModel& camera, const EngineParts& parts) noexcept {
     if (stillmesh::validate(limits).key != nullptr) return Status::kInvalid;
-    if (stillmesh::validate(configuration, limits).key != nullptr) return Status::kInvalid;
+    if (stillmesh::validate(parameters, limits).key != nullptr) return Status::kInvalid;
     if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
     if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
     if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
-    if (store != nullptr && limits.store_features_max == 0) return Status::kInvalid;
+    if (parts.store != nullptr && limits.store_features_max == 0) return Status::kInvalid;
     if (block.size() < static_bytes_needed(limits)) return Status::kFull;
     Vocabulary opened;
     const char* sentence = nullptr;
-    if (!vocabulary.empty() && opened.open(vocabulary, limits.vocabulary_words_max, sentence) != Status::kOk) {
+    if (!parts.vocabulary.empty() &&
+        opened.open(parts.vocabulary, limits.vocabulary_words_max, sentence) != Status::kOk) {
         return Status::kCorrupt;
     }
     Arena arena(block);
     EngineState& state = arena.array<EngineState>(1)[0];
     state.vocabulary = opened;
-    state.map_origin = {camera, configuration.features.levels, configuration.features.scale_factor, 0};
+    state.map_origin = {camera, parameters.features.levels, parameters.features.scale_factor, 0};
     World& world = state.world;
-    world.create(arena, limits, configuration, camera);
-    state.places.create(arena, limits, world.configuration, camera, state.vocabulary);
-    state.relocalisation.create(arena, limits, world.configuration, state.places);
-    state.tracking.create(arena, world, kernels, extractor,
+    world.create(arena, limits, parameters, camera);
+    state.places.create(arena, limits, world.parameters, camera, state.vocabulary);
+    state.relocalisation.create(arena, limits, world.parameters, state.places);
+    state.tracking.create(arena, world, parts.kernels, parts.extractor,
                           state.relocalisation.is_on() ? &state.relocalisation : nullptr);
     state.mapping.create(arena, world);
     state.loop_closing.create(arena, world, state.places, state.mapping.fusion());
     state.refinement.create(arena, world);
     if (limits.store_features_max > 0) {
         state.pager = arena.array<MapPager>(1);
-        state.pager[0].create(arena, world, state.places, store);
+        state.pager[0].create(arena, world, state.places, parts.store);
     }
-    state.scheduler.create(configuration.schedule.slice_units);
-    // First: what it does in a while is bounded by its configuration.
+    state.scheduler.create(parameters.schedule.slice_units);
+    // First: what it does in a while is bounded by its parameters.
     if (has_store(state)) state.scheduler.add(state.pager[0]);
-    if (configuration.mapping.is_enabled) state.scheduler.add(state.mapping);
+    if (parameters.mapping.is_enabled) state.scheduler.add(state.mapping);
     if (state.places.is_on()) {
         state.scheduler.add(state.loop_closing);
         state.scheduler.add_behind(state.refinement);

@@ -61,9 +61,9 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
             message = "not enough memory for another engine.";
             return false;
         }
-        Configuration configuration = variant.configuration;
+        Parameters configuration = variant.configuration;
         if (!variant.has_readout) configuration.camera.readout_s = source->readout_s();
-        const auto engine = Engine::create(seat->block.bytes(), limits, configuration, source->model(), cpu_kernels());
+        const auto engine = create_engine(seat->block.bytes(), limits, configuration, source->model(), {cpu_kernels()});
         if (!engine.is_ok()) {
             message = fmt::format("the engine refuses camera or configuration '{}': {}.", variant.name,
                                   status_name(engine.status()));
@@ -142,7 +142,7 @@ bool parse_seeds(const std::string& text, std::vector<std::uint64_t>& seeds) {
     return !seeds.empty();
 }
 
-bool set_parameter(Configuration& configuration, const std::string& assignment, std::string& message) {
+bool set_parameter(Parameters& configuration, const std::string& assignment, std::string& message) {
     const std::size_t equals = assignment.find('=');
     const std::string key = assignment.substr(0, equals);
     const std::string text = equals == std::string::npos ? "" : assignment.substr(equals + 1);
@@ -156,17 +156,17 @@ bool set_parameter(Configuration& configuration, const std::string& assignment, 
     }
     bool is_known = false;
     bool is_good = true;
-    visit_parameters(configuration,
-                     [&](const char* name, auto& slot, double least, double most, const char*, const char*) {
-                         if (key != name) return;
-                         is_known = true;
-                         if (!(value >= least && value <= most)) {
-                             message = fmt::format("{} = {}: allowed is {} to {}.", key, text, least, most);
-                             is_good = false;
-                             return;
-                         }
-                         slot = static_cast<std::remove_reference_t<decltype(slot)>>(value);
-                     });
+    visit_all_parameters(configuration,
+                         [&](const char* name, auto& slot, double least, double most, const char*, const char*) {
+                             if (key != name) return;
+                             is_known = true;
+                             if (!(value >= least && value <= most)) {
+                                 message = fmt::format("{} = {}: allowed is {} to {}.", key, text, least, most);
+                                 is_good = false;
+                                 return;
+                             }
+                             slot = static_cast<std::remove_reference_t<decltype(slot)>>(value);
+                         });
     if (!is_known) message = fmt::format("'{}' is no parameter of the engine.", key);
     return is_known && is_good;
 }

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "bench/accuracy/measures.hpp"
-#include "engine/configuration.hpp"
+#include "engine/tuned_engine.hpp"
 
 namespace stillmesh::accuracy {
 
@@ -21,7 +21,7 @@ struct Input {
 
 struct Variant {
     std::string name;  // "on" and "off": the region; others by the caller
-    Configuration configuration;
+    Parameters configuration;
     bool has_readout = false;  // camera.readout_s was set: what the camera knows of itself is not asked for
 };
 
@@ -49,6 +49,6 @@ struct RunOptions {
 [[nodiscard]] bool parse_seeds(const std::string& text, std::vector<std::uint64_t>& seeds);
 
 // "key=value" into the configuration. False: `message` names key and range.
-[[nodiscard]] bool set_parameter(Configuration& configuration, const std::string& assignment, std::string& message);
+[[nodiscard]] bool set_parameter(Parameters& configuration, const std::string& assignment, std::string& message);
 
 }  // namespace stillmesh::accuracy

@@ -23,7 +23,7 @@
 #include "bench/accuracy/sources.hpp"
 #include "bench/endurance/heap_count.hpp"
 #include "bench/endurance/render_ahead.hpp"
-#include "engine/engine.hpp"
+#include "engine/tuned_engine.hpp"
 #include "platform/evaluation/evaluation.hpp"
 #include "platform/evaluation/final_trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -189,7 +189,7 @@ int run(const Arguments& arguments) {
     Limits limits = arguments.limits == "room"   ? Limits::room()
                     : arguments.limits == "tiny" ? Limits::tiny()
                                                  : Limits::pocket();
-    Configuration configuration = Configuration::indoor();
+    Parameters configuration = Parameters();
     configuration.features.count = std::min(configuration.features.count, limits.features_max);
     configuration.features.levels = std::min(configuration.features.levels, limits.pyramid_levels_max);
     configuration.mapping.window_keyframes = std::min(configuration.mapping.window_keyframes, limits.keyframes_max);
@@ -230,8 +230,9 @@ int run(const Arguments& arguments) {
         const std::size_t body_bytes_max = std::size_t{512} * limits.features_max;
         if (!store.open(where, StoreService::Mode::kAtOnce, body_bytes_max, message)) return complain(message);
     }
-    const auto made = Engine::create(block.bytes(), limits, configuration, model, cpu_kernels(), nullptr,
-                                     vocabulary.bytes(), arguments.map_store.empty() ? nullptr : &store);
+    const auto made =
+        create_engine(block.bytes(), limits, configuration, model,
+                      {cpu_kernels(), nullptr, vocabulary.bytes(), arguments.map_store.empty() ? nullptr : &store});
     if (!made.is_ok()) return complain("the engine refuses limits, configuration or the picture's size.");
     Engine& engine = *made.value();
     const std::uint32_t units =

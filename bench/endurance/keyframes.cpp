@@ -15,7 +15,7 @@
 
 #include "bench/accuracy/runs.hpp"
 #include "bench/endurance/render_ahead.hpp"
-#include "engine/engine.hpp"
+#include "engine/tuned_engine.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 
@@ -68,7 +68,7 @@ int complain(const std::string& sentence) {
 }
 
 int run(const Arguments& arguments) {
-    Configuration configuration = Configuration::indoor();
+    Parameters configuration = Parameters();
     configuration.keyframes.tracked_share_max = 1.0;
     configuration.keyframes.new_points_min = 1;
     configuration.keyframes.gap_min = arguments.gap;
@@ -91,7 +91,7 @@ int run(const Arguments& arguments) {
         seat->limits.keyframes_max = keyframes;
         if (!seat->block.allocate(bytes_needed(seat->limits))) return complain("not enough memory.");
         const auto made =
-            Engine::create(seat->block.bytes(), seat->limits, configuration, source.model(), cpu_kernels());
+            create_engine(seat->block.bytes(), seat->limits, configuration, source.model(), {cpu_kernels()});
         if (!made.is_ok()) return complain("the engine refuses limits or configuration.");
         seat->engine = made.value();
         seats.push_back(std::move(seat));

@@ -65,7 +65,7 @@ int complain(const std::string& sentence) {
 
 int run(const Arguments& arguments, DepthCamera& camera) {
     const Limits limits = arguments.limits == "pocket" ? Limits::pocket() : Limits::room();
-    Configuration configuration = Configuration::indoor();
+    Parameters configuration = Parameters();
     configuration.features.count = std::min(configuration.features.count, limits.features_max);
     if (arguments.has_all_stages) configuration.mapping.is_fusing = configuration.mapping.is_triangulating = true;
     if (arguments.gap > 0) {

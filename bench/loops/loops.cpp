@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "bench/accuracy/sources.hpp"
-#include "engine/engine.hpp"
+#include "engine/tuned_engine.hpp"
 #include "platform/evaluation/evaluation.hpp"
 #include "platform/evaluation/final_trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -46,7 +46,7 @@ struct Seat {
     const char* name = "";
     MemoryBlock block;
     Engine* engine = nullptr;
-    Configuration configuration;
+    Parameters configuration;
     Trajectory given;
     FinalTrajectory last;
     std::vector<KeyframePose> keyframes;
@@ -144,8 +144,9 @@ bool run(const Arguments& arguments, const std::string& scene, std::uint64_t see
         }
         if (!seat->block.allocate(bytes_needed(limits))) return false;
         const auto engine =
-            Engine::create(seat->block.bytes(), limits, seat->configuration, source->model(), cpu_kernels(), nullptr,
-                           has_words ? std::span<const std::byte>(vocabulary) : std::span<const std::byte>{});
+            create_engine(seat->block.bytes(), limits, seat->configuration, source->model(),
+                          {cpu_kernels(), nullptr,
+                           has_words ? std::span<const std::byte>(vocabulary) : std::span<const std::byte>{}});
         if (!engine.is_ok()) {
             fmt::print(stderr, "bench_loops: the engine says {}\n", status_name(engine.status()));
             return false;

@@ -19,7 +19,7 @@
 
 #include "bench/accuracy/runs.hpp"
 #include "engine/base/random.hpp"
-#include "engine/engine.hpp"
+#include "engine/tuned_engine.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/evaluation/final_trajectory.hpp"
 #include "platform/evaluation/trajectory.hpp"
@@ -111,7 +111,7 @@ public:
 private:
     bool create(const CameraInfo& info, const std::vector<std::byte>& vocabulary, std::string& message) {
         const Limits limits = arguments_.limits == "pocket" ? Limits::pocket() : Limits::room();
-        Configuration configuration;
+        Parameters configuration;
         configuration.camera.readout_s = info.readout_s;
         configuration.features.count = std::min(configuration.features.count, limits.features_max);
         for (const std::string& setting : arguments_.settings) {
@@ -120,7 +120,7 @@ private:
         units_ = configuration.schedule.units_per_frame;
         if (!block_.allocate(bytes_needed(limits))) return false;
         const auto engine =
-            Engine::create(block_.bytes(), limits, configuration, info.model, cpu_kernels(), nullptr, vocabulary);
+            create_engine(block_.bytes(), limits, configuration, info.model, {cpu_kernels(), nullptr, vocabulary});
         if (!engine.is_ok()) {
             message = fmt::format("the engine says {}.", status_name(engine.status()));
             return false;

@@ -9,11 +9,11 @@
 
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
-#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/frame/kernels.hpp"
 #include "engine/frame/pyramid.hpp"
 #include "engine/limits.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 

@@ -8,10 +8,10 @@
 
 #include "engine/base/api.hpp"
 #include "engine/base/status.hpp"
-#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/frame/kernels.hpp"
 #include "engine/limits.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 

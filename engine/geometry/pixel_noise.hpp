@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/configuration.hpp"
 #include "engine/frame/pyramid.hpp"
 #include "engine/geometry/camera_model.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 
@@ -19,7 +19,7 @@ struct NoiseFactors {
 
 class PixelNoise {
 public:
-    void create(const Configuration& configuration, const CameraModel& camera) noexcept {
+    void create(const Parameters& configuration, const CameraModel& camera) noexcept {
         double scale = 1.0;
         for (double& s : scale_) {
             s = scale;

@@ -120,7 +120,7 @@ std::uint32_t EssentialGraph::add_covisible(std::uint64_t settled_end) noexcept 
             if (keyframe.parent.slot_plus_one == best[i] + 1 || other.parent.slot_plus_one == slot + 1) continue;
             // What tracking matched across the gap before a loop corrected it says nothing about where it lies.
             const bool is_settled = keyframe.frame < settled_end;
-            if (!is_settled && keyframe.frame - other.frame >= world_->configuration.loop.gap_frames) continue;
+            if (!is_settled && keyframe.frame - other.frame >= world_->parameters.loop.gap_frames) continue;
             add_edge(best[i], slot);
         }
     }

@@ -23,7 +23,7 @@ bool LoopCandidates::is_near(Handle<Keyframe> a, Handle<Keyframe> b) const noexc
 
 // The k queries before found this place, each of them.
 bool LoopCandidates::is_consistent(Handle<Keyframe> place) const noexcept {
-    const std::uint32_t consistency = world_->configuration.loop.consistency;
+    const std::uint32_t consistency = world_->parameters.loop.consistency;
     if (history_count_ < consistency) return false;
     return std::all_of(history_.begin(), history_.begin() + consistency, [&](const Places& places) {
         return std::any_of(places.keyframes, places.keyframes + places.count, [&](Handle<Keyframe> before) {
@@ -39,7 +39,7 @@ bool LoopCandidates::is_new(Handle<Keyframe> place) const noexcept {
 }
 
 std::uint32_t LoopCandidates::choose(Handle<Keyframe> keyframe, bool is_resting) noexcept {
-    const LoopParameters& p = world_->configuration.loop;
+    const LoopParameters& p = world_->parameters.loop;
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     const auto [count, scored, score_min] = places_->neighbourhood(world_->map, keyframe.slot());
     const std::uint64_t frame = keyframes.find(keyframe)->frame;

@@ -87,7 +87,7 @@ bool LoopClosing::take() noexcept {
     }
     if (next.is_null()) return false;
     const double age_s = seconds_between(keyframes.at(next.slot()).time_ns, world_->clock.time_ns);
-    if (age_s < world_->configuration.loop.settle_s && !world_->is_frozen) return false;
+    if (age_s < world_->parameters.loop.settle_s && !world_->is_frozen) return false;
     keyframe_ = next;
     places_->take(PlaceSearch::User::kLoopClosing);
     enter(Stage::kWords);
@@ -142,7 +142,7 @@ Progress LoopClosing::step(WorkBudget& budget) noexcept {
 
 std::uint32_t LoopClosing::find_words() noexcept {
     FrameWords& words = places_->words();
-    places_->find_words(world_->map, keyframe_, world_->configuration, words);
+    places_->find_words(world_->map, keyframe_, world_->parameters, words);
     places_->purge(world_->map);
     places_->query().begin(places_->database(), words.bag());
     places_->add(keyframe_);
@@ -176,14 +176,14 @@ std::uint32_t LoopClosing::prepare() noexcept {
     const std::span<const Observation> seen = world_->map.observations(keyframe_);
     verifier.begin_query(world_->map.descriptors(keyframe_));
     for (std::size_t i = 0; i < seen.size(); ++i) {
-        verifier.add_feature(
-            seen[i], is_static(world_->map.points().find(seen[i].point), world_->configuration.weights.eligible));
+        verifier.add_feature(seen[i],
+                             is_static(world_->map.points().find(seen[i].point), world_->parameters.weights.eligible));
     }
     verifier.end_query(places_->database().direct_index(keyframe_.slot()));
     const auto units = static_cast<std::uint32_t>(seen.size() / 4) + 1;
     const NoiseFactors noise{std::max(1.0, world_->noise.pixel), std::max(1.0, world_->noise.depth)};
     verifier.start(world_->map, candidates_.chosen()[cursor_], noise,
-                   {world_->configuration.loop.matches_min, world_->configuration.loop.inliers_min});
+                   {world_->parameters.loop.matches_min, world_->parameters.loop.inliers_min});
     ++statistics_.candidates;
     stage_ = Stage::kVerify;  // the cursor stays
     return units;
@@ -191,7 +191,7 @@ std::uint32_t LoopClosing::prepare() noexcept {
 
 // Geometric consistency, and how far odometry can have led astray.
 Refusal LoopClosing::judge(const SE3& world_from_keyframe) const noexcept {
-    const LoopParameters& p = world_->configuration.loop;
+    const LoopParameters& p = world_->parameters.loop;
     const Keyframe& here = *world_->map.keyframes().find(keyframe_);
     const Keyframe* const there = world_->map.keyframes().find(places_->verifier().candidate());
     if (there == nullptr) return Refusal::kGone;
@@ -241,7 +241,7 @@ std::uint32_t LoopClosing::accept_or_refuse() noexcept {
     const Keyframe& here = *world_->map.keyframes().find(keyframe_);
     const Keyframe& there = *world_->map.keyframes().find(found_);
     const SE3 off = here.world_from_camera.inverse() * verifier.world_from_query();
-    const LoopParameters& p = world_->configuration.loop;
+    const LoopParameters& p = world_->parameters.loop;
     const bool is_small =
         length(off.translation) < p.correction_min_m && rotation_angle(off.rotation) < p.correction_min_rad;
     const bool is_significant = !is_noise(off, verifier.information(), p);
@@ -300,7 +300,7 @@ std::uint32_t LoopClosing::fuse_matches() noexcept {
     for (std::uint32_t n = 0; n < 8 && cursor_ < matches_.size(); ++n, ++cursor_) {
         const PlaceMatch& match = matches_[cursor_];
         const MapPoint* const there = world_->map.points().find(match.point);
-        if (!is_static(there, world_->configuration.weights.eligible)) continue;
+        if (!is_static(there, world_->parameters.weights.eligible)) continue;
         const Handle<MapPoint> own = world_->map.observations(keyframe_)[match.feature].point;
         const MapPoint* const mine = world_->map.points().find(own);
         if (mine == nullptr) {
@@ -320,7 +320,7 @@ std::uint32_t LoopClosing::fuse_matches() noexcept {
 
 void LoopClosing::find_fuse_sides() noexcept {
     const std::uint64_t frame = world_->map.keyframes().find(keyframe_)->frame;
-    const std::uint64_t gap = world_->configuration.loop.gap_frames;
+    const std::uint64_t gap = world_->parameters.loop.gap_frames;
     std::uint32_t best[32] = {};
     sources_count_ = targets_count_ = 0;
     sources_[sources_count_++] = found_;

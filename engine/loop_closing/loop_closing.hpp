@@ -15,11 +15,11 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/configuration.hpp"
 #include "engine/loop_closing/essential_graph.hpp"
 #include "engine/loop_closing/loop_candidates.hpp"
 #include "engine/mapping/point_fusion.hpp"
 #include "engine/outputs.hpp"
+#include "engine/parameters.hpp"
 #include "engine/recognition/place_search.hpp"
 #include "engine/schedule/task.hpp"
 #include "engine/world/world.hpp"

@@ -12,10 +12,10 @@
 
 #include "engine/base/hash.hpp"
 #include "engine/base/pool.hpp"
-#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/limits.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 

@@ -37,7 +37,7 @@ void GlobalRefinement::heed_loops() noexcept {
     loops_seen_ = world_->loops_closed;
     if (stage_ > Stage::kKeyframes) ++dropped_;
     adjustment_.begin();
-    enter(world_->configuration.loop.is_adjusting && !index_.empty() ? Stage::kKeyframes : Stage::kIdle);
+    enter(world_->parameters.loop.is_adjusting && !index_.empty() ? Stage::kKeyframes : Stage::kIdle);
 }
 
 Progress GlobalRefinement::step(WorkBudget& budget) noexcept {
@@ -81,7 +81,7 @@ std::uint32_t GlobalRefinement::add_points() noexcept {
     const Pool<MapPoint>& points = world_->map.points();
     for (std::uint32_t n = 0; n < 512 && cursor_ < points.slots_count(); ++n, ++cursor_) {
         if (!points.is_taken(cursor_) || points.at(cursor_).observers < 2) continue;
-        if (!is_static(&points.at(cursor_), world_->configuration.weights.eligible)) continue;
+        if (!is_static(&points.at(cursor_), world_->parameters.weights.eligible)) continue;
         const auto added = adjustment_.add_point(vector_of(points.at(cursor_).world));
         STILLMESH_CHECK(added.is_ok());
         index_[cursor_] = added.value() + 1;

@@ -53,7 +53,7 @@ std::uint32_t LocalWindow::take_in(Handle<Keyframe> handle, bool is_fixed) noexc
 }
 
 std::uint32_t LocalWindow::choose(Handle<Keyframe> keyframe, std::span<const Handle<Keyframe>> neighbours) noexcept {
-    const MappingParameters& p = world_->configuration.mapping;
+    const MappingParameters& p = world_->parameters.mapping;
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     adjustment_.begin();
     keyframe_count_ = point_count_ = observation_count_ = 0;
@@ -118,7 +118,7 @@ std::uint32_t LocalWindow::choose_fixed() noexcept {
         for (std::uint32_t slot = 1; slot < counts_.size(); ++slot) {
             if (counts_[slot] > counts_[best]) best = slot;
         }
-        if (counts_[best] < world_->configuration.mapping.fixed_shared_min) break;
+        if (counts_[best] < world_->parameters.mapping.fixed_shared_min) break;
         counts_[best] = 0;
         units += take_in(world_->map.keyframes().handle_of(best), true);
     }
@@ -147,7 +147,7 @@ void LocalWindow::fill_adjustment() noexcept {
 // --- collect ---------------------------------------------------------------------------------------------------------
 
 std::uint32_t LocalWindow::collect() noexcept {
-    const MappingParameters& p = world_->configuration.mapping;
+    const MappingParameters& p = world_->parameters.mapping;
     if (cursor_ == keyframe_count_) {
         AdjustmentOptions options;
         options.chi2_max_pixel = p.chi2_max_pixel;
@@ -166,7 +166,7 @@ std::uint32_t LocalWindow::collect() noexcept {
     const Keyframe* const keyframe = world_->map.keyframes().find(handle);
     const double turn_rad_s = keyframe != nullptr ? std::sqrt(keyframe->speed.tail<3>().squaredNorm()) : 0.0;
     const double slip_per_m =
-        turn_rad_s * world_->configuration.region.colour_depth_lag_s * world_->configuration.prediction.slip_share;
+        turn_rad_s * world_->parameters.region.colour_depth_lag_s * world_->parameters.prediction.slip_share;
     for (std::uint32_t i = 0; i < seen.size(); ++i) {
         const Observation& o = seen[i];
         if (world_->map.points().find(o.point) == nullptr || find(o.point) == nullptr) continue;

@@ -125,7 +125,7 @@ std::uint32_t Mapping::cull() noexcept {
 
 void Mapping::find_neighbours() noexcept {
     std::uint32_t best[kNeighboursMax] = {};
-    neighbour_count_ = world_->map.best_covisible(keyframe_.slot(), best, world_->configuration.mapping.shared_min);
+    neighbour_count_ = world_->map.best_covisible(keyframe_.slot(), best, world_->parameters.mapping.shared_min);
     for (std::uint32_t i = 0; i < neighbour_count_; ++i) neighbours_[i] = world_->map.keyframes().handle_of(best[i]);
 }
 
@@ -134,7 +134,7 @@ std::uint32_t Mapping::triangulate() noexcept {
     const std::span<const Observation> here = world_->map.observations(keyframe_);
     std::uint32_t passed = 0;
     const std::uint32_t with =
-        world_->configuration.mapping.is_triangulating ? world_->configuration.mapping.triangulation_keyframes : 0U;
+        world_->parameters.mapping.is_triangulating ? world_->parameters.mapping.triangulation_keyframes : 0U;
     while (other_ < std::min(neighbour_count_, with)) {
         const Handle<Keyframe> other = neighbours_[other_];
         if (world_->map.keyframes().find(other) != nullptr) {
@@ -143,7 +143,7 @@ std::uint32_t Mapping::triangulate() noexcept {
                 ++passed;
                 if (here[feature].var_z >= 0 || world_->map.points().find(here[feature].point) != nullptr) continue;
                 const Triangulation made = stillmesh::triangulate(world_->map, keyframe_, feature, other,
-                                                                  world_->configuration, world_->pixel_noise);
+                                                                  world_->parameters, world_->pixel_noise);
                 if (!made.point.is_null()) {
                     world_->local_map.add(made.point.slot());
                     ++statistics_.points_triangulated;
@@ -160,8 +160,8 @@ std::uint32_t Mapping::triangulate() noexcept {
 
 std::uint32_t Mapping::fuse() noexcept {
     // Pairs: the neighbours' points into the new keyframe, then its points into theirs.
-    const std::uint32_t with = world_->configuration.mapping.is_fusing
-                                   ? std::min(neighbour_count_, world_->configuration.mapping.fusion_keyframes)
+    const std::uint32_t with = world_->parameters.mapping.is_fusing
+                                   ? std::min(neighbour_count_, world_->parameters.mapping.fusion_keyframes)
                                    : 0U;
     while (other_ < 2 * with) {
         const Handle<Keyframe> neighbour = neighbours_[other_ % with];
@@ -191,8 +191,8 @@ std::uint32_t Mapping::drop_redundant() noexcept {
     // all stay: more observations of a place make it surer (measured, docs/mapping.md).
     const Pool<Keyframe>& pool = world_->map.keyframes();
     const bool is_roomy =
-        pool.size() * 1000 <= pool.capacity() * std::size_t{world_->configuration.mapping.roomy_permille};
-    if (cursor_ >= neighbour_count_ || is_roomy || !world_->configuration.mapping.is_culling) {
+        pool.size() * 1000 <= pool.capacity() * std::size_t{world_->parameters.mapping.roomy_permille};
+    if (cursor_ >= neighbour_count_ || is_roomy || !world_->parameters.mapping.is_culling) {
         enter(Stage::kEvict);
         return 1;
     }
@@ -208,7 +208,7 @@ std::uint32_t Mapping::evict() noexcept {
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     const Pool<MapPoint>& points = world_->map.points();
     const std::size_t keyframes_spare =
-        std::max<std::size_t>(1, keyframes.capacity() * world_->configuration.mapping.spare_keyframes_permille / 1000);
+        std::max<std::size_t>(1, keyframes.capacity() * world_->parameters.mapping.spare_keyframes_permille / 1000);
     if (keyframes.capacity() - keyframes.size() < keyframes_spare && cursor_ < keyframes_spare) {
         ++cursor_;
         if (evict_keyframe(world_->map, world_->local_map.keyframes())) {
@@ -216,10 +216,10 @@ std::uint32_t Mapping::evict() noexcept {
             return 1 + world_->limits.features_max / 2 + 2 * world_->limits.keyframes_max + compared * compared / 4;
         }
     }
-    const std::size_t points_spare = std::min<std::size_t>(
-        world_->limits.features_max,
-        static_cast<std::size_t>(std::uint64_t{world_->configuration.mapping.spare_points_permille} *
-                                 points.capacity() / 1000));
+    const std::size_t points_spare =
+        std::min<std::size_t>(world_->limits.features_max,
+                              static_cast<std::size_t>(std::uint64_t{world_->parameters.mapping.spare_points_permille} *
+                                                       points.capacity() / 1000));
     const std::size_t free = points.capacity() - points.size();
     stage_ = Stage::kIdle;
     if (free >= points_spare) return 1;

@@ -15,10 +15,10 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/configuration.hpp"
 #include "engine/mapping/local_window.hpp"
 #include "engine/mapping/point_fusion.hpp"
 #include "engine/outputs.hpp"
+#include "engine/parameters.hpp"
 #include "engine/schedule/task.hpp"
 #include "engine/world/world.hpp"
 

@@ -41,7 +41,7 @@ std::uint32_t PointFusion::find_alike(const MapPoint& point, const Vector2& pixe
     const Map& map = world_->map;
     const std::span<const Observation> there = map.observations(target_);
     const std::span<const Descriptor> descriptors = map.descriptors(target_);
-    const MappingParameters& p = world_->configuration.mapping;
+    const MappingParameters& p = world_->parameters.mapping;
     std::uint32_t best = p.fusion_hamming_max + 1;
     std::uint32_t best_feature = kNone;
     const double ratio = static_cast<double>(point.distance_m) / z_m * world_->pixel_noise.scale(point.level);
@@ -70,7 +70,7 @@ std::uint32_t PointFusion::fuse(Handle<MapPoint> handle) noexcept {
     Map& map = world_->map;
     const MapPoint* const point = map.points().find(handle);
     if (point == nullptr || point->is_suspect || map.is_observed_by(handle.slot(), target_.slot())) return 0;
-    const double z_min_m = world_->configuration.depth.z_min_m;
+    const double z_min_m = world_->parameters.depth.z_min_m;
     const SE3 camera_from_world = map.keyframes().find(target_)->world_from_camera.inverse();
     const Vector3 q = camera_from_world * vector_of(point->world);
     if (q.z() < z_min_m) return 0;
@@ -97,7 +97,7 @@ std::uint32_t PointFusion::fuse(Handle<MapPoint> handle) noexcept {
     const double dy = (there.y() / there.z() - n.y()) * q.z();
     const double var_z = world_->noise.depth * (point->var_z + other->var_z) + kVarianceMin_m2;
     const double var_lateral = point->var_lateral + other->var_lateral;
-    if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > world_->configuration.region.point_chi2_max) return 2;
+    if (dz * dz / var_z + (dx * dx + dy * dy) / var_lateral > world_->parameters.region.point_chi2_max) return 2;
     const bool is_older = point->observers > other->observers ||
                           (point->observers == other->observers && point->created_ns <= other->created_ns);
     const Handle<MapPoint> kept = is_older ? handle : rival;

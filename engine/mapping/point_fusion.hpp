@@ -9,11 +9,11 @@
 
 #include "engine/base/arena.hpp"
 #include "engine/base/fixed_vector.hpp"
-#include "engine/configuration.hpp"
 #include "engine/geometry/camera.hpp"
 #include "engine/limits.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/feature_grid.hpp"
+#include "engine/parameters.hpp"
 #include "engine/world/world.hpp"
 
 namespace stillmesh {

@@ -26,7 +26,7 @@ struct Partner {
 };
 // The feature of `other` that is alike, of those near the epipolar `line` (length squared `length2`) without a point.
 Partner find_partner(const Map& map, const Observation& mine, const Descriptor& descriptor, Handle<Keyframe> other,
-                     const Vector3& line, double length2, const Configuration& configuration,
+                     const Vector3& line, double length2, const Parameters& configuration,
                      const PixelNoise& pixel_noise) noexcept {
     const std::span<const Observation> there = map.observations(other);
     const std::span<const Descriptor> descriptors = map.descriptors(other);
@@ -60,7 +60,7 @@ struct Meeting {
     double var_z = 0;  // by the parallax
 };
 Meeting meet(const SE3& other_from_here, const Observation& mine, const Observation& theirs,
-             const Configuration& configuration, const PixelNoise& pixel_noise) noexcept {
+             const Parameters& configuration, const PixelNoise& pixel_noise) noexcept {
     const Vector3 ray = ray_of(mine);
     const Vector3 turned = other_from_here.rotation * ray;
     const Vector3 ray_there = ray_of(theirs);
@@ -94,7 +94,7 @@ Meeting meet(const SE3& other_from_here, const Observation& mine, const Observat
 }  // namespace
 
 Triangulation triangulate(Map& map, Handle<Keyframe> here, std::uint32_t feature, Handle<Keyframe> other,
-                          const Configuration& configuration, const PixelNoise& pixel_noise) noexcept {
+                          const Parameters& configuration, const PixelNoise& pixel_noise) noexcept {
     const Keyframe& keyframe = *map.keyframes().find(here);
     const Observation& mine = map.observations(here)[feature];
     const Descriptor& descriptor = map.descriptors(here)[feature];

@@ -5,9 +5,9 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/geometry/pixel_noise.hpp"
 #include "engine/map/map.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 
@@ -18,6 +18,6 @@ struct Triangulation {
 
 // Of a `feature` of the keyframe `here`, neither of whose keyframes has gone. Both observe the point that is added.
 [[nodiscard]] Triangulation triangulate(Map& map, Handle<Keyframe> here, std::uint32_t feature, Handle<Keyframe> other,
-                                        const Configuration& configuration, const PixelNoise& pixel_noise) noexcept;
+                                        const Parameters& configuration, const PixelNoise& pixel_noise) noexcept;
 
 }  // namespace stillmesh

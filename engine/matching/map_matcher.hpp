@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/geometry/se3.hpp"
@@ -16,6 +15,7 @@
 #include "engine/map/map.hpp"
 #include "engine/matching/feature_grid.hpp"
 #include "engine/matching/nearest_two.hpp"
+#include "engine/parameters.hpp"
 #include "engine/place/bag_of_words.hpp"
 #include "engine/place/vocabulary.hpp"
 

@@ -28,14 +28,14 @@ void RegionKeeper::note_useful() noexcept {
 
 bool RegionKeeper::has_moved(const PagingState::Known& of, const SE3& world_from_camera) const noexcept {
     const SE3 off = of.kept_at.inverse() * world_from_camera;
-    const double reach_m = state_->world->configuration.store.moved_m;
+    const double reach_m = state_->world->parameters.store.moved_m;
     return off.translation.squaredNorm() > reach_m * reach_m ||
-           rotation_angle(off.rotation) > state_->world->configuration.store.moved_rad;
+           rotation_angle(off.rotation) > state_->world->parameters.store.moved_rad;
 }
 
 bool RegionKeeper::has_kept_twin(std::uint32_t slot) const noexcept {
     const Pool<Keyframe>& keyframes = state_->world->map.keyframes();
-    const StoreParameters& p = state_->world->configuration.store;
+    const StoreParameters& p = state_->world->parameters.store;
     const SE3& here = keyframes.at(slot).world_from_camera;
     for (std::uint32_t other = 0; other < state_->known.size(); ++other) {
         const PagingState::Known& k = state_->known[other];
@@ -87,18 +87,17 @@ std::uint32_t RegionKeeper::keep(std::uint32_t slot) noexcept {
         return units;
     }
     const std::size_t size =
-        encode_region(world.map, k.handle, world.configuration.weights.eligible, state_->moment(), outgoing_);
+        encode_region(world.map, k.handle, world.parameters.weights.eligible, state_->moment(), outgoing_);
     units += 2 * world.limits.features_max;
     LeavingRegion leaving;
     leaving.body = outgoing_.first(size);
-    if (leaving.body.size() <
-        region_bytes_max(std::min(world.configuration.store.points_min, state_->features_max()))) {
+    if (leaving.body.size() < region_bytes_max(std::min(world.parameters.store.points_min, state_->features_max()))) {
         ++statistics.poor;
         return units;
     }
     leaving.words = places.has(k.handle) ? places.database().bag(slot) : std::span<const WordWeight>{};
     if (leaving.words.empty()) {  // at the end: it has not been looked up yet
-        places.find_words(world.map, k.handle, world.configuration, state_->words);
+        places.find_words(world.map, k.handle, world.parameters, state_->words);
         leaving.words = state_->words.bag();
         units += places.find_units(world.map.observations(k.handle).size());
     } else {

@@ -85,7 +85,7 @@ std::uint32_t RegionReturn::query() noexcept {
     if (is_lost()) {
         const std::span<const WordWeight> words = state_->places->words().bag();
         if (words.empty() || queried_frame_ == world.clock.frame) return 0;
-        const double least = world.configuration.store.lost_score_min * static_cast<double>(kBagWeightOne);
+        const double least = world.parameters.store.lost_score_min * static_cast<double>(kBagWeightOne);
         send(words, ~std::uint64_t{0}, static_cast<std::uint32_t>(least));
         return 1 + static_cast<std::uint32_t>(words.size()) / 8 + world.limits.keyframes_max;
     }
@@ -95,9 +95,9 @@ std::uint32_t RegionReturn::query() noexcept {
     queried_keyframe_ = made + 1;
     std::uint32_t units = 1 + 2 * world.limits.keyframes_max;
     const std::uint32_t least = state_->least_score(slot, units);
-    const std::uint64_t gap = world.configuration.store.gap_frames;
+    const std::uint64_t gap = world.parameters.store.gap_frames;
     if (least == 0 || made < gap) return units;
-    const double score_min = world.configuration.store.score_share * static_cast<double>(least);
+    const double score_min = world.parameters.store.score_share * static_cast<double>(least);
     send(state_->places->database().bag(slot), made - gap, static_cast<std::uint32_t>(score_min));
     return units + world.limits.features_max / 8;
 }
@@ -130,7 +130,7 @@ std::uint32_t RegionReturn::receive() noexcept {
     StoreAnswer answer;
     const Status status = state_->store->poll(answer, incoming_);
     if (status == Status::kTimedOut) {
-        if (state_->world->clock.frame - queried_frame_ > state_->world->configuration.store.patience_frames) {
+        if (state_->world->clock.frame - queried_frame_ > state_->world->parameters.store.patience_frames) {
             is_waiting_ = false;
             ++statistics.late;
         }
@@ -156,7 +156,7 @@ std::uint32_t RegionReturn::receive() noexcept {
 }
 
 void RegionReturn::rest(std::uint64_t id) noexcept {
-    resting_.push_over({id, state_->world->clock.frame + state_->world->configuration.store.rest_frames});
+    resting_.push_over({id, state_->world->clock.frame + state_->world->parameters.store.rest_frames});
 }
 
 void RegionReturn::drop() noexcept {
@@ -169,7 +169,7 @@ void RegionReturn::drop() noexcept {
 
 std::uint32_t RegionReturn::check() noexcept {
     const World& world = *state_->world;
-    const RegionBounds bounds{state_->features_max(), world.configuration.features.levels, world.camera.width,
+    const RegionBounds bounds{state_->features_max(), world.parameters.features.levels, world.camera.width,
                               world.camera.height};
     const Status status = check_region(region(), bounds, info_);
     const std::uint32_t units = 1 + 2 * state_->features_max();
@@ -275,7 +275,7 @@ std::uint32_t RegionReturn::insert() noexcept {
     // One that loops have moved since is kept again, where it lies now.
     k.kept_at = info_.keyframe.world_from_camera;
     rest(info_.keyframe.frame);
-    next_return_frame_ = world.clock.frame + world.configuration.store.pause_frames;
+    next_return_frame_ = world.clock.frame + world.parameters.store.pause_frames;
     ++state_->statistics.returned;
     state_->hash.add(info_.keyframe.frame);
     keyframe_ = handle;

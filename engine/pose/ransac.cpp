@@ -14,7 +14,7 @@ constexpr double kMiddleMin = 1e-3;
 
 }  // namespace
 
-RansacOptions ransac_options(const Configuration& configuration, std::uint32_t factor) noexcept {
+RansacOptions ransac_options(const Parameters& configuration, std::uint32_t factor) noexcept {
     RansacOptions options;
     options.confidence = configuration.pose.confidence;
     options.factor = factor;

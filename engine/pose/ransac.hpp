@@ -6,8 +6,8 @@
 #include <span>
 
 #include "engine/base/random.hpp"
-#include "engine/configuration.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 
@@ -22,7 +22,7 @@ struct RansacOptions {
 };
 
 // As configured; iterations_max and inlier_ratio_start are the caller's.
-[[nodiscard]] RansacOptions ransac_options(const Configuration& configuration, std::uint32_t factor) noexcept;
+[[nodiscard]] RansacOptions ransac_options(const Parameters& configuration, std::uint32_t factor) noexcept;
 
 struct RansacResult {
     SE3 world_from_camera;

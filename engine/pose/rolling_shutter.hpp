@@ -14,9 +14,9 @@
 
 #include <span>
 
-#include "engine/configuration.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 

@@ -7,8 +7,8 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/map/map.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 

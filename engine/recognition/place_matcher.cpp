@@ -13,7 +13,7 @@ constexpr double kScaleSlack = 1.6;  // between a feature's scale and the one ex
 
 }  // namespace
 
-void PlaceMatcher::create(Arena& arena, const Limits& limits, const Configuration& configuration,
+void PlaceMatcher::create(Arena& arena, const Limits& limits, const Parameters& configuration,
                           const CameraModel& camera) noexcept {
     configuration_ = &configuration;
     camera_ = camera;

@@ -8,12 +8,12 @@
 #include <span>
 
 #include "engine/base/fixed_vector.hpp"
-#include "engine/configuration.hpp"
 #include "engine/geometry/camera.hpp"
 #include "engine/geometry/pixel_noise.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/matching/feature_grid.hpp"
+#include "engine/parameters.hpp"
 #include "engine/place/bag_of_words.hpp"
 
 namespace stillmesh {
@@ -33,7 +33,7 @@ public:
         arena.array<Claim>(limits.features_max);
         arena.array<std::uint64_t>(projected_words(limits));
     }
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration,
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration,
                 const CameraModel& camera) noexcept;
 
     // A new query; forgets everything. Its descriptors are borrowed until the next.
@@ -97,7 +97,7 @@ private:
     [[nodiscard]] bool mark_projected(std::uint32_t slot) noexcept;
     [[nodiscard]] Alike find_alike(const MapPoint& point, const Vector2& pixel, double ratio) const noexcept;
 
-    const Configuration* configuration_ = nullptr;  // outlives it
+    const Parameters* configuration_ = nullptr;  // outlives it
     CameraModel camera_;
     PixelNoise pixel_noise_;
     FeatureGrid grid_;

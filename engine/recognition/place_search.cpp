@@ -4,8 +4,8 @@
 
 namespace stillmesh {
 
-void PlaceSearch::create(Arena& arena, const Limits& limits, const Configuration& configuration,
-                         const CameraModel& camera, const Vocabulary& vocabulary) noexcept {
+void PlaceSearch::create(Arena& arena, const Limits& limits, const Parameters& configuration, const CameraModel& camera,
+                         const Vocabulary& vocabulary) noexcept {
     vocabulary_ = &vocabulary;
     database_.create(arena, limits);
     owners_ = arena.array<Handle<Keyframe>>(limits.keyframes_max);
@@ -49,7 +49,7 @@ void PlaceSearch::add(Handle<Keyframe> keyframe, const FrameWords& words) noexce
     owners_[slot] = keyframe;
 }
 
-void PlaceSearch::find_words(const Map& map, Handle<Keyframe> keyframe, const Configuration& configuration,
+void PlaceSearch::find_words(const Map& map, Handle<Keyframe> keyframe, const Parameters& configuration,
                              FrameWords& out) noexcept {
     const std::span<const Observation> seen = map.observations(keyframe);
     const std::span<std::uint8_t> eligible = eligible_.first(seen.size());

@@ -27,7 +27,7 @@ public:
         arena.array<std::uint8_t>(limits.features_max);
     }
     // `vocabulary` may be empty: then nothing is ever recognised.
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration, const CameraModel& camera,
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration, const CameraModel& camera,
                 const Vocabulary& vocabulary) noexcept;
     void reset() noexcept;
 
@@ -53,7 +53,7 @@ public:
     void add(Handle<Keyframe> keyframe) noexcept { add(keyframe, words_); }
     void add(Handle<Keyframe> keyframe, const FrameWords& words) noexcept;
     // Words and bag of a keyframe, by the features whose points stand still.
-    void find_words(const Map& map, Handle<Keyframe> keyframe, const Configuration& configuration,
+    void find_words(const Map& map, Handle<Keyframe> keyframe, const Parameters& configuration,
                     FrameWords& out) noexcept;
     // What "alike" means where a keyframe stands: the least score among the keyframes that share most points with it.
     struct Neighbourhood {

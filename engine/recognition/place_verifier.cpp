@@ -14,7 +14,7 @@ constexpr std::uint32_t kDistances = 257;  // of two descriptors
 
 }  // namespace
 
-void PlaceVerifier::create(Arena& arena, const Limits& limits, const Configuration& configuration,
+void PlaceVerifier::create(Arena& arena, const Limits& limits, const Parameters& configuration,
                            const CameraModel& camera) noexcept {
     configuration_ = &configuration;
     width_ = camera.width;

@@ -14,9 +14,9 @@
 
 #include "engine/base/fixed_vector.hpp"
 #include "engine/base/random.hpp"
-#include "engine/configuration.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/recognition/place_matcher.hpp"
 #include "engine/schedule/task.hpp"
@@ -55,7 +55,7 @@ public:
         FixedVector<PlaceMatch>::plan(arena, pairs_max(limits));
         FixedVector<std::uint16_t>::plan(arena, pairs_max(limits));
     }
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration,
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration,
                 const CameraModel& camera) noexcept;
 
     // A new query; forgets everything. Its descriptors are borrowed until the next. Then its features and their direct
@@ -111,8 +111,8 @@ private:
     void collect(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t choose_agreeing(const SE3& world_from_camera, double chi2_max) noexcept;
 
-    const Configuration* configuration_ = nullptr;  // outlives it
-    std::uint32_t width_ = 0, height_ = 0;          // px, of the image
+    const Parameters* configuration_ = nullptr;  // outlives it
+    std::uint32_t width_ = 0, height_ = 0;       // px, of the image
     PlaceMatcher matcher_;
     FixedVector<Correspondence> pairs_;
     FixedVector<PlaceMatch> matches_;    // of pairs_, index by index; at the end those that agree

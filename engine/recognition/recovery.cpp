@@ -32,7 +32,7 @@ Handle<Keyframe> recovery_candidate(const Map& map, bool is_placed, std::uint64_
 }
 
 bool propose_recovery(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                      const LastSeen* last_seen, const Configuration& configuration, Random& random,
+                      const LastSeen* last_seen, const Parameters& configuration, Random& random,
                       SE3& world_from_camera) noexcept {
     const RecoveryParameters& r = configuration.recovery;
     if (chosen.size() < r.matches_min) return false;

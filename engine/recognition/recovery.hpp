@@ -9,9 +9,9 @@
 #include <span>
 
 #include "engine/base/random.hpp"
-#include "engine/configuration.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 
@@ -31,7 +31,6 @@ struct LastSeen {
 // True: `world_from_camera` is a pose worth trying, by the `chosen` of the matches with the candidate.
 [[nodiscard]] bool propose_recovery(std::span<const Correspondence> correspondences,
                                     std::span<const std::uint16_t> chosen, const LastSeen* last_seen,
-                                    const Configuration& configuration, Random& random,
-                                    SE3& world_from_camera) noexcept;
+                                    const Parameters& configuration, Random& random, SE3& world_from_camera) noexcept;
 
 }  // namespace stillmesh

@@ -7,7 +7,7 @@
 
 namespace stillmesh {
 
-void Relocalisation::create(Arena& arena, const Limits& limits, const Configuration& configuration,
+void Relocalisation::create(Arena& arena, const Limits& limits, const Parameters& configuration,
                             PlaceSearch& places) noexcept {
     marks_ = arena.array<std::uint8_t>(limits.keyframes_max);
     configuration_ = &configuration;

@@ -15,9 +15,9 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/configuration.hpp"
 #include "engine/matching/map_matcher.hpp"
 #include "engine/outputs.hpp"
+#include "engine/parameters.hpp"
 #include "engine/recognition/place_search.hpp"
 
 namespace stillmesh {
@@ -34,7 +34,7 @@ public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         arena.array<std::uint8_t>(limits.keyframes_max);
     }
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration, PlaceSearch& places) noexcept;
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration, PlaceSearch& places) noexcept;
     void reset() noexcept;
 
     [[nodiscard]] bool is_on() const noexcept { return places_->is_on() && configuration_->loop.is_relocalising; }
@@ -78,7 +78,7 @@ private:
         for (std::uint8_t& mark : marks_) mark = static_cast<std::uint8_t>(mark & ~marks);
     }
 
-    const Configuration* configuration_ = nullptr;  // outlives it
+    const Parameters* configuration_ = nullptr;  // outlives it
     PlaceSearch* places_ = nullptr;
     std::span<const Descriptor> descriptors_;
     NoiseFactors noise_;

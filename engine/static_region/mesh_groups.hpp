@@ -7,11 +7,11 @@
 #include <span>
 
 #include "engine/base/fixed_vector.hpp"
-#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/limits.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/mesh/delaunay.hpp"
+#include "engine/parameters.hpp"
 #include "engine/static_region/components.hpp"
 #include "engine/static_region/region_context.hpp"
 

@@ -5,8 +5,8 @@
 #include <span>
 
 #include "engine/base/fixed_vector.hpp"
-#include "engine/configuration.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 #include "engine/static_region/mesh_groups.hpp"
 #include "engine/static_region/region_context.hpp"
 
@@ -16,7 +16,7 @@ struct RegionInput {
     std::span<const Correspondence> correspondences;
     std::span<const std::uint16_t> voters;  // those with a weight, ascending
     const MeshGroups& groups;
-    const Configuration& configuration;
+    const Parameters& configuration;
     const RegionContext& context;
     FixedVector<std::uint16_t>& scratch;  // room for all correspondences; every step overwrites it
 };

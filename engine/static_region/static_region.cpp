@@ -20,7 +20,7 @@ void StaticRegion::build(std::span<const Correspondence> correspondences, std::s
     chosen_.clear();
 }
 
-RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondences, const Configuration& parameters,
+RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondences, const Parameters& parameters,
                                   const RegionContext& context, Random& random) noexcept {
     choose_voters(correspondences, voters_);
     const RegionInput input{correspondences, voters_.span(), groups_, parameters, context, scratch_};

@@ -10,10 +10,10 @@
 
 #include "engine/base/fixed_vector.hpp"
 #include "engine/base/random.hpp"
-#include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/limits.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 #include "engine/static_region/choice.hpp"
 #include "engine/static_region/hypotheses.hpp"
 #include "engine/static_region/mesh_groups.hpp"
@@ -36,7 +36,7 @@ public:
     void build(std::span<const Correspondence> correspondences, std::span<const Keypoint> keypoints,
                const RegionParameters& parameters, const RegionContext& context) noexcept;
     // Chooses the static region among the hypotheses of the groups, the prediction and the past.
-    [[nodiscard]] RegionChoice choose(std::span<const Correspondence> correspondences, const Configuration& parameters,
+    [[nodiscard]] RegionChoice choose(std::span<const Correspondence> correspondences, const Parameters& parameters,
                                       const RegionContext& context, Random& random) noexcept;
 
     [[nodiscard]] const Mesh& mesh() const noexcept { return groups_.mesh(); }

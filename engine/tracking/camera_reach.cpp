@@ -27,7 +27,7 @@ void CameraReach::follow(const SE3& correction) noexcept {
 }
 
 bool CameraReach::holds(const SE3& world_from_camera, std::int64_t time_ns,
-                        const Configuration& configuration) const noexcept {
+                        const Parameters& configuration) const noexcept {
     const RecoveryParameters& r = configuration.recovery;
     const PredictionParameters& p = configuration.prediction;
     const double away_s = seconds_between(time_ns_, time_ns);

@@ -6,8 +6,8 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/geometry/se3.hpp"
+#include "engine/parameters.hpp"
 #include "engine/tracking/motion_model.hpp"
 
 namespace stillmesh {
@@ -22,7 +22,7 @@ public:
     void follow(const SE3& correction) noexcept;
 
     [[nodiscard]] bool holds(const SE3& world_from_camera, std::int64_t time_ns,
-                             const Configuration& configuration) const noexcept;
+                             const Parameters& configuration) const noexcept;
 
 private:
     SE3 world_from_camera_;

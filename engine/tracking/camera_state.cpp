@@ -2,13 +2,13 @@
 
 namespace stillmesh {
 
-void CameraState::create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept {
+void CameraState::create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept {
     noise.create(arena, limits, configuration.noise);
     confidence.create(configuration);
     reset(configuration);
 }
 
-void CameraState::reset(const Configuration& configuration) noexcept {
+void CameraState::reset(const Parameters& configuration) noexcept {
     motion.reset();
     reach.begin(SE3{}, 0);
     odometry.reset();
@@ -29,7 +29,7 @@ void CameraState::begin_at_origin(std::int64_t time_ns) noexcept {
     lost_frames = 0;
 }
 
-void CameraState::begin_in_map(std::int64_t time_ns, const Configuration& configuration) noexcept {
+void CameraState::begin_in_map(std::int64_t time_ns, const Parameters& configuration) noexcept {
     motion.begin_after(time_ns);
     confidence.begin_in_map();
     measured_time_ns = start_time_ns = time_ns;

@@ -5,8 +5,8 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/geometry/se3.hpp"
+#include "engine/parameters.hpp"
 #include "engine/static_region/static_region.hpp"
 #include "engine/tracking/camera_reach.hpp"
 #include "engine/tracking/motion_model.hpp"
@@ -19,13 +19,13 @@ namespace stillmesh {
 
 struct CameraState {
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept { NoiseScale::plan(arena, limits); }
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept;
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept;
     // A camera that has seen nothing yet.
-    void reset(const Configuration& configuration) noexcept;
+    void reset(const Parameters& configuration) noexcept;
     // At the origin of a new map, at rest.
     void begin_at_origin(std::int64_t time_ns) noexcept;
     // In a map that was made until `time_ns`; where, only a place that is recognised can say.
-    void begin_in_map(std::int64_t time_ns, const Configuration& configuration) noexcept;
+    void begin_in_map(std::int64_t time_ns, const Parameters& configuration) noexcept;
 
     // Where the motion leads until `time_ns`, and how surely; the lag between colour and depth is the frame's.
     [[nodiscard]] RegionContext expect(std::int64_t time_ns, double colour_depth_lag_s,

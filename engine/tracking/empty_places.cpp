@@ -7,7 +7,7 @@
 
 namespace stillmesh {
 
-void EmptyPlaces::create(const Configuration& configuration) noexcept {
+void EmptyPlaces::create(const Parameters& configuration) noexcept {
     parameters_ = configuration.emptiness;
     z_min_m_ = configuration.depth.z_min_m;
     z_max_m_ = configuration.depth.z_max_m;

@@ -7,17 +7,17 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/frame/frame.hpp"
 #include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
+#include "engine/parameters.hpp"
 #include "engine/tracking/measured_frame.hpp"
 
 namespace stillmesh {
 
 class EmptyPlaces {
 public:
-    void create(const Configuration& configuration) noexcept;
+    void create(const Parameters& configuration) noexcept;
     void reset() noexcept { cursor_ = 0; }
 
     // `number`: of the frame, as the points it saw carry it. `noise_depth`: factor on the depth's variance.

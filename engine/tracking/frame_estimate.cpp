@@ -20,20 +20,20 @@ void FrameEstimator::create(Arena& arena, World& world, TrackedShutter& shutter)
     world_ = &world;
     shutter_ = &shutter;
     const std::uint32_t features_max = world.limits.features_max;
-    matcher_.create(arena, world.limits, world.configuration.matching, world.camera, world.pixel_noise.scales());
+    matcher_.create(arena, world.limits, world.parameters.matching, world.camera, world.pixel_noise.scales());
     region_.create(arena, world.limits);
     correspondences_.create(arena, features_max);
     chosen_.create(arena, features_max);
     groups_ = arena.array<std::uint16_t>(features_max);
-    random_ = Random(world.configuration.seed);
+    random_ = Random(world.parameters.seed);
 }
 
 void FrameEstimator::reset() noexcept {
-    random_ = Random(world_->configuration.seed);
+    random_ = Random(world_->parameters.seed);
     frame_ = nullptr;
     correspondences_.clear();
     chosen_.clear();
-    region_.build({}, {}, world_->configuration.region, RegionContext{});
+    region_.build({}, {}, world_->parameters.region, RegionContext{});
 }
 
 void FrameEstimator::begin(MeasuredFrame& frame, std::int64_t time_ns, FrameStatistics& statistics) noexcept {
@@ -49,13 +49,13 @@ void FrameEstimator::begin(MeasuredFrame& frame, std::int64_t time_ns, FrameStat
 void FrameEstimator::forget() noexcept {
     correspondences_.clear();
     chosen_.clear();
-    region_.build({}, frame_->keypoints(), world_->configuration.region, RegionContext{});
+    region_.build({}, frame_->keypoints(), world_->parameters.region, RegionContext{});
     std::fill_n(groups_.begin(), frame_->size(), kNoGroup);
     statistics_->mesh_edges = statistics_->mesh_edges_kept = statistics_->groups = 0;
 }
 
 Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext& expected) noexcept {
-    const Configuration& c = world_->configuration;
+    const Parameters& c = world_->parameters;
     Estimate out;
     out.expected = expected;
     out.noise = camera.noise;
@@ -71,13 +71,13 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
 }
 
 bool FrameEstimator::is_sure(const Estimate& estimate) const noexcept {
-    const PoseParameters& p = world_->configuration.pose;
+    const PoseParameters& p = world_->parameters.pose;
     return estimate.is_clear && estimate.fit.inliers >= p.sure_inliers_factor * p.inliers_min;
 }
 
 void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexcept {
     observe(Stage::kMatching, true);
-    const Configuration& c = world_->configuration;
+    const Parameters& c = world_->parameters;
     RegionContext& expected = estimate.expected;
     const SE3& predicted = expected.world_from_camera_predicted;
     const LocalMap* const local = local_map_or_none();
@@ -99,7 +99,7 @@ void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexce
 }
 
 RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
-    const Configuration& c = world_->configuration;
+    const Parameters& c = world_->parameters;
     NoiseScale& noise = estimate.noise;
     observe(Stage::kMesh, true);
     region_.build(correspondences_.span(), frame_->keypoints(), c.region, estimate.expected);
@@ -133,8 +133,8 @@ RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
 
 void FrameEstimator::choose_again(const Estimate& estimate, RegionChoice& choice) noexcept {
     gather(estimate.noise.factors(), estimate.expected);
-    region_.build(correspondences_.span(), frame_->keypoints(), world_->configuration.region, estimate.expected);
-    choice = region_.choose(correspondences_.span(), world_->configuration, estimate.expected, random_);
+    region_.build(correspondences_.span(), frame_->keypoints(), world_->parameters.region, estimate.expected);
+    choice = region_.choose(correspondences_.span(), world_->parameters, estimate.expected, random_);
 }
 
 // What many small residuals say together counts in the pose as it did in the choice: each point of a body that sways
@@ -146,8 +146,8 @@ void FrameEstimator::weigh_by_agreement() noexcept {
 PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& estimate,
                                  const RegionChoice& choice) noexcept {
     observe(Stage::kPose, true);
-    const PoseParameters& p = world_->configuration.pose;
-    RansacOptions options = ransac_options(world_->configuration, p.final_factor);
+    const PoseParameters& p = world_->parameters.pose;
+    RansacOptions options = ransac_options(world_->parameters, p.final_factor);
     options.iterations_max = p.final_iterations_max;
     options.inlier_ratio_start = camera.inlier_ratio;
     const RansacResult final =
@@ -161,7 +161,7 @@ PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& esti
 
 PoseFit FrameEstimator::optimise(std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
                                  const MotionPrior* prior) const noexcept {
-    const Configuration& c = world_->configuration;
+    const Parameters& c = world_->parameters;
     return optimise_pose(correspondences_.span(), chosen, world_from_camera, c.region.point_chi2_max,
                          c.pose.final_passes_max, prior);
 }
@@ -174,7 +174,7 @@ void FrameEstimator::carry_rows(const CameraState& camera, const SE3& camera_mot
 
 void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noexcept {
     observe(Stage::kLocalMap, true);
-    const Configuration& c = world_->configuration;
+    const Parameters& c = world_->parameters;
     const SE3& found = estimate.fit.world_from_camera;
     for (const Correspondence& match : correspondences_) {
         world_->map.points().at(match.point_slot).last_seen_frame = world_->clock.frame;
@@ -199,7 +199,7 @@ void FrameEstimator::take_matches(const NoiseFactors& noise, const RegionContext
 }
 
 void FrameEstimator::gather(const NoiseFactors& noise, const RegionContext& expected) noexcept {
-    gather_correspondences(matcher_, *frame_, world_->map, noise, expected, time_ns_, world_->configuration,
+    gather_correspondences(matcher_, *frame_, world_->map, noise, expected, time_ns_, world_->parameters,
                            correspondences_);
 }
 

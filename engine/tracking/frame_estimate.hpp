@@ -81,7 +81,7 @@ private:
                                    const MotionPrior* prior) const noexcept;
     void gather(const NoiseFactors& noise, const RegionContext& expected) noexcept;
     [[nodiscard]] const LocalMap* local_map_or_none() const noexcept {
-        return world_->configuration.mapping.is_enabled ? &world_->local_map : nullptr;
+        return world_->parameters.mapping.is_enabled ? &world_->local_map : nullptr;
     }
     void observe(Stage stage, bool is_begin) const noexcept {
         if (observer_.on_stage != nullptr) observer_.on_stage(observer_.user, stage, is_begin);

@@ -8,7 +8,7 @@ namespace stillmesh {
 
 void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& frame, const Map& map,
                             const NoiseFactors& noise, const RegionContext& context, std::int64_t time_ns,
-                            const Configuration& configuration, FixedVector<Correspondence>& out) noexcept {
+                            const Parameters& configuration, FixedVector<Correspondence>& out) noexcept {
     out.clear();
     const bool is_plain = !configuration.region.is_enabled;
     const WeightParameters& weights = configuration.weights;

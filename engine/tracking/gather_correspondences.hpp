@@ -7,10 +7,10 @@
 #include <span>
 
 #include "engine/base/fixed_vector.hpp"
-#include "engine/configuration.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/matching/map_matcher.hpp"
+#include "engine/parameters.hpp"
 #include "engine/static_region/static_region.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/noise_scale.hpp"
@@ -19,6 +19,6 @@ namespace stillmesh {
 
 void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& frame, const Map& map,
                             const NoiseFactors& noise, const RegionContext& context, std::int64_t time_ns,
-                            const Configuration& configuration, FixedVector<Correspondence>& out) noexcept;
+                            const Parameters& configuration, FixedVector<Correspondence>& out) noexcept;
 
 }  // namespace stillmesh

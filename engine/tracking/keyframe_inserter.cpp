@@ -6,7 +6,7 @@
 
 namespace stillmesh {
 
-void KeyframeInserter::create(const Configuration& configuration) noexcept {
+void KeyframeInserter::create(const Parameters& configuration) noexcept {
     parameters_ = configuration.keyframes;
     tracked_urgent_ = parameters_.tracked_urgent_permille * configuration.features.count / 1000;
     weights_ = configuration.weights;

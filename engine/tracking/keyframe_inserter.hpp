@@ -7,9 +7,9 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/matching/map_matcher.hpp"
 #include "engine/outputs.hpp"
+#include "engine/parameters.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/point_judge.hpp"
 #include "engine/tracking/tracked_shutter.hpp"
@@ -33,7 +33,7 @@ public:
         double way_m = 0;                // the odometer's
     };
 
-    void create(const Configuration& configuration) noexcept;
+    void create(const Parameters& configuration) noexcept;
     void reset() noexcept;
     // As if the last keyframe had been made in frame `number`, with nothing tracked.
     void begin_after(std::uint64_t number) noexcept;

@@ -4,7 +4,7 @@
 
 namespace stillmesh {
 
-void KeyframeLooks::create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept {
+void KeyframeLooks::create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept {
     reach_ = configuration.map.looks_reach;
     feature_ = arena.array<std::uint16_t>(limits.map_points_max);
 }

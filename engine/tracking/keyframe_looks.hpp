@@ -9,10 +9,10 @@
 #include <span>
 
 #include "engine/base/arena.hpp"
-#include "engine/configuration.hpp"
 #include "engine/limits.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 
@@ -21,7 +21,7 @@ public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         arena.array<std::uint16_t>(limits.map_points_max);
     }
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept;
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept;
     void reset() noexcept { keyframe_ = {}; }
 
     // From now on it is this keyframe, which has just been made.

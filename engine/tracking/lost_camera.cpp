@@ -32,18 +32,18 @@ void LostCamera::reset() noexcept {
 LostCamera::State LostCamera::state(const CameraState& camera) const noexcept {
     if (is_on_probation_) return State::kProbation;
     if (camera.lost_frames == 0) return State::kTracked;
-    return camera.lost_frames <= world_->configuration.pose.lost_frames_max ? State::kPredicted : State::kLost;
+    return camera.lost_frames <= world_->parameters.pose.lost_frames_max ? State::kPredicted : State::kLost;
 }
 
 // Lost for so long that nothing foretells this frame's pose.
 bool LostCamera::is_out_of_touch(const CameraState& camera) const noexcept {
     return state(camera) == State::kLost ||
-           (camera.lost_frames > 0 && seconds_between(camera.measured_time_ns, estimator_->time_ns()) >
-                                          world_->configuration.prediction.goes_on_s);
+           (camera.lost_frames > 0 &&
+            seconds_between(camera.measured_time_ns, estimator_->time_ns()) > world_->parameters.prediction.goes_on_s);
 }
 
 bool LostCamera::begin_frame(CameraState& camera) noexcept {
-    if (!is_on_probation_ || ++frames_ <= kPatience * world_->configuration.recovery.probation_frames) return false;
+    if (!is_on_probation_ || ++frames_ <= kPatience * world_->parameters.recovery.probation_frames) return false;
     put_back(camera);
     return true;
 }
@@ -52,7 +52,7 @@ bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) no
     if (!estimate.is_valid) return false;
     const SE3& found = estimate.fit.world_from_camera;
     if (!estimate.is_sure &&
-        (is_out_of_touch(camera) || !camera.reach.holds(found, estimator_->time_ns(), world_->configuration))) {
+        (is_out_of_touch(camera) || !camera.reach.holds(found, estimator_->time_ns(), world_->parameters))) {
         return false;
     }
     if (!is_on_probation_) return true;
@@ -65,7 +65,7 @@ bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) no
 // A relocalised frame needs more than an ordinary pose: a clear choice, and kPlacedFactor times inliers_min must agree.
 // A few that agree among many that do not are no evidence where nothing foretells the camera.
 bool LostCamera::is_place(const Estimate& estimate) const noexcept {
-    return estimate.is_clear && estimate.fit.inliers >= kPlacedFactor * world_->configuration.pose.inliers_min;
+    return estimate.is_clear && estimate.fit.inliers >= kPlacedFactor * world_->parameters.pose.inliers_min;
 }
 
 bool LostCamera::prove(bool is_measured, CameraState& camera) noexcept {
@@ -87,7 +87,7 @@ bool LostCamera::recover(const RegionContext& expected, CameraState& camera, Est
     if (map.keyframes().size() == 0) return false;
     const std::uint64_t turn = camera.is_placed ? camera.lost_frames : world_->clock.frame - world_->clock.first_frame;
     const Handle<Keyframe> candidate =
-        recovery_candidate(map, camera.is_placed, turn, world_->configuration.recovery.keyframes_max);
+        recovery_candidate(map, camera.is_placed, turn, world_->parameters.recovery.keyframes_max);
     MapMatcher& matcher = estimator_->matcher();
     const std::span<const Descriptor> descriptors = estimator_->frame().features().descriptors.span();
     if (relocalisation_ == nullptr || !relocalisation_->match(map, candidate, descriptors, matcher)) {
@@ -99,8 +99,7 @@ bool LostCamera::recover(const RegionContext& expected, CameraState& camera, Est
     SE3 place;
     is_by_words_ = false;
     return propose_recovery(estimator_->correspondences(), estimator_->chosen().span(),
-                            camera.is_placed ? &last_seen : nullptr, world_->configuration, estimator_->random(),
-                            place) &&
+                            camera.is_placed ? &last_seen : nullptr, world_->parameters, estimator_->random(), place) &&
            try_place(place, expected, camera, estimate);
 }
 
@@ -123,7 +122,7 @@ void LostCamera::query_places(const NoiseFactors& noise) noexcept {
 // The camera may be here, unless its depth looks through the map there; the estimate has the last word.
 bool LostCamera::try_place(const SE3& place, RegionContext expected, CameraState& camera, Estimate& estimate) noexcept {
     LocalMap& local_map = world_->local_map;
-    const RecoveryParameters& p = world_->configuration.recovery;
+    const RecoveryParameters& p = world_->parameters.recovery;
     before_ = camera;
     local_map.keep_counts();
     is_unexpected_ = is_by_words_ || is_out_of_touch(camera);
@@ -199,18 +198,18 @@ bool LostCamera::is_outweighed(const CameraState& camera) noexcept {
     elsewhere_ += evidence.elsewhere;
     const auto here = static_cast<double>(here_);
     const auto elsewhere = static_cast<double>(elsewhere_);
-    const double share_max = world_->configuration.recovery.rival_share_max;
+    const double share_max = world_->parameters.recovery.rival_share_max;
     return frames_left_ == 0 ? elsewhere > share_max * here : here < share_max * elsewhere;
 }
 
 // Whether too much of the map would have to be in front of what the depth image shows, or nothing of it is seen there.
 bool LostCamera::looks_through(const SE3& world_from_camera, double noise_depth) noexcept {
-    if (!world_->configuration.mapping.is_enabled) return false;
+    if (!world_->parameters.mapping.is_enabled) return false;
     world_->local_map.build(world_->map, world_from_camera);
     const MeasuredFrame& frame = estimator_->frame();
     const EmptyPlaces::Agreement seen =
         empty_places_->agreement(frame.frame(), frame, world_from_camera, noise_depth, world_->local_map, world_->map);
-    const RecoveryParameters& p = world_->configuration.recovery;
+    const RecoveryParameters& p = world_->parameters.recovery;
     return seen.there < p.there_min ||
            static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty);
 }

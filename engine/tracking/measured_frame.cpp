@@ -21,7 +21,7 @@ bool are_usable(const FeatureSet& features, const CameraModel& camera) noexcept 
 
 }  // namespace
 
-void MeasuredFrame::create(Arena& arena, const Limits& limits, const Configuration& configuration,
+void MeasuredFrame::create(Arena& arena, const Limits& limits, const Parameters& configuration,
                            const CameraModel& camera, const Kernels& kernels, FeatureExtractor* extractor) noexcept {
     camera_ = camera;
     kernels_ = &kernels;

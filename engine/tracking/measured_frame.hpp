@@ -41,7 +41,7 @@ public:
         FixedVector<MeasuredFeature>::plan(arena, limits.features_max);
     }
     // Without an `extractor` the engine's own.
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration, const CameraModel& camera,
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration, const CameraModel& camera,
                 const Kernels& kernels, FeatureExtractor* extractor) noexcept;
     // No features.
     void clear() noexcept { features_.clear(); }

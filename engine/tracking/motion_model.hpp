@@ -5,8 +5,8 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/geometry/se3.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 

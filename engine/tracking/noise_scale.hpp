@@ -8,10 +8,10 @@
 #include <span>
 
 #include "engine/base/fixed_vector.hpp"
-#include "engine/configuration.hpp"
 #include "engine/geometry/pixel_noise.hpp"
 #include "engine/limits.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 #include "engine/static_region/static_region.hpp"
 
 namespace stillmesh {

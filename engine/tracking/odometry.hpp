@@ -4,9 +4,9 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/outputs.hpp"
+#include "engine/parameters.hpp"
 #include "engine/tracking/motion_model.hpp"
 
 namespace stillmesh {

@@ -7,7 +7,7 @@
 
 namespace stillmesh {
 
-void PointJudge::create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept {
+void PointJudge::create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept {
     weights_ = configuration.weights;
     region_ = configuration.region;
     verdicts_ = arena.array<Verdict>(limits.features_max);

@@ -8,9 +8,9 @@
 #include <span>
 
 #include "engine/base/fixed_vector.hpp"
-#include "engine/configuration.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/tracked_shutter.hpp"
 
@@ -35,7 +35,7 @@ public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         arena.array<Verdict>(limits.features_max);
     }
-    void create(Arena& arena, const Limits& limits, const Configuration& configuration) noexcept;
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept;
 
     // No verdicts on `features` features.
     void clear(std::size_t features) noexcept;

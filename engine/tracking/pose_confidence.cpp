@@ -5,7 +5,7 @@
 
 namespace stillmesh {
 
-void PoseConfidence::create(const Configuration& configuration) noexcept {
+void PoseConfidence::create(const Parameters& configuration) noexcept {
     sure_sigma_m_ = configuration.pose.sure_sigma_m;
     sure_sigma_rad_ = configuration.pose.sure_sigma_rad;
     jump_sigmas_ = configuration.prediction.jump_sigmas;

@@ -6,9 +6,9 @@
 
 #include <cstdint>
 
-#include "engine/configuration.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/outputs.hpp"
+#include "engine/parameters.hpp"
 #include "engine/pose/motion_doubt.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 
@@ -16,7 +16,7 @@ namespace stillmesh {
 
 class PoseConfidence {
 public:
-    void create(const Configuration& configuration) noexcept;
+    void create(const Parameters& configuration) noexcept;
     void reset() noexcept;
     // A new map, whose origin is where the camera is.
     void begin_at_origin() noexcept;

@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/configuration.hpp"
 #include "engine/map/map.hpp"
 #include "engine/matching/correspondence.hpp"
+#include "engine/parameters.hpp"
 #include "engine/pose/rolling_shutter.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/motion_model.hpp"
@@ -18,7 +18,7 @@ namespace stillmesh {
 
 class TrackedShutter {
 public:
-    void create(const Configuration& configuration, std::uint32_t image_height) noexcept {
+    void create(const Parameters& configuration, std::uint32_t image_height) noexcept {
         shutter_.create(configuration.camera.readout_s, image_height, configuration.shutter);
     }
     void reset() noexcept;

@@ -25,7 +25,7 @@ void Tracking::create(Arena& arena, World& world, const Kernels& kernels, Featur
                       Relocalisation* relocalisation) noexcept {
     world_ = &world;
     const Limits& limits = world.limits;
-    const Configuration& configuration = world.configuration;
+    const Parameters& configuration = world.parameters;
     measured_.create(arena, limits, configuration, world.camera, kernels, extractor);
     shutter_.create(configuration, world.camera.height);
     estimator_.create(arena, world, shutter_);
@@ -39,7 +39,7 @@ void Tracking::create(Arena& arena, World& world, const Kernels& kernels, Featur
 }
 
 void Tracking::reset() noexcept {
-    camera_.reset(world_->configuration);
+    camera_.reset(world_->parameters);
     lost_.reset();
     measured_.clear();
     estimator_.reset();
@@ -58,7 +58,7 @@ void Tracking::reset() noexcept {
 void Tracking::begin_in_map(std::uint64_t frames, std::int64_t time_ns, bool is_frozen) noexcept {
     world_->is_frozen = is_frozen;
     world_->clock = {frames, frames, time_ns};
-    camera_.begin_in_map(time_ns, world_->configuration);
+    camera_.begin_in_map(time_ns, world_->parameters);
     keyframe_inserter_.begin_after(frames);
     shutter_.begin_in(world_->map);
     has_time_shift_ = false;
@@ -84,7 +84,7 @@ void Tracking::track(const Frame& frame) noexcept {
             lose();
         }
     }
-    if (world_->configuration.mapping.is_enabled && !lost_.keeps_map() && world_->pose.state == PoseState::kTracked) {
+    if (world_->parameters.mapping.is_enabled && !lost_.keeps_map() && world_->pose.state == PoseState::kTracked) {
         empty_places_.look(frame, measured_, world_from_camera(), world_->clock.frame, camera_.noise.factors().depth,
                            world_->local_map, world_->map);
     }
@@ -108,7 +108,7 @@ void Tracking::measure(const Frame& frame) noexcept {
         has_time_shift_ = true;
     }
     time_ns_ = frame.time_ns + time_shift_ns_;
-    lag_s_ = lag_of(frame, world_->configuration.region.colour_depth_lag_s);
+    lag_s_ = lag_of(frame, world_->parameters.region.colour_depth_lag_s);
 
     observe(Stage::kPrepare, true);
     const GreyView grey = measured_.grey_of(frame);
@@ -125,7 +125,7 @@ void Tracking::measure(const Frame& frame) noexcept {
 
 void Tracking::start_map() noexcept {
     estimator_.forget();
-    const PoseParameters& p = world_->configuration.pose;
+    const PoseParameters& p = world_->parameters.pose;
     const std::uint32_t usable = measured_.with_depth_count();
     if (usable < p.start_inliers_factor * p.inliers_min) {  // nothing to start from: say so, try the next frame
         give_out(PoseState::kNone, Matrix6::Zero());
@@ -143,7 +143,7 @@ void Tracking::start_map() noexcept {
 }
 
 void Tracking::expect() noexcept {
-    expected_ = camera_.expect(time_ns_, lag_s_, world_->configuration.prediction);
+    expected_ = camera_.expect(time_ns_, lag_s_, world_->parameters.prediction);
     if (lost_.keeps_map()) expected_.way_m = 0;  // a map that stays as it is does not drift
     estimator_.carry_rows(
         camera_, camera_.has_prior() ? world_from_camera().inverse() * expected_.world_from_camera_predicted : SE3{});
@@ -196,7 +196,7 @@ void Tracking::learn_camera() noexcept {
         shutter_.backdate(world_->map, camera_.start_time_ns);
     }
     shutter_.learn(measured_, world_->map, estimator_.correspondences(), estimator_.chosen().span(), found,
-                   world_->configuration.region.point_chi2_max,
+                   world_->parameters.region.point_chi2_max,
                    is_sure && is_on_track && lost_.state(camera_) != LostCamera::State::kProbation);
     if (camera_.has_prior() && !is_sure) {
         const RegionContext& e = estimate_.expected;
@@ -228,14 +228,14 @@ void Tracking::learn_points() noexcept {
                                               {measured_, shutter_, found, world_->clock.frame, time_ns_,
                                                camera_.odometry.way_m(), is_sure, lost_.keeps_map()},
                                               world_->map, still);
-    const PoseParameters& p = world_->configuration.pose;
+    const PoseParameters& p = world_->parameters.pose;
     const double share = matches.empty() ? p.inlier_ratio_start
                                          : static_cast<double>(still.size()) / static_cast<double>(matches.size());
     camera_.inlier_ratio = std::clamp(share, p.inlier_ratio_min, 1.0);
     statistics_.matches = static_cast<std::uint32_t>(matches.size());
     statistics_.static_matches = static_cast<std::uint32_t>(still.size());
     statistics_.dynamic_matches = moving;
-    if (!world_->configuration.mapping.is_enabled) return;
+    if (!world_->parameters.mapping.is_enabled) return;
     // What the local map is chosen by: the keyframes that observe the points that voted.
     LocalMap& local_map = world_->local_map;
     local_map.begin_counting();
@@ -284,7 +284,7 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
 void Tracking::end_frame() noexcept {
     if (!lost_.keeps_map()) shutter_.adopt(world_->map, camera_.motion);
     if (has_map_ && world_->clock.frame > 0) {
-        camera_.odometry.gather_drift(world_->pose.state, camera_.motion, time_ns_, world_->configuration.loop);
+        camera_.odometry.gather_drift(world_->pose.state, camera_.motion, time_ns_, world_->parameters.loop);
     }
     camera_.motion.end_frame(time_ns_);
     world_->clock.time_ns = time_ns_;
@@ -304,7 +304,7 @@ void Tracking::fill(EngineStatistics& statistics) const noexcept {
 }
 
 std::uint64_t Tracking::reference_keyframe() const noexcept {
-    const bool is_mapping = world_->configuration.mapping.is_enabled;
+    const bool is_mapping = world_->parameters.mapping.is_enabled;
     Handle<Keyframe> reference = is_mapping ? world_->local_map.reference(world_->map) : Handle<Keyframe>{};
     if (reference.is_null()) reference = world_->map.recent_keyframe(0);
     const Keyframe* const keyframe = world_->map.keyframes().find(reference);

@@ -13,10 +13,9 @@ void compose(const SE3& correction, bool& is_any, SE3& all) noexcept {
 
 }  // namespace
 
-void World::create(Arena& arena, const Limits& limits_max, const Configuration& parameters,
-                   const CameraModel& model) noexcept {
+void World::create(Arena& arena, const Limits& limits_max, const Parameters& all, const CameraModel& model) noexcept {
     limits = limits_max;
-    configuration = parameters;
+    parameters = all;
     camera = model;
     pixel_noise.create(parameters, model);
     map.create(arena, limits_max, parameters.map);
@@ -31,7 +30,7 @@ void World::reset() noexcept {
     local_map.reset();
     keyframe_queue.clear();
     clock = Clock{};
-    noise = {configuration.noise.pixel_start, configuration.noise.depth_start};
+    noise = {parameters.noise.pixel_start, parameters.noise.depth_start};
     pose = PoseEstimate{};
     is_frozen = false;
     camera_move = CameraMove{};

@@ -6,7 +6,6 @@
 #include <cstdint>
 
 #include "engine/base/ring.hpp"
-#include "engine/configuration.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/geometry/pixel_noise.hpp"
 #include "engine/limits.hpp"
@@ -14,6 +13,7 @@
 #include "engine/map/map.hpp"
 #include "engine/map/map_correction.hpp"
 #include "engine/outputs.hpp"
+#include "engine/parameters.hpp"
 
 namespace stillmesh {
 
@@ -49,8 +49,7 @@ struct World {
         MapCorrection::plan(arena, limits);
         Ring<Handle<Keyframe>>::plan(arena, kKeyframeQueueMax);
     }
-    void create(Arena& arena, const Limits& limits_max, const Configuration& parameters,
-                const CameraModel& model) noexcept;
+    void create(Arena& arena, const Limits& limits_max, const Parameters& all, const CameraModel& model) noexcept;
     // Fewer keyframes than this hold no loop: their places are known, for a lost camera, and no more.
     static constexpr std::uint32_t kLoopKeyframesMin = 16;
     static constexpr std::uint32_t loop_keyframes_max(const Limits& limits) noexcept {
@@ -68,7 +67,7 @@ struct World {
     void follow_correction() noexcept;
 
     Limits limits;
-    Configuration configuration;
+    Parameters parameters;
     CameraModel camera;
     PixelNoise pixel_noise;  // by pyramid level
 

@@ -65,7 +65,7 @@ TEST(Runs, FailedRunIsNamed) {
 
 // Promise: parameters are set by the names of the configuration; unknown keys, ranges and text are refused by name.
 TEST(Runs, ParametersByName) {
-    Configuration configuration;
+    Parameters configuration;
     std::string message;
     EXPECT_TRUE(set_parameter(configuration, "keyframes.gap_min=5", message));
     EXPECT_EQ(configuration.keyframes.gap_min, 5U);

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "engine/engine.hpp"
+#include "engine/tuned_engine.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/frames.hpp"
 #include "tests/support/memory.hpp"
@@ -13,8 +14,8 @@
 namespace stillmesh::test {
 
 // What fits into these limits.
-inline Configuration fitting(const Limits& limits) {
-    Configuration out;
+inline Parameters fitting(const Limits& limits) {
+    Parameters out;
     if (out.features.count > limits.features_max) out.features.count = limits.features_max;
     if (out.features.levels > limits.pyramid_levels_max) out.features.levels = limits.pyramid_levels_max;
     if (out.mapping.window_keyframes > limits.keyframes_max) out.mapping.window_keyframes = limits.keyframes_max;
@@ -23,11 +24,11 @@ inline Configuration fitting(const Limits& limits) {
 
 class EngineRig {
 public:
-    EngineRig(const Limits& limits, const CameraModel& camera, const Configuration& configuration,
+    EngineRig(const Limits& limits, const CameraModel& camera, const Parameters& parameters,
               const Kernels& kernels = cpu_kernels(), int garbage = 0, FeatureExtractor* extractor = nullptr)
         : memory_(bytes_needed(limits)) {
         std::memset(memory_.span().data(), garbage, memory_.span().size());
-        made_ = Engine::create(memory_.span(), limits, configuration, camera, kernels, extractor);
+        made_ = create_engine(memory_.span(), limits, parameters, camera, {kernels, extractor});
     }
     EngineRig(const Limits& limits, const CameraModel& camera) : EngineRig(limits, camera, fitting(limits)) {}
     [[nodiscard]] Status status() const { return made_.status(); }

@@ -27,8 +27,8 @@ inline Limits limits_of_test() {
     return limits;
 }
 
-inline Configuration configuration_of_test() {
-    Configuration out = fitting(limits_of_test());
+inline Parameters configuration_of_test() {
+    Parameters out = fitting(limits_of_test());
     out.recovery.matches_min = 4000;  // nothing is recovered by chance
     return out;
 }
@@ -103,11 +103,12 @@ inline const Sequence& home() {
 class Lost {
 public:
     explicit Lost(bool has_vocabulary, std::uint32_t frames = 90,
-                  const Configuration& configuration = configuration_of_test(), int dark_frames = 60)
+                  const Parameters& configuration = configuration_of_test(), int dark_frames = 60)
         : memory_(bytes_needed(limits_of_test())), bytes_(vocabulary_of(home())) {
         const auto made =
-            Engine::create(memory_.span(), limits_of_test(), configuration, home().camera, cpu_kernels(), nullptr,
-                           has_vocabulary ? std::span<const std::byte>(bytes_) : std::span<const std::byte>{});
+            create_engine(memory_.span(), limits_of_test(), configuration, home().camera,
+                          {cpu_kernels(), nullptr,
+                           has_vocabulary ? std::span<const std::byte>(bytes_) : std::span<const std::byte>{}});
         EXPECT_TRUE(made.is_ok());
         engine_ = made.value();
         for (std::uint32_t i = 0; i < frames; ++i) show(home().frames[i]);

@@ -79,11 +79,11 @@ TEST(Memory, BytesNeededIsWhatIsUsed) {
         const test::Memory memory(needed + kGuard);
         std::memset(memory.span().data(), 0x5a, needed + kGuard);
         const CameraModel camera = camera_of(limits.image_width_max, limits.image_height_max);
-        const Configuration configuration = fitting(limits);
+        const Parameters configuration = fitting(limits);
         EXPECT_EQ(
-            Engine::create(memory.span().first(needed - 1), limits, configuration, camera, cpu_kernels()).status(),
+            create_engine(memory.span().first(needed - 1), limits, configuration, camera, {cpu_kernels()}).status(),
             Status::kFull);
-        const auto made = Engine::create(memory.span().first(needed), limits, configuration, camera, cpu_kernels());
+        const auto made = create_engine(memory.span().first(needed), limits, configuration, camera, {cpu_kernels()});
         ASSERT_TRUE(made.is_ok()) << i;
         EXPECT_EQ(made.value()->statistics().arena_used_bytes, needed);
         for (int k = 0; k < 4 && camera.width * camera.height < 40'000; ++k) {
@@ -103,8 +103,8 @@ TEST(Memory, WhatCannotBeIsInvalid) {
     const CameraModel camera = camera_of(160, 120);
     const test::Memory memory(bytes_needed(Limits::pocket()));
     std::memset(memory.span().data(), 0x5a, memory.span().size());
-    const auto refused = [&](const Limits& limits, const Configuration& configuration, const CameraModel& of) {
-        const Status status = Engine::create(memory.span(), limits, configuration, of, cpu_kernels()).status();
+    const auto refused = [&](const Limits& limits, const Parameters& parameters, const CameraModel& of) {
+        const Status status = create_engine(memory.span(), limits, parameters, of, {cpu_kernels()}).status();
         const bool is_untouched =
             std::all_of(memory.span().begin(), memory.span().end(), [](std::byte b) { return b == std::byte{0x5a}; });
         return status == Status::kInvalid && is_untouched;
@@ -120,8 +120,8 @@ TEST(Memory, WhatCannotBeIsInvalid) {
                 << "field " << (&(limits.*field) - &limits.image_width_max);
         }
     }
-    EXPECT_TRUE(refused(good, Configuration{}, camera)) << "1000 features in 100";
-    Configuration configuration = fitting(good);
+    EXPECT_TRUE(refused(good, Parameters{}, camera)) << "1000 features in 100";
+    Parameters configuration = fitting(good);
     configuration.region.point_chi2_max = std::numeric_limits<double>::quiet_NaN();
     EXPECT_TRUE(refused(good, configuration, camera));
     EXPECT_STREQ(validate(configuration, good).key, "region.point_chi2_max");
@@ -137,30 +137,31 @@ TEST(Memory, WhatCannotBeIsInvalid) {
 // Promise: every key of the configuration is refused below its minimum and above its maximum, by its name.
 TEST(Memory, EveryParameterHasItsRange) {
     std::uint32_t count = 0;
-    Configuration names;
-    visit_parameters(names, [&](const char*, auto&, double, double, const char*, const char*) { ++count; });
+    Parameters names;
+    visit_all_parameters(names, [&](const char*, auto&, double, double, const char*, const char*) { ++count; });
     EXPECT_GT(count, 130U);
     for (std::uint32_t which = 0; which < count; ++which) {
         for (const bool is_above : {false, true}) {
-            Configuration configuration = fitting(Limits::room());
+            Parameters configuration = fitting(Limits::room());
             std::uint32_t index = 0;
             const char* wanted = nullptr;
-            visit_parameters(configuration,
-                             [&](const char* name, auto& value, double min, double max, const char*, const char*) {
-                                 using Value = std::remove_reference_t<decltype(value)>;
-                                 if (index++ != which) return;
-                                 if constexpr (!std::is_same_v<Value, bool>) {
-                                     if (!is_above && min <= 0 && !std::is_same_v<Value, double>) return;  // unsigned
-                                     const double outside = is_above ? max + 1 + max / 1e6 : min - 1;
-                                     if (outside < 0 && !std::is_same_v<Value, double>) return;
-                                     value = static_cast<Value>(outside);
-                                     wanted = name;
-                                 } else {
-                                     static_cast<void>(min);
-                                     static_cast<void>(max);
-                                     static_cast<void>(name);
-                                 }
-                             });
+            visit_all_parameters(configuration,
+                                 [&](const char* name, auto& value, double min, double max, const char*, const char*) {
+                                     using Value = std::remove_reference_t<decltype(value)>;
+                                     if (index++ != which) return;
+                                     if constexpr (!std::is_same_v<Value, bool>) {
+                                         if (!is_above && min <= 0 && !std::is_same_v<Value, double>)
+                                             return;  // unsigned
+                                         const double outside = is_above ? max + 1 + max / 1e6 : min - 1;
+                                         if (outside < 0 && !std::is_same_v<Value, double>) return;
+                                         value = static_cast<Value>(outside);
+                                         wanted = name;
+                                     } else {
+                                         static_cast<void>(min);
+                                         static_cast<void>(max);
+                                         static_cast<void>(name);
+                                     }
+                                 });
             if (wanted != nullptr) {
                 EXPECT_STREQ(validate(configuration, Limits::room()).key, wanted);
             }
@@ -172,50 +173,50 @@ TEST(Memory, EveryParameterHasItsRange) {
 TEST(Memory, ContradictionsAreRefused) {
     const Limits limits = Limits::room();
     const auto key_of = [&](auto&& change) {
-        Configuration configuration;
+        Parameters configuration;
         change(configuration);
         const char* const key = validate(configuration, limits).key;
         return std::string(key != nullptr ? key : "none");
     };
-    EXPECT_EQ(key_of([](Configuration&) {}), "none");
-    EXPECT_EQ(key_of([](Configuration& c) { c.features.count = 1001; }), "features.count");
-    EXPECT_EQ(key_of([](Configuration& c) { c.features.levels = 9; }), "features.levels");
-    EXPECT_EQ(key_of([](Configuration& c) { c.features.fast_threshold_low = 21; }), "features.fast_threshold_low");
-    EXPECT_EQ(key_of([](Configuration& c) { c.depth.z_min_m = 4, c.depth.z_max_m = 4; }), "depth.z_min_m");
-    EXPECT_EQ(key_of([](Configuration& c) { c.matching.radius_wide_px = 11.9; }), "matching.radius_wide_px");
-    EXPECT_EQ(key_of([](Configuration& c) { c.pose.inlier_ratio_min = 0.51; }), "pose.inlier_ratio_min");
-    EXPECT_EQ(key_of([](Configuration& c) { c.keyframes.tracked_share_max = 0.3; }), "keyframes.tracked_share_urgent");
+    EXPECT_EQ(key_of([](Parameters&) {}), "none");
+    EXPECT_EQ(key_of([](Parameters& c) { c.features.count = 1001; }), "features.count");
+    EXPECT_EQ(key_of([](Parameters& c) { c.features.levels = 9; }), "features.levels");
+    EXPECT_EQ(key_of([](Parameters& c) { c.features.fast_threshold_low = 21; }), "features.fast_threshold_low");
+    EXPECT_EQ(key_of([](Parameters& c) { c.depth.z_min_m = 4, c.depth.z_max_m = 4; }), "depth.z_min_m");
+    EXPECT_EQ(key_of([](Parameters& c) { c.matching.radius_wide_px = 11.9; }), "matching.radius_wide_px");
+    EXPECT_EQ(key_of([](Parameters& c) { c.pose.inlier_ratio_min = 0.51; }), "pose.inlier_ratio_min");
+    EXPECT_EQ(key_of([](Parameters& c) { c.keyframes.tracked_share_max = 0.3; }), "keyframes.tracked_share_max");
     Limits few = limits;
     few.keyframes_max = 9;
-    EXPECT_STREQ(validate(Configuration{}, few).key, "mapping.window_keyframes");
-    EXPECT_EQ(validate(Configuration{}, few).max, 9.0);
-    EXPECT_EQ(key_of([](Configuration& c) { c.weights.start = 21; }), "weights.start");
-    EXPECT_EQ(key_of([](Configuration& c) { c.weights.suspicious = 21; }), "weights.suspicious");
-    EXPECT_EQ(key_of([](Configuration& c) { c.weights.eligible = 21; }), "weights.eligible");
-    EXPECT_EQ(key_of([](Configuration& c) { c.weights.drift_m = 0.021; }), "weights.drift_m");
-    EXPECT_EQ(key_of([](Configuration& c) { c.noise.pixel_start = 0.05; }), "noise.pixel_start");
-    EXPECT_EQ(key_of([](Configuration& c) { c.noise.max = 1.0, c.noise.pixel_start = 1.1; }), "noise.pixel_start");
-    EXPECT_EQ(key_of([](Configuration& c) { c.noise.depth_min = 0.31; }), "noise.depth_start");
+    EXPECT_STREQ(validate(Parameters{}, few).key, "mapping.window_keyframes");
+    EXPECT_EQ(validate(Parameters{}, few).max, 9.0);
+    EXPECT_EQ(key_of([](Parameters& c) { c.weights.start = 21; }), "weights.start");
+    EXPECT_EQ(key_of([](Parameters& c) { c.weights.suspicious = 21; }), "weights.max");
+    EXPECT_EQ(key_of([](Parameters& c) { c.weights.eligible = 21; }), "weights.eligible");
+    EXPECT_EQ(key_of([](Parameters& c) { c.weights.drift_m = 0.021; }), "weights.drift_m");
+    EXPECT_EQ(key_of([](Parameters& c) { c.noise.pixel_start = 0.05; }), "noise.pixel_start");
+    EXPECT_EQ(key_of([](Parameters& c) { c.noise.max = 1.0, c.noise.pixel_start = 1.1; }), "noise.pixel_start");
+    EXPECT_EQ(key_of([](Parameters& c) { c.noise.depth_min = 0.31; }), "noise.depth_start");
 }
 
 // Promise: every parameter at either end of its range: the engine runs, mapping too, poses are finite, pools keep their
 // limits.
 TEST(Memory, EveryParameterAtItsEnds) {
     const test::Sequence sequence = test::rendered("sitting_xyz", 14, 160, 120);
-    Configuration names;
+    Parameters names;
     std::uint32_t count = 0;
-    visit_parameters(names, [&](const char*, auto&, double, double, const char*, const char*) { ++count; });
+    visit_all_parameters(names, [&](const char*, auto&, double, double, const char*, const char*) { ++count; });
     std::uint32_t runs = 0;
     for (std::uint32_t which = 0; which < 2 * count; ++which) {
-        Configuration configuration = fitting(Limits::tiny());
+        Parameters configuration = fitting(Limits::tiny());
         std::uint32_t index = 0;
         const char* name = nullptr;
-        visit_parameters(configuration,
-                         [&](const char* key, auto& value, double min, double max, const char*, const char*) {
-                             if (index++ != which / 2) return;
-                             value = static_cast<std::remove_reference_t<decltype(value)>>(which % 2 == 0 ? min : max);
-                             name = key;
-                         });
+        visit_all_parameters(
+            configuration, [&](const char* key, auto& value, double min, double max, const char*, const char*) {
+                if (index++ != which / 2) return;
+                value = static_cast<std::remove_reference_t<decltype(value)>>(which % 2 == 0 ? min : max);
+                name = key;
+            });
         if (validate(configuration, Limits::tiny()).key != nullptr) continue;
         const EngineRig engine(Limits::tiny(), sequence.camera, configuration);
         ASSERT_EQ(engine.status(), Status::kOk) << name;

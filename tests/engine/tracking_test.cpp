@@ -191,7 +191,7 @@ TEST(Engine, WrongFramesChangeNothing) {
 // before ended, its covariance grows; uncovered, the engine finds itself again by its keyframes and counts it.
 TEST(Engine, CoveredLensThenRecovery) {
     const Sequence sequence = tiny_sequence("static_xyz", 90);
-    Configuration configuration = fitting(Limits::tiny());
+    Parameters configuration = fitting(Limits::tiny());
     configuration.pose.lost_frames_max = 12;
     const EngineRig engine(Limits::tiny(), sequence.camera, configuration);
     std::int64_t time_ns = 0;
@@ -296,7 +296,7 @@ TEST(Engine, TwoSideBySideGiveTheSameBits) {
 // another hash.
 TEST(Engine, HashSeesMoreThanPoses) {
     const Sequence sequence = tiny_sequence("static_xyz", 4);
-    Configuration configuration = fitting(Limits::tiny());
+    Parameters configuration = fitting(Limits::tiny());
     const EngineRig a(Limits::tiny(), sequence.camera, configuration);
     configuration.weights.start = 12;
     const EngineRig b(Limits::tiny(), sequence.camera, configuration);

@@ -149,7 +149,7 @@ TEST(LoopClosing, AnythingMayLeaveAtAnyTime) {
 // limit; nor one that fewer queries agree on than asked. Without a vocabulary, or switched off, there is no work at
 // all.
 TEST(LoopClosing, RefusesWhatCannotBe) {
-    const auto go = [](Configuration configuration, bool has_vocabulary, std::uint32_t keyframes) {
+    const auto go = [](Parameters configuration, bool has_vocabulary, std::uint32_t keyframes) {
         auto ring = std::make_unique<Ring>(configuration, has_vocabulary);
         for (std::uint32_t i = 0; i < keyframes; ++i) {
             static_cast<void>(ring->add_keyframe(i));
@@ -157,7 +157,7 @@ TEST(LoopClosing, RefusesWhatCannotBe) {
         }
         return ring->statistics();
     };
-    Configuration configuration = configuration_of_ring();
+    Parameters configuration = configuration_of_ring();
     configuration.loop.drift_m = 0;
     configuration.loop.drift_share = 0;
     auto ring = std::make_unique<Ring>(configuration);
@@ -202,7 +202,7 @@ TEST(LoopClosing, ConfirmsWhereNothingDrifted) {
 // Promise: what verification cannot tell from no drift at all is confirmed, however many millimetres it says: the map
 // knows better. (A place seen by some points far away was "corrected" by 2.3 cm with a deviation of 2.)
 TEST(LoopClosing, WhatIsWithinItsNoiseIsNoDrift) {
-    Configuration configuration = configuration_of_ring();
+    Parameters configuration = configuration_of_ring();
     configuration.loop.correction_min_m = 0.0005;
     configuration.loop.correction_min_rad = 0.0005;
     const auto go = [&](double chi2_min) {
@@ -226,7 +226,7 @@ TEST(LoopClosing, WhatIsWithinItsNoiseIsNoDrift) {
 // Promise: nothing is looked up, and no place known, before what a keyframe saw has had the time to prove that it
 // stands.
 TEST(LoopClosing, WaitsUntilThePastHasSpoken) {
-    Configuration configuration = configuration_of_ring();
+    Parameters configuration = configuration_of_ring();
     configuration.loop.settle_s = 0.7;
     auto ring = std::make_unique<Ring>(configuration, true, false);  // its clock stands still
     for (std::uint32_t i = 0; i < kLap + 10; ++i) {

@@ -31,8 +31,8 @@ inline Limits limits_of_ring() {
     return limits;
 }
 
-inline Configuration configuration_of_ring() {
-    Configuration out;
+inline Parameters configuration_of_ring() {
+    Parameters out;
     out.features.count = 200;
     out.features.levels = 3;
     out.loop.gap_frames = 400;
@@ -55,7 +55,7 @@ inline CameraModel camera_of_ring() {
 // point.
 class Ring {
 public:
-    explicit Ring(const Configuration& configuration = configuration_of_ring(), bool has_vocabulary = true,
+    explicit Ring(const Parameters& configuration = configuration_of_ring(), bool has_vocabulary = true,
                   bool is_drifting = true, double pixel_noise = 0.0003)
         : configuration_(configuration), memory_(planned()), is_drifting_(is_drifting), pixel_noise_(pixel_noise) {
         const RandomTree shape{6, 3, 0, 3};
@@ -250,7 +250,7 @@ private:
         GlobalRefinement::plan(plan, limits());
         return plan.used_bytes();
     }
-    Configuration configuration_;
+    Parameters configuration_;
     Memory memory_;
     bool is_drifting_;
     double pixel_noise_;  // of normalised coordinates

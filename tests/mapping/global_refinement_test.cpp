@@ -17,7 +17,7 @@ using test::Ring;
 constexpr std::uint32_t kKeyframes = 24;
 
 // Part of a lap with the drift of odometry in it, and a loop that says of itself that it was closed.
-std::unique_ptr<Ring> drifted(const Configuration& configuration = configuration_of_ring()) {
+std::unique_ptr<Ring> drifted(const Parameters& configuration = configuration_of_ring()) {
     auto ring = std::make_unique<Ring>(configuration);
     for (std::uint32_t i = 0; i < kKeyframes; ++i) static_cast<void>(ring->add_keyframe(i));
     return ring;
@@ -146,7 +146,7 @@ TEST(GlobalRefinement, TheMapMayChangeMeanwhile) {
 
 // Promise: switched off, it never begins; after reset() it waits for a new loop.
 TEST(GlobalRefinement, MayBeSwitchedOffAndReset) {
-    Configuration configuration = configuration_of_ring();
+    Parameters configuration = configuration_of_ring();
     configuration.loop.is_adjusting = false;
     auto off = drifted(configuration);
     ++off->world().loops_closed;

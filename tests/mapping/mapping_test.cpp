@@ -23,8 +23,8 @@ Limits limits_of(std::uint32_t keyframes, std::uint32_t points) {
     return limits;
 }
 
-Configuration fitting(const Limits& limits) {
-    Configuration out;
+Parameters fitting(const Limits& limits) {
+    Parameters out;
     out.mapping.is_fusing = true;  // everything there is
     out.mapping.is_triangulating = true;
     out.features.count = limits.features_max;
@@ -38,8 +38,7 @@ Configuration fitting(const Limits& limits) {
 // Tracking and mapping, with their map open to the eye.
 class Rig {
 public:
-    Rig(const CameraModel& camera, const Limits& limits, const Configuration& configuration)
-        : memory_(planned(limits)) {
+    Rig(const CameraModel& camera, const Limits& limits, const Parameters& configuration) : memory_(planned(limits)) {
         Arena arena(memory_.span());
         world_.create(arena, limits, configuration, camera);
         tracking_.create(arena, world_, cpu_kernels(), nullptr);
@@ -122,7 +121,7 @@ TEST(Mapping, AnySlicingGivesTheSameBits) {
 // however many its neighbours see; one that sees enough is adjusted.
 TEST(Mapping, AFewPointsMoveNoCamera) {
     const Limits limits = limits_of(8, 300);
-    Configuration configuration = fitting(limits);
+    Parameters configuration = fitting(limits);
     configuration.mapping.is_fusing = configuration.mapping.is_triangulating = false;  // what it sees stays as counted
     configuration.mapping.adjusted_points_min = 15;
     Rig rig(sequence().camera, limits, configuration);

@@ -53,7 +53,7 @@ private:
         return out;
     }
 
-    Configuration configuration_;
+    Parameters configuration_;
     PixelNoise pixel_noise_;
     test::InMemory<Map> map_{Limits::tiny()};
     std::vector<Vector3> points_;

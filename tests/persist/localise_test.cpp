@@ -16,8 +16,8 @@ using test::Sequence;
 constexpr std::uint32_t kWidth = 320;
 constexpr std::uint32_t kHeight = 240;
 
-Configuration configuration() {
-    Configuration out = test::fitting(Limits::pocket());
+Parameters configuration() {
+    Parameters out = test::fitting(Limits::pocket());
     return out;
 }
 

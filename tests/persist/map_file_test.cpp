@@ -21,7 +21,7 @@ const Sequence& tiny_sequence() {
 // that is kept incrementally is right; saved again, it gives the same bytes.
 TEST(MapFile, RoundTripKeepsEveryBit) {
     const Sequence sequence = test::rendered("static_halfsphere", 90, 160, 120, 3);
-    Configuration configuration = test::fitting(Limits::tiny());
+    Parameters configuration = test::fitting(Limits::tiny());
     configuration.keyframes.tracked_urgent_permille = 600;  // more keyframes than there is room for
     EngineRig first(Limits::tiny(), sequence.camera, configuration);
     EngineRig second(Limits::tiny(), sequence.camera, configuration);

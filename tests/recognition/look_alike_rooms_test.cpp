@@ -104,7 +104,7 @@ private:
         places_.add(handle);
     }
 
-    Configuration configuration_;
+    Parameters configuration_;
     std::vector<std::byte> bytes_;
     Vocabulary vocabulary_;
     test::Memory memory_{planned()};

@@ -19,7 +19,7 @@ struct Matcher : PlaceMatcher {
     void create(Arena& arena, const Limits& limits) {
         PlaceMatcher::create(arena, limits, configuration, {.width = 160, .height = 120, .fx = 130, .fy = 130});
     }
-    Configuration configuration;
+    Parameters configuration;
 };
 
 // A keyframe of points, and a query of its descriptors with every angle turned.

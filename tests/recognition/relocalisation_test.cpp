@@ -34,7 +34,7 @@ TEST(Relocalisation, BackOnTheMapAfterDarkness) {
         }
         ASSERT_GE(lost.engine().pose().state, PoseState::kUnsure);
         EXPECT_LE(tries, 18U);
-        EXPECT_GT(tries, Configuration{}.recovery.probation_frames);
+        EXPECT_GT(tries, Parameters{}.recovery.probation_frames);
         const double off =
             test::metres_off(in_the_map(lost.engine().pose()), home().frames[0].truth, home().frames[i].truth);
         EXPECT_LT(off, 0.05);
@@ -66,7 +66,7 @@ TEST(Relocalisation, BackOnTheMapAfterDarkness) {
 // keyframe, the one that ends the probation is none yet, and those after it are. A keyframe of its own is what a frame
 // looks most alike: it was weighed for the place, and wrong ones of corridors were believed.
 TEST(Relocalisation, NoFrameBearsWitnessForItself) {
-    Configuration configuration = configuration_of_test();
+    Parameters configuration = configuration_of_test();
     configuration.keyframes.tracked_urgent_permille = 1000;
     configuration.keyframes.gap_urgent = 1;
     configuration.keyframes.new_points_min = 1;
@@ -87,8 +87,8 @@ TEST(Relocalisation, NoFrameBearsWitnessForItself) {
 // vocabulary, and is back where it truly is, as it is without one.
 TEST(Relocalisation, FoundAgainNearby) {
     for (const bool has_vocabulary : {true, false}) {
-        Configuration configuration = configuration_of_test();
-        configuration.recovery.matches_min = Configuration{}.recovery.matches_min;
+        Parameters configuration = configuration_of_test();
+        configuration.recovery.matches_min = Parameters{}.recovery.matches_min;
         configuration.loop.inliers_min = 4000;  // no place is found anywhere
         Lost lost(has_vocabulary, 90, configuration, 40);
         std::uint32_t i = 90;
@@ -124,7 +124,7 @@ TEST(Relocalisation, WhatFailsTheProbationIsUndone) {
     const test::Sequence other = test::rendered("static_halfsphere", 20, kWidth, kHeight, 77);
     Lost lost(true);
     const std::uint64_t keyframes = lost.engine().statistics().keyframes_made;
-    const std::uint32_t probation = Configuration{}.recovery.probation_frames;
+    const std::uint32_t probation = Parameters{}.recovery.probation_frames;
     const auto show_nothing_known = [&](const test::KeptFrame& frame) {
         lost.show(frame);
         EXPECT_EQ(lost.engine().pose().state, PoseState::kNone);

@@ -42,7 +42,7 @@ TEST(RecordingFormat, RoundTrip) {
     EXPECT_EQ(test::header_bytes(read), bytes);
     EXPECT_EQ(std::memcmp(&read.limits, &header.limits, sizeof(Limits)), 0);
     EXPECT_EQ(read.configuration.seed, header.configuration.seed);
-    EXPECT_EQ(read.configuration.pose.confidence, header.configuration.pose.confidence);
+    EXPECT_EQ(read.configuration.pose.sure_sigma_m, header.configuration.pose.sure_sigma_m);
     EXPECT_EQ(read.camera.k3, header.camera.k3);
     EXPECT_EQ(read.extractor, 1);
 

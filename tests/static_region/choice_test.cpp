@@ -39,7 +39,7 @@ struct Rig {
     }
     SE3 pose;
     Scene scene;
-    Configuration configuration;
+    Parameters configuration;
     RegionContext context;
     InMemory<MeshGroups> groups;
     InMemory<Hypotheses> hypotheses;

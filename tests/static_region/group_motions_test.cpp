@@ -30,7 +30,7 @@ struct Rig {
     }
     SE3 pose;
     Scene scene;
-    Configuration configuration;
+    Parameters configuration;
     RegionContext context;
     InMemory<MeshGroups> groups;
     InMemory<FixedVector<std::uint16_t>> scratch;

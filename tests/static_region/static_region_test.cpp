@@ -29,7 +29,7 @@ TEST(StaticRegion, OneBodyIsOneGroup) {
         std::size_t in_largest = 0;
         for (std::size_t i = 0; i < scene.body.size(); ++i) in_largest += region->group_of(i) == 0 ? 1U : 0U;
         EXPECT_GE(in_largest, 285U) << "seed " << seed;
-        const RegionChoice choice = region->choose(scene.correspondences, Configuration{}, context, random);
+        const RegionChoice choice = region->choose(scene.correspondences, Parameters{}, context, random);
         ASSERT_TRUE(choice.is_valid);
         EXPECT_GE(region->chosen().size(), 280U);
         EXPECT_LT(test::metres_between(choice.world_from_camera, pose), 0.006);
@@ -57,7 +57,7 @@ TEST(StaticRegion, TwoBodiesMovingApartAreSeparated) {
             if (region->group_of(i) != kNoGroup) ++in_group[scene.body[i]][region->group_of(i)];
         }
         for (const auto& [group, count] : in_group[0]) joined += std::min(count, in_group[1][group]) > 2;
-        const RegionChoice choice = region->choose(scene.correspondences, Configuration{}, context, random);
+        const RegionChoice choice = region->choose(scene.correspondences, Parameters{}, context, random);
         ASSERT_TRUE(choice.is_valid) << seed;
         EXPECT_LT(test::metres_between(choice.world_from_camera, pose), 0.01) << seed;
         EXPECT_LT(test::radians_between(choice.world_from_camera, pose), 0.006) << seed;
@@ -86,7 +86,7 @@ TEST(StaticRegion, AgreementTellsWhoMoved) {
         Region region(limits_of(400));
         const RegionContext context = context_at(pose * test::random_motion(random, 0.01, 0.01));
         region->build(scene.correspondences, scene.keypoints, {}, context);
-        ASSERT_TRUE(region->choose(scene.correspondences, Configuration{}, context, random).is_valid);
+        ASSERT_TRUE(region->choose(scene.correspondences, Parameters{}, context, random).is_valid);
         double agreement[2] = {0, 0};
         for (std::size_t i = 0; i < scene.body.size(); ++i) {
             agreement[scene.body[i]] += region->agreement_of(region->group_of(i));
@@ -112,7 +112,7 @@ TEST(StaticRegion, ThePastOutvotesTheCrowd) {
         Region region(limits_of(300));
         const RegionContext context = context_at(pose * test::random_motion(random, 0.01, 0.01));
         region->build(scene.correspondences, scene.keypoints, {}, context);
-        const RegionChoice choice = region->choose(scene.correspondences, Configuration{}, context, random);
+        const RegionChoice choice = region->choose(scene.correspondences, Parameters{}, context, random);
         ASSERT_TRUE(choice.is_valid);
         EXPECT_LT(test::metres_between(choice.world_from_camera, pose), 0.015) << seed;
         std::size_t wrong = 0;
@@ -141,7 +141,7 @@ TEST(StaticRegion, AreaInTheRoomOutvotesPixels) {
                 const Vector3 p = at_pixel(x, random.uniform(10, 470), 0.9 + 0.05 * std::sin(0.03 * x));
                 scene.add(test::measure(p, motion * (pose * p), kKinect, random), 1);
             }
-            Configuration configuration;
+            Parameters configuration;
             configuration.region.score_points = by_points;
             configuration.region.score_area = by_area;
             RegionContext context = context_at(pose);
@@ -165,7 +165,7 @@ TEST(StaticRegion, NoVoteNoChoice) {
     for (std::size_t i = 0; i < 100; ++i) scene.correspondences[i].vote = 0;
     Region region(limits_of(300));
     region->build(scene.correspondences, scene.keypoints, {}, context_at(pose));
-    const RegionChoice choice = region->choose(scene.correspondences, Configuration{}, context_at(pose), random);
+    const RegionChoice choice = region->choose(scene.correspondences, Parameters{}, context_at(pose), random);
     ASSERT_TRUE(choice.is_valid);
     for (const std::uint16_t i : region->chosen()) EXPECT_GE(i, 100U);
     for (const std::uint16_t i : region->voters()) EXPECT_GE(i, 100U);
@@ -183,7 +183,7 @@ TEST(StaticRegion, IterationsAreBounded) {
             scene.add(test::measure(p, p + test::random_vector(random, far), kKinect, random), 0);
         }
         Region region(limits_of(300));
-        Configuration configuration;
+        Parameters configuration;
         configuration.pose.coarse_total_max = 1 + random.below(seed < 20 ? 10 : 300);
         configuration.pose.coarse_iterations_max = 30 + random.below(seed < 20 ? 30 : 300);
         if (seed % 4 < 2) {  // chaos in one group
@@ -226,7 +226,7 @@ TEST(StaticRegion, DegenerateInputGivesNoChoice) {
         for (const auto* const scenes : {&none, &maybe}) {
             for (const Scene& scene : *scenes) {
                 region->build(scene.correspondences, scene.keypoints, {}, context);
-                const RegionChoice choice = region->choose(scene.correspondences, Configuration{}, context, random);
+                const RegionChoice choice = region->choose(scene.correspondences, Parameters{}, context, random);
                 if (scenes == &none) {
                     EXPECT_FALSE(choice.is_valid) << scene.body.size();
                 }
@@ -250,12 +250,12 @@ TEST(StaticRegion, IsDeterministic) {
     const Scene other = room_and_body(250, 0, pose, SE3{}, random);
     Region fresh(limits_of(300)), used(limits_of(300));
     used->build(other.correspondences, other.keypoints, {}, context_at(SE3{}));
-    static_cast<void>(used->choose(other.correspondences, Configuration{}, context_at(SE3{}), random));
+    static_cast<void>(used->choose(other.correspondences, Parameters{}, context_at(SE3{}), random));
     Random a(7), b(7);
     fresh->build(scene.correspondences, scene.keypoints, {}, context_at(pose));
     used->build(scene.correspondences, scene.keypoints, {}, context_at(pose));
-    const RegionChoice first = fresh->choose(scene.correspondences, Configuration{}, context_at(pose), a);
-    const RegionChoice second = used->choose(scene.correspondences, Configuration{}, context_at(pose), b);
+    const RegionChoice first = fresh->choose(scene.correspondences, Parameters{}, context_at(pose), a);
+    const RegionChoice second = used->choose(scene.correspondences, Parameters{}, context_at(pose), b);
     EXPECT_EQ(first.world_from_camera.rotation, second.world_from_camera.rotation);
     EXPECT_EQ(first.world_from_camera.translation, second.world_from_camera.translation);
     EXPECT_EQ(first.score, second.score);

@@ -108,8 +108,8 @@ Limits small(bool has_store) {
     return limits;
 }
 
-Configuration configuration_of(const Limits& limits) {
-    Configuration out = test::fitting(limits);
+Parameters configuration_of(const Limits& limits) {
+    Parameters out = test::fitting(limits);
     out.keyframes.gap_min = 3;
     out.keyframes.new_points_min = 20;
     out.store.gap_frames = 20;
@@ -147,11 +147,11 @@ struct Ran {
 
 class Rig {
 public:
-    Rig(const Limits& limits, const Configuration& configuration, MapStore* store) : memory_(bytes_needed(limits)) {
+    Rig(const Limits& limits, const Parameters& configuration, MapStore* store) : memory_(bytes_needed(limits)) {
         std::string message;
         EXPECT_TRUE(vocabulary_.open("default", limits.vocabulary_words_max, message)) << message;
-        const auto made = Engine::create(memory_.span(), limits, configuration, there_and_back().camera, cpu_kernels(),
-                                         nullptr, vocabulary_.bytes(), store);
+        const auto made = create_engine(memory_.span(), limits, configuration, there_and_back().camera,
+                                        {cpu_kernels(), nullptr, vocabulary_.bytes(), store});
         EXPECT_TRUE(made.is_ok());
         engine_ = made.value();
     }
@@ -211,8 +211,8 @@ TEST(MapPager, WithoutAStoreNothingChanges) {
     MemoryStore store;
     const Limits limits = small(false);
     test::Memory memory(bytes_needed(limits));
-    EXPECT_EQ(Engine::create(memory.span(), limits, configuration_of(limits), there_and_back().camera, cpu_kernels(),
-                             nullptr, {}, &store)
+    EXPECT_EQ(create_engine(memory.span(), limits, configuration_of(limits), there_and_back().camera,
+                            {cpu_kernels(), nullptr, {}, &store})
                   .status(),
               Status::kInvalid);
 }
@@ -225,7 +225,7 @@ TEST(MapPager, AStoreMayFail) {
                               Fault::kFull, Fault::kTooLong, Fault::kTwice}) {
         MemoryStore store(fault);
         const Limits limits = small(true);
-        Configuration configuration = configuration_of(limits);
+        Parameters configuration = configuration_of(limits);
         configuration.store.patience_frames = 10;
         Rig rig(limits, configuration, &store);
         const Ran ran = rig.run();
@@ -252,7 +252,7 @@ TEST(MapPager, AStoreMayFail) {
 TEST(MapPager, WorkIsBounded) {
     MemoryStore store;
     const Limits limits = small(true);
-    Configuration configuration = configuration_of(limits);
+    Parameters configuration = configuration_of(limits);
     configuration.schedule.slice_units = 1;
     Rig rig(limits, configuration, &store);
     const Ran ran = rig.run(4000);
@@ -312,7 +312,7 @@ TEST(MapPager, EveryPoolMayBeFull) {
             limits.keyframes_max = keyframes;
             limits.local_points_max = 200;
             limits.store_features_max = 60 + points / 4;
-            Configuration configuration = configuration_of(limits);
+            Parameters configuration = configuration_of(limits);
             configuration.store.pause_frames = 1;
             configuration.store.gap_frames = 5;
             configuration.store.rest_frames = 2;
@@ -329,7 +329,7 @@ TEST(MapPager, EveryPoolMayBeFull) {
 TEST(MapPager, AStoreIsAMapToBeginIn) {
     MemoryStore store;
     const Limits limits = small(true);
-    Configuration configuration = configuration_of(limits);
+    Parameters configuration = configuration_of(limits);
     configuration.loop.inliers_min = 25;
     {
         Rig rig(limits, configuration, &store);

@@ -32,7 +32,7 @@ CameraReach moving() {
 }
 
 // How far ahead the reach ends after so many frames.
-double end_of(const CameraReach& reach, int frames, const Configuration& configuration) {
+double end_of(const CameraReach& reach, int frames, const Parameters& configuration) {
     double inside = 0, outside = 1000;
     while (outside - inside > 1e-6) {
         const double middle = 0.5 * (inside + outside);
@@ -44,7 +44,7 @@ double end_of(const CameraReach& reach, int frames, const Configuration& configu
 // Promise: the reach goes on with the camera, opens with the square of the time while it accelerates, and no faster
 // than a lost camera gets; what the camera's speed explains costs nothing of it.
 TEST(CameraReach, AcceleratesThenGoesAtFullSpeed) {
-    const Configuration c;
+    const Parameters c;
     const CameraReach reach = moving();
     const double frame_s = 1e-9 * kFrame_ns, speed = 0.015 / frame_s;
     for (const int frames : {1, 2, 4, 8}) {
@@ -61,7 +61,7 @@ TEST(CameraReach, AcceleratesThenGoesAtFullSpeed) {
 
 // Promise: turning has a reach of its own.
 TEST(CameraReach, TurnsNoFasterThanHandsDo) {
-    const Configuration c;
+    const Parameters c;
     CameraReach reach;
     reach.begin(at(0), 0);
     const double t = 2e-9 * kFrame_ns;
@@ -74,7 +74,7 @@ TEST(CameraReach, TurnsNoFasterThanHandsDo) {
 
 // Promise: when the world is corrected under the camera, what was within reach stays so, and what was beyond stays so.
 TEST(CameraReach, FollowsTheMap) {
-    const Configuration c;
+    const Parameters c;
     CameraReach reach = moving();
     const SE3 correction = at(2, 1);
     reach.follow(correction);
@@ -85,7 +85,7 @@ TEST(CameraReach, FollowsTheMap) {
 
 // Promise: a pose that is no number is beyond every reach.
 TEST(CameraReach, NoNumberIsOutOfReach) {
-    EXPECT_FALSE(moving().holds(at(std::nan("")), kFrame_ns, Configuration{}));
+    EXPECT_FALSE(moving().holds(at(std::nan("")), kFrame_ns, Parameters{}));
 }
 
 }  // namespace

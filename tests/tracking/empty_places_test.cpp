@@ -61,7 +61,7 @@ private:
         LocalMap::plan(plan, kLimits);
         return plan.used_bytes();
     }
-    Configuration configuration_;
+    Parameters configuration_;
     test::Memory memory_;
     MeasuredFrame measured_;
     Map map_;

@@ -17,7 +17,7 @@ constexpr Limits kLimits{320, 240, 4, 300, 12, 1500, 32};
 // A world that tracking has made of some frames, and an estimator of its own for the frame after them.
 class EstimatorRig {
 public:
-    explicit EstimatorRig(const Configuration& configuration) : memory_(planned()) {
+    explicit EstimatorRig(const Parameters& configuration) : memory_(planned()) {
         Arena arena(memory_.span());
         world_.create(arena, kLimits, configuration, scene_.camera());
         tracking_.create(arena, world_, cpu_kernels(), nullptr);
@@ -36,7 +36,7 @@ public:
         estimator_.begin(measured_, frame_.time_ns, statistics_);
     }
     [[nodiscard]] Estimate estimate(const CameraState& camera) {
-        const RegionContext expected = camera.expect(frame_.time_ns, 0, world_.configuration.prediction);
+        const RegionContext expected = camera.expect(frame_.time_ns, 0, world_.parameters.prediction);
         return estimator_.estimate(camera, expected);
     }
     [[nodiscard]] CameraState camera() const { return tracking_.camera(); }
@@ -68,8 +68,8 @@ private:
     FrameStatistics statistics_;
 };
 
-Configuration fitting() {
-    Configuration out;
+Parameters fitting() {
+    Parameters out;
     out.features.count = kLimits.features_max;
     out.features.levels = kLimits.pyramid_levels_max;
     return out;
@@ -94,7 +94,7 @@ TEST(FrameEstimator, ChangesNothing) {
 // counts for less. A search that was wide already is not repeated, and its prediction counts as before. (It was, and
 // the deviations were tripled for nothing.)
 TEST(FrameEstimator, AWideSearchIsNotRepeated) {
-    Configuration configuration = fitting();
+    Parameters configuration = fitting();
     configuration.matching.matches_min = kLimits.features_max;  // always too few
     EstimatorRig rig(configuration);
     const RegionContext expected = rig.camera().expect(rig.frame().time_ns, 0, configuration.prediction);
@@ -117,7 +117,7 @@ TEST(FrameEstimator, AWideSearchIsNotRepeated) {
 TEST(FrameEstimator, NothingSeenIsNoEstimate) {
     EstimatorRig rig(fitting());
     CameraState camera = rig.camera();
-    RegionContext elsewhere = camera.expect(rig.frame().time_ns, 0, rig.world().configuration.prediction);
+    RegionContext elsewhere = camera.expect(rig.frame().time_ns, 0, rig.world().parameters.prediction);
     elsewhere.world_from_camera_predicted.translation.z() = 100;  // the map is behind the camera
     const Estimate none = rig.estimator().estimate(camera, elsewhere);
     EXPECT_FALSE(none.is_valid);

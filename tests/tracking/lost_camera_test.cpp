@@ -33,8 +33,8 @@ test::KeptFrame through_a_hole(const test::KeptFrame& whole, std::uint32_t width
 
 // A camera without a vocabulary that has seen nothing for twelve frames: too long for its motion to foretell where it
 // is, and too short to be given up. A quarter of the matches with a keyframe is enough to propose a place.
-Configuration easily_proposed() {
-    Configuration out = test::configuration_of_test();
+Parameters easily_proposed() {
+    Parameters out = test::configuration_of_test();
     out.recovery.matches_min = 8;
     out.recovery.inlier_share_min = 0.2;
     return out;
@@ -61,7 +61,7 @@ TEST(LostCamera, ARefusedPlaceLeavesNothingBehind) {
 // is not tried once more as if nothing were known against it, nor carried on from. (It stayed .23 m away.)
 TEST(LostCamera, APlaceThatTakesTooLongIsLeft) {
     constexpr std::uint32_t kHole = 84;
-    Configuration configuration = easily_proposed();
+    Parameters configuration = easily_proposed();
     configuration.pose.lost_frames_max = 200;
     Lost lost(false, 90, configuration, kDarkFrames);
     const auto off_m = [&lost] {

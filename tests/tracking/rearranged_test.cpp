@@ -112,7 +112,7 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
     model_ = camera.info().model;
     units_per_m_ = camera.info().depth_units_per_m;
     const Limits limits = Limits::room();
-    const Configuration configuration = Configuration::indoor();
+    const Parameters configuration = Parameters();
     ArenaPlan plan;
     World::plan(plan, limits);
     Tracking::plan(plan, limits);

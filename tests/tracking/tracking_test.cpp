@@ -24,8 +24,8 @@ using test::KeptFrame;
 
 constexpr Limits kLimits{320, 240, 4, 300, 12, 1500, 32};
 
-Configuration fitting() {
-    Configuration out;
+Parameters fitting() {
+    Parameters out;
     out.features.count = kLimits.features_max;
     out.features.levels = kLimits.pyramid_levels_max;
     return out;
@@ -34,7 +34,7 @@ Configuration fitting() {
 // Tracking alone, with its map open to the eye.
 class Rig {
 public:
-    explicit Rig(const CameraModel& camera, const Configuration& configuration) : memory_(planned()) {
+    explicit Rig(const CameraModel& camera, const Parameters& configuration) : memory_(planned()) {
         Arena arena(memory_.span());
         world_.create(arena, kLimits, configuration, camera);
         tracking_.create(arena, world_, cpu_kernels(), nullptr);
@@ -80,7 +80,7 @@ std::map<std::uint32_t, Seen> weights_of(const Map& map) {
 TEST(Tracking, WeightsRiseAndFall) {
     for (const auto& [step, max] : {std::pair{1U, 20U}, std::pair{3U, 16U}}) {
         const DrawnScene scene;
-        Configuration configuration = fitting();
+        Parameters configuration = fitting();
         configuration.weights.step = step;
         configuration.weights.max = max;
         configuration.keyframes.tracked_urgent_permille = 300;  // what comes into view is followed soon
@@ -140,7 +140,7 @@ TEST(Tracking, WeightsRiseAndFall) {
 TEST(Tracking, UnsureFramesChangeNoWeight) {
     const DrawnScene scene;
     for (const bool is_enabled : {true, false}) {
-        Configuration configuration = fitting();
+        Parameters configuration = fitting();
         configuration.region.is_enabled = is_enabled;
         if (is_enabled) configuration.pose.sure_inliers_factor = 100;  // nothing is ever sure
         Rig rig(scene.camera(), configuration);
@@ -271,7 +271,7 @@ struct KeyframeLog {
     std::vector<std::uint32_t> frames;
 };
 
-KeyframeLog log_of(const DrawnScene& scene, const Configuration& configuration, std::uint32_t frames) {
+KeyframeLog log_of(const DrawnScene& scene, const Parameters& configuration, std::uint32_t frames) {
     Rig rig(scene.camera(), configuration);
     KeyframeLog log;
     for (std::uint32_t i = 0; i < frames; ++i) {
@@ -311,7 +311,7 @@ TEST(Tracking, KeyframesKeepTheirConditions) {
     DrawnScene scene;
     scene.wall_px_per_frame = 4;  // new wall comes into view quickly
     scene.has_board = false;
-    Configuration configuration = fitting();
+    Parameters configuration = fitting();
     configuration.keyframes.tracked_share_urgent = 0;
     configuration.keyframes.tracked_urgent_permille = 0;
     configuration.keyframes.tracked_share_max = 1.0;
@@ -341,7 +341,7 @@ TEST(Tracking, MatchesAreOneToOne) {
     const DrawnScene scene;
     std::uint32_t matches_of[3] = {};
     for (int variant = 0; variant < 3; ++variant) {
-        Configuration configuration = fitting();
+        Parameters configuration = fitting();
         configuration.matching.hamming_max = variant == 1 ? 4 : 64;
         configuration.matching.ratio_max = variant == 2 ? 0.1 : 0.85;
         Rig rig(scene.camera(), configuration);
@@ -379,7 +379,7 @@ TEST(Tracking, MatchesAreOneToOne) {
 TEST(Tracking, RecoversNoFartherThanACameraGets) {
     DrawnScene scene;
     scene.has_board = false;
-    Configuration configuration = fitting();
+    Parameters configuration = fitting();
     configuration.pose.lost_frames_max = 1;
     for (const bool has_time : {false, true}) {
         Rig rig(scene.camera(), configuration);
@@ -420,7 +420,7 @@ TEST(Tracking, RecoversNoFartherThanACameraGets) {
 TEST(Tracking, WhoIsFoundHasTheDriftOfThePlace) {
     DrawnScene scene;
     scene.has_board = false;
-    Configuration configuration = fitting();
+    Parameters configuration = fitting();
     configuration.pose.lost_frames_max = 1;
     Rig rig(scene.camera(), configuration);
     std::uint32_t now = 0;
@@ -451,7 +451,7 @@ TEST(Tracking, WhoIsFoundHasTheDriftOfThePlace) {
 TEST(Tracking, RecoversNoFartherThanACameraTurns) {
     DrawnScene scene;
     scene.has_board = false;
-    Configuration configuration = fitting();
+    Parameters configuration = fitting();
     configuration.pose.lost_frames_max = 1;
     for (const bool has_time : {false, true}) {
         Rig rig(scene.camera(), configuration);
@@ -495,7 +495,7 @@ TEST(Tracking, RecoversNoFartherThanACameraTurns) {
 TEST(Tracking, TheLagOfDepthIsTheFrames) {
     const test::Sequence sequence = test::rendered("static_rpy", 20, 320, 240);
     const auto hash_of = [&](double configured_s, std::int64_t depth_ns, bool is_absolute) {
-        Configuration configuration = fitting();
+        Parameters configuration = fitting();
         configuration.region.colour_depth_lag_s = configured_s;
         Rig rig(sequence.camera, configuration);
         for (const KeptFrame& kept : sequence.frames) {
@@ -562,7 +562,7 @@ TEST(Tracking, AnUnsureJumpIsDoubtedForASecond) {
             const std::uint32_t jump_px = is_poor ? 10 : 4;
             DrawnScene scene;
             scene.has_board = false;
-            Configuration configuration = fitting();
+            Parameters configuration = fitting();
             configuration.pose.sure_inliers_factor = 12;  // what a third of the picture does not give
             configuration.recovery.reach_m = 10;          // LeapsAreRefused
             Rig rig(scene.camera(), configuration);
@@ -598,7 +598,7 @@ TEST(Tracking, LeapsAreRefused) {
     for (const std::uint32_t jump_px : {0U, 16U}) {
         DrawnScene scene;
         scene.has_board = false;
-        Configuration configuration = fitting();
+        Parameters configuration = fitting();
         configuration.pose.sure_inliers_factor = 12;
         Rig rig(scene.camera(), configuration);
         for (std::uint32_t i = 0; i < kJump + 20; ++i) {
@@ -633,7 +633,7 @@ TEST(Tracking, UnsureStepsLeadNowhere) {
     constexpr std::uint32_t kFirst = 40, kUnsure = 8;
     DrawnScene scene;
     scene.has_board = false;
-    Configuration configuration = fitting();
+    Parameters configuration = fitting();
     configuration.pose.sure_inliers_factor = 12;
     Rig rig(scene.camera(), configuration);
     double farthest_m = 0;
@@ -676,7 +676,7 @@ TEST(Tracking, AnUnsurePoseFollowsFromOneBefore) {
                           Case{0, true, 10 * test::kFrameGap_ns, PoseState::kUnsure}}) {
         DrawnScene scene;
         scene.has_board = false;
-        Configuration configuration = fitting();
+        Parameters configuration = fitting();
         configuration.pose.sure_inliers_factor = 12;
         Rig rig(scene.camera(), configuration);
         std::int64_t time_ns = 0;
