@@ -86,7 +86,6 @@ struct MappingStatistics {
     std::uint64_t adjustment_iterations = 0;
     std::uint64_t observations_found = 0;    // that tracking had missed
     std::uint64_t observations_dropped = 0;  // outliers of an adjustment
-    std::uint64_t points_triangulated = 0;
 };
 // What loop closing and relocalisation have done.
 struct LoopStatistics {

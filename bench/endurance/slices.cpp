@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "engine/mapping/mapping.hpp"
+#include "engine/tracking/tracking.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -23,15 +24,13 @@
 namespace stillmesh {
 namespace {
 
-constexpr const char* kStageNames[] = {"idle",    "cull",   "triangulate", "fuse",      "choose",
-                                       "collect", "adjust", "commit",      "redundant", "evict"};
+constexpr const char* kStageNames[] = {"idle", "cull", "choose", "collect", "adjust", "commit", "redundant", "evict"};
 constexpr std::size_t kStageCount = std::size(kStageNames);
 
 struct Arguments {
     std::string input = "walking_loop:1", limits = "room";
     std::uint32_t frames = 400, copies = 3, gap = 0;
     double max_ms = 1e9, spread = 1e9;
-    bool has_all_stages = false;
 };
 
 double cpu_us() {
@@ -67,7 +66,6 @@ int run(const Arguments& arguments, DepthCamera& camera) {
     const Limits limits = arguments.limits == "pocket" ? Limits::pocket() : Limits::room();
     Parameters configuration = Parameters();
     configuration.features.count = std::min(configuration.features.count, limits.features_max);
-    if (arguments.has_all_stages) configuration.mapping.is_fusing = configuration.mapping.is_triangulating = true;
     if (arguments.gap > 0) {
         configuration.keyframes.tracked_share_max = 1.0;
         configuration.keyframes.new_points_min = 1;
@@ -221,7 +219,6 @@ int main(int argc, char** argv) {
     app.add_option("--frames", arguments.frames)->check(CLI::Range(10U, 1'000'000U))->capture_default_str();
     app.add_option("--copies", arguments.copies, "of the engine")->check(CLI::Range(1U, 16U))->capture_default_str();
     app.add_option("--gap", arguments.gap, "a keyframe every so many frames; 0: as configured")->capture_default_str();
-    app.add_flag("--all-stages", arguments.has_all_stages, "fusion and triangulation, too");
     app.add_option("--limits", arguments.limits)->check(CLI::IsMember({"room", "pocket"}))->capture_default_str();
     app.add_option("--max", arguments.max_ms, "ms, of the longest slice");
     app.add_option("--spread", arguments.spread, "between the time of a stage's unit and the mean");

@@ -3,13 +3,11 @@
 #include <algorithm>
 
 #include "engine/map/eviction.hpp"
-#include "engine/mapping/triangulation.hpp"
 
 namespace stillmesh {
 namespace {
 
 constexpr std::uint32_t kCullChunk = 1024;  // slots in a piece
-constexpr std::uint32_t kFuseChunk = 32;    // points in a piece
 
 }  // namespace
 
@@ -18,11 +16,9 @@ void Mapping::create(Arena& arena, World& world) noexcept {
     const Limits& limits = world.limits;
     window_.create(arena, world);
     fusion_.create(arena, world);
-    // The longest pieces: the commit, which looks at every point; a feature against all of another keyframe; a chunk of
-    // points of which each is fused.
+    // The longest pieces: the commit, which looks at every point, and the choice of the window.
     const std::uint32_t commit = limits.map_points_max / 16 + limits.features_max + 4 * limits.keyframes_max;
-    const std::uint32_t fusing = kFuseChunk * PointFusion::units_max(limits);
-    piece_units_max_ = std::max({commit, fusing, 2 * limits.features_max, LocalAdjustment::kPieceUnitsMax});
+    piece_units_max_ = std::max({commit, 2 * limits.features_max, LocalAdjustment::kPieceUnitsMax});
     reset();
 }
 
@@ -31,7 +27,7 @@ void Mapping::reset() noexcept {
     fusion_.reset();
     keyframe_ = {};
     stage_ = Stage::kIdle;
-    cursor_ = other_ = 0;
+    cursor_ = 0;
     corrections_seen_ = 0;
     neighbour_count_ = 0;
     statistics_ = MappingStatistics{};
@@ -40,7 +36,6 @@ void Mapping::reset() noexcept {
 void Mapping::enter(Stage stage) noexcept {
     stage_ = stage;
     cursor_ = 0;
-    other_ = 0;
     fusion_.forget_target();
 }
 
@@ -70,10 +65,8 @@ Progress Mapping::step(WorkBudget& budget) noexcept {
         switch (stage_) {
             case Stage::kIdle: return Progress::kDone;
             case Stage::kCull: budget.spend(cull()); break;
-            case Stage::kTriangulate: budget.spend(triangulate()); break;
-            case Stage::kFuse: budget.spend(fuse()); break;
             case Stage::kChoose:
-                find_neighbours();
+                budget.spend(find_neighbours());
                 budget.spend(window_.choose(keyframe_, {neighbours_, neighbour_count_}));
                 enter(window_.is_chosen() ? Stage::kCollect : Stage::kRedundant);
                 break;
@@ -116,72 +109,15 @@ void Mapping::heed_correction() noexcept {
 
 std::uint32_t Mapping::cull() noexcept {
     cursor_ = cull_points(world_->map, world_->clock.frame, cursor_, kCullChunk);
-    if (cursor_ == 0) {
-        find_neighbours();
-        enter(Stage::kTriangulate);
-    }
+    if (cursor_ == 0) enter(Stage::kChoose);
     return kCullChunk / 16;
 }
 
-void Mapping::find_neighbours() noexcept {
+std::uint32_t Mapping::find_neighbours() noexcept {
     std::uint32_t best[kNeighboursMax] = {};
     neighbour_count_ = world_->map.best_covisible(keyframe_.slot(), best, world_->parameters.mapping.shared_min);
     for (std::uint32_t i = 0; i < neighbour_count_; ++i) neighbours_[i] = world_->map.keyframes().handle_of(best[i]);
-}
-
-std::uint32_t Mapping::triangulate() noexcept {
-    // One feature with one neighbour a piece; those that need nothing are passed over.
-    const std::span<const Observation> here = world_->map.observations(keyframe_);
-    std::uint32_t passed = 0;
-    const std::uint32_t with =
-        world_->parameters.mapping.is_triangulating ? world_->parameters.mapping.triangulation_keyframes : 0U;
-    while (other_ < std::min(neighbour_count_, with)) {
-        const Handle<Keyframe> other = neighbours_[other_];
-        if (world_->map.keyframes().find(other) != nullptr) {
-            while (cursor_ < here.size()) {
-                const std::uint32_t feature = cursor_++;
-                ++passed;
-                if (here[feature].var_z >= 0 || world_->map.points().find(here[feature].point) != nullptr) continue;
-                const Triangulation made = stillmesh::triangulate(world_->map, keyframe_, feature, other,
-                                                                  world_->parameters, world_->pixel_noise);
-                if (!made.point.is_null()) {
-                    world_->local_map.add(made.point.slot());
-                    ++statistics_.points_triangulated;
-                }
-                return 1 + passed / 16 + made.units;
-            }
-        }
-        cursor_ = 0;
-        ++other_;
-    }
-    enter(Stage::kFuse);
-    return 1 + passed / 16;
-}
-
-std::uint32_t Mapping::fuse() noexcept {
-    // Pairs: the neighbours' points into the new keyframe, then its points into theirs.
-    const std::uint32_t with = world_->parameters.mapping.is_fusing
-                                   ? std::min(neighbour_count_, world_->parameters.mapping.fusion_keyframes)
-                                   : 0U;
-    while (other_ < 2 * with) {
-        const Handle<Keyframe> neighbour = neighbours_[other_ % with];
-        const Handle<Keyframe> source = other_ < with ? neighbour : keyframe_;
-        const Handle<Keyframe> target = other_ < with ? keyframe_ : neighbour;
-        if (world_->map.keyframes().find(neighbour) == nullptr || cursor_ >= world_->map.observations(source).size()) {
-            cursor_ = 0;
-            ++other_;
-            continue;
-        }
-        if (!fusion_.has_target(target)) return 1 + fusion_.set_target(target);
-        const std::span<const Observation> seen = world_->map.observations(source);
-        std::uint32_t units = 1;
-        for (std::uint32_t i = 0; i < kFuseChunk && cursor_ < seen.size(); ++i) {
-            units += fusion_.fuse(seen[cursor_++].point);
-        }
-        return units;
-    }
-    enter(Stage::kChoose);
-    return 1;
+    return 2;
 }
 
 // --- room ------------------------------------------------------------------------------------------------------------

@@ -1,11 +1,9 @@
 // Mapping (paper 2.1, local mapping): what happens to a new keyframe between frames, in slices. Its stages, one after
 // the other, each resumable:
-//   cull         points unseen for a second that move or were hardly ever seen
-//   triangulate  points for features without depth, from the one or two best covisible keyframes
-//   fuse         duplicates, and observations tracking missed, with the best covisible keyframes, both ways
-//   adjust       bundle adjustment of a window around it (local_window.hpp): choose, collect, adjust, commit
-//   redundant    keyframes of the neighbourhood whose points are nearly all seen by three others
-//   evict        room for the next keyframes, ahead of need (the policy stands in engine/map/eviction.hpp)
+//   cull       points unseen for a second that move or were hardly ever seen
+//   adjust     bundle adjustment of a window around it (local_window.hpp): choose, collect, adjust, commit
+//   redundant  keyframes of the neighbourhood whose points are nearly all seen by three others
+//   evict      room for the next keyframes, ahead of need (the policy stands in engine/map/eviction.hpp)
 // Tracking never waits: a keyframe is part of the map when it is made; mapping refines it. The queue is bounded
 // (World::kKeyframeQueueMax): a keyframe beyond it is not refined, and counted as refused.
 // Units: a residual evaluated, 32 descriptors compared, or what takes as long. No piece takes more than
@@ -29,8 +27,6 @@ public:
     enum class Stage : std::uint8_t {
         kIdle,
         kCull,
-        kTriangulate,
-        kFuse,
         kChoose,
         kCollect,
         kAdjust,
@@ -62,8 +58,6 @@ private:
 
     // One piece each: what it does, and the units it took.
     [[nodiscard]] std::uint32_t cull() noexcept;
-    [[nodiscard]] std::uint32_t triangulate() noexcept;
-    [[nodiscard]] std::uint32_t fuse() noexcept;
     [[nodiscard]] std::uint32_t drop_redundant() noexcept;
     [[nodiscard]] std::uint32_t evict() noexcept;
 
@@ -71,7 +65,7 @@ private:
     void heed_correction() noexcept;
     void drop_adjustment() noexcept;
     void enter(Stage stage) noexcept;
-    void find_neighbours() noexcept;
+    [[nodiscard]] std::uint32_t find_neighbours() noexcept;
 
     World* world_ = nullptr;  // outlives it
     LocalWindow window_;
@@ -81,7 +75,6 @@ private:
     Handle<Keyframe> keyframe_;  // at hand
     Stage stage_ = Stage::kIdle;
     std::uint32_t cursor_ = 0;            // in the stage
-    std::uint32_t other_ = 0;             // neighbour, or pair of keyframes
     std::uint64_t corrections_seen_ = 0;  // of the whole map
     std::uint32_t piece_units_max_ = 0;
     MappingStatistics statistics_;

@@ -11,8 +11,6 @@ namespace stillmesh {
 // clang-format off
 // The map in the shadow of tracking (engine/mapping/mapping.hpp).
 #define STILLMESH_TUNING_mapping(KEY) \
-    KEY(mapping, bool, is_fusing, false, 0.0, 1.0, "", "fuse duplicates with neighbours") \
-    KEY(mapping, bool, is_triangulating, false, 0.0, 1.0, "", "points for features without depth") \
     KEY(mapping, bool, is_culling, true, 0.0, 1.0, "", "forget redundant keyframes") \
     KEY(mapping, double, settled_s, 60.0, 0.0, 1e9, "s", "keyframes older than a new one by so much are not moved by its adjustment") \
     KEY(mapping, std::uint32_t, shared_min, 15, 1.0, 4000.0, "", "points a neighbour shares") \
@@ -22,11 +20,6 @@ namespace stillmesh {
     KEY(mapping, double, chi2_max_depth, 7.815, 0.1, 1000.0, "", "the same with depth") \
     KEY(mapping, std::uint32_t, first_iterations_max, 6, 1.0, 100.0, "", "adjustment with outliers") \
     KEY(mapping, std::uint32_t, second_iterations_max, 4, 0.0, 100.0, "", "adjustment without them") \
-    KEY(mapping, double, triangulation_chi2_max, 3.84, 0.1, 1000.0, "", "largest squared distance from the epipolar line") \
-    KEY(mapping, double, parallax_cosine_max, 0.9998, 0.0, 1.0, "", "rays closer to parallel are not triangulated") \
-    KEY(mapping, double, triangulation_sigma_factor, 2.0, 0.1, 100.0, "", "times depth.sigma_max_m is the least sure triangulated point") \
-    KEY(mapping, std::uint32_t, triangulation_keyframes, 2, 0.0, 10.0, "", "neighbours to triangulate with") \
-    KEY(mapping, std::uint32_t, fusion_keyframes, 5, 0.0, 10.0, "", "neighbours to fuse with") \
     KEY(mapping, double, fusion_radius_px, 4.0, 0.1, 100.0, "px", "duplicates are looked for within") \
     KEY(mapping, std::uint32_t, fusion_hamming_max, 50, 0.0, 256.0, "bits", "largest descriptor distance of duplicates") \
     KEY(mapping, double, fusion_scale_factor, 1.6, 1.0, 10.0, "", "off the expected scale") \
