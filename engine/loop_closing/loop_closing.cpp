@@ -269,7 +269,7 @@ std::uint32_t LoopClosing::commit() noexcept {
     const Handle<Keyframe> newest = world_->map.recent_keyframe(0);
     const SE3 before = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
     graph_.move_keyframes();
-    world_->map_correction.move_points(world_->map, [](std::uint32_t, const MapPoint&, Vector3&) { return false; });
+    world_->map_correction.move_points(world_->map);
     world_->follow_correction();
     const SE3 after = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
     statistics_.last_correction_m = length(after.translation - before.translation);

@@ -4,12 +4,6 @@
 
 namespace stillmesh {
 
-SE3 correction_between(const SE3& now, const SE3& before) noexcept {
-    SE3 out = now * before.inverse();
-    renormalise(out.rotation);
-    return out;
-}
-
 void move_point(MapPoint& point, const SE3& world_from_world) noexcept {
     store(world_from_world * vector_of(point.world), point.world);
     store(world_from_world * vector_of(point.anchor), point.anchor);
@@ -25,13 +19,19 @@ void MapCorrection::begin() noexcept {
     std::fill(corrections_.begin(), corrections_.end(), Correction{});
 }
 
-void MapCorrection::correct(Map& map, Handle<Keyframe> handle, const SE3& world_from_camera,
-                            const SE3& world_from_world) noexcept {
-    Keyframe* const keyframe = map.keyframes().find(handle);
-    STILLMESH_CHECK(keyframe != nullptr);
-    keyframe->world_from_camera = world_from_camera;
-    corrections_[handle.slot()].world_from_world = world_from_world;
-    corrections_[handle.slot()].is_any = true;
+void MapCorrection::correct(Map& map, Handle<Keyframe> handle, const SE3& before, const SE3& now) noexcept {
+    STILLMESH_CHECK(map.keyframes().find(handle) != nullptr);
+    SE3 correction = now * before.inverse();
+    renormalise(correction.rotation);
+    move(map, handle.slot(), correction);
+}
+
+void MapCorrection::move(Map& map, std::uint32_t slot, const SE3& world_from_world) noexcept {
+    SE3& pose = map.keyframes().at(slot).world_from_camera;
+    pose = world_from_world * pose;
+    renormalise(pose.rotation);
+    corrections_[slot] = {world_from_world, true};
+    for (int i = 0; i < 3; ++i) map.note_change(pose.translation(i));
 }
 
 // What it goes along with: the nearest ancestor that was corrected, unless one that stays comes before it.
@@ -59,11 +59,7 @@ void MapCorrection::follow(Map& map, std::uint64_t first_frame) noexcept {
         if (next == slots) return;
         from_frame = keyframes.at(next).frame + 1;
         const SE3* const correction = inherited(map, next, first_frame);
-        if (correction == nullptr) continue;
-        SE3 pose = *correction * keyframes.at(next).world_from_camera;
-        renormalise(pose.rotation);
-        correct(map, keyframes.handle_of(next), pose, *correction);
-        for (int i = 0; i < 3; ++i) map.note_change(pose.translation(i));
+        if (correction != nullptr) move(map, next, *correction);
     }
 }
 

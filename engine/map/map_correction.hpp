@@ -16,9 +16,6 @@
 
 namespace stillmesh {
 
-// New from old world coordinates, for what moved from one pose to another.
-[[nodiscard]] SE3 correction_between(const SE3& now, const SE3& before) noexcept;
-
 // All of a point that lies in the world: where it is, where it was first seen, and how both move with the readout.
 void move_point(MapPoint& point, const SE3& world_from_world) noexcept;
 
@@ -31,14 +28,18 @@ public:
 
     // Nothing is corrected.
     void begin() noexcept;
-    // A live keyframe lies at `world_from_camera` from now on; what follows it moves by `world_from_world`, new from
-    // old.
-    void correct(Map& map, Handle<Keyframe> handle, const SE3& world_from_camera, const SE3& world_from_world) noexcept;
+    // A live keyframe that lay at `before` when the problem was made should have lain at `now`: it moves by as much
+    // from where it lies, so that what was learnt of the readout meanwhile stays.
+    void correct(Map& map, Handle<Keyframe> handle, const SE3& before, const SE3& now) noexcept;
     // The other keyframes go along with their nearest corrected ancestor. Those of frames before `first_frame` stay,
     // and what hangs below them.
     void follow(Map& map, std::uint64_t first_frame) noexcept;
-    // Every point goes with its reference keyframe; one without, with the newest. `place(slot, point, world)` may say
-    // better where a point is: it is asked before the point moves, fills `world` and returns true.
+    // Every point goes with its reference keyframe; one without, with the newest.
+    void move_points(Map& map) const noexcept {
+        move_points(map, [](std::uint32_t, const MapPoint&, Vector3&) { return false; });
+    }
+    // `place(slot, point, world)` may say better where a point is: it is asked before the point moves, fills `world`
+    // and returns true.
     template <typename Place>
     void move_points(Map& map, Place&& place) const noexcept {
         const SE3* const of_camera = of_newest(map);
@@ -66,6 +67,7 @@ private:
         SE3 world_from_world;  // new from old
         bool is_any = false;
     };
+    void move(Map& map, std::uint32_t slot, const SE3& world_from_world) noexcept;
     [[nodiscard]] const SE3* inherited(const Map& map, std::uint32_t slot, std::uint64_t first_frame) const noexcept;
 
     std::span<Correction> corrections_;  // by keyframe slot
@@ -92,11 +94,7 @@ public:
         correction.begin();
         for (std::uint32_t slot = 0; slot < entries_.size(); ++slot) {
             if (map.keyframes().find(handle(slot)) == nullptr) continue;
-            const SE3 world_from_world = correction_between(solver.pose(number(slot)), entries_[slot].before);
-            SE3 now = world_from_world * map.keyframes().at(slot).world_from_camera;
-            renormalise(now.rotation);
-            correction.correct(map, handle(slot), now, world_from_world);
-            for (int i = 0; i < 3; ++i) map.note_change(now.translation(i));
+            correction.correct(map, handle(slot), entries_[slot].before, solver.pose(number(slot)));
         }
         correction.follow(map, 0);
     }

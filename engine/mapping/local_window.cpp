@@ -58,7 +58,6 @@ std::uint32_t LocalWindow::choose(Handle<Keyframe> keyframe, std::span<const Han
     adjustment_.begin();
     keyframe_count_ = point_count_ = observation_count_ = 0;
     cursor_ = 0;
-    readout_s_ = world_->map.readout_s();
     std::uint32_t units = take_in(keyframe, false);
     const std::uint32_t free_max = std::min(sizes(world_->limits).free_keyframes_max, p.window_keyframes);
     const std::int64_t settled_ns =
@@ -194,15 +193,14 @@ std::uint32_t LocalWindow::commit(MappingStatistics& statistics) noexcept {
     const AdjustmentSummary& summary = adjustment_.summary();
     statistics.adjustment_iterations += summary.iterations;
     if (summary.outcome != AdjustmentOutcome::kUnchanged) {
-        correct_keyframes();
-        correct_points();
+        correct_map();
         statistics.observations_dropped += drop_outliers();
     }
     forget_points();
     return world_->limits.map_points_max / 16 + observation_count_ / 8;
 }
 
-void LocalWindow::correct_keyframes() noexcept {
+void LocalWindow::correct_map() noexcept {
     Map& map = world_->map;
     MapCorrection& correction = world_->map_correction;
     correction.begin();
@@ -212,35 +210,18 @@ void LocalWindow::correct_keyframes() noexcept {
         const Keyframe* const keyframe = map.keyframes().find(in.handle);
         if (keyframe == nullptr) continue;
         newest = std::max(newest, keyframe->frame);
-        if (in.is_fixed) continue;
-        const SE3& pose = adjustment_.pose(k);
-        // What was learnt of the readout meanwhile stays.
-        const SE3 now = pose * se3_exp(keyframe->pose_by_readout * (map.readout_s() - readout_s_));
-        correction.correct(map, in.handle, now, correction_between(pose, in.world_from_camera));
-        for (int i = 0; i < 3; ++i) map.note_change(pose.translation(i));
+        if (!in.is_fixed) correction.correct(map, in.handle, in.world_from_camera, adjustment_.pose(k));
     }
     correction.follow(map, newest + 1);
     if (const SE3* const of_camera = correction.of_newest(map); of_camera != nullptr) world_->move_camera(*of_camera);
-}
-
-void LocalWindow::correct_points() noexcept {
-    Pool<MapPoint>& points = world_->map.points();
-    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
-        if (!points.is_taken(slot)) continue;
-        MapPoint& point = points.at(slot);
-        const SE3* const correction =
-            point.reference.is_null() ? nullptr : world_->map_correction.of(point.reference.slot());
-        const WindowPoint* const in = find(points.handle_of(slot));
-        if (in != nullptr && !point.is_suspect && adjustment_.is_point_used(index_[slot] - 1)) {
-            // What tracking has learnt meanwhile stays.
-            const Vector3 learnt = vector_of(point.world) - vector_of(in->world);
-            store(adjustment_.point(index_[slot] - 1) + learnt, point.world);
-            for (const double w : point.world) world_->map.note_change(w);
-        } else if (correction != nullptr) {
-            store(*correction * vector_of(point.world), point.world);
-        }
-        if (correction != nullptr) store(*correction * vector_of(point.anchor), point.anchor);
-    }
+    correction.move_points(map, [this](std::uint32_t slot, const MapPoint& point, Vector3& world) {
+        const WindowPoint* const in = find(world_->map.points().handle_of(slot));
+        if (in == nullptr || point.is_suspect || !adjustment_.is_point_used(index_[slot] - 1)) return false;
+        // What tracking has learnt meanwhile stays.
+        world = adjustment_.point(index_[slot] - 1) + (vector_of(point.world) - vector_of(in->world));
+        for (int i = 0; i < 3; ++i) world_->map.note_change(world(i));
+        return true;
+    });
 }
 
 // Observations that fit nowhere end; how many did.

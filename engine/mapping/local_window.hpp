@@ -75,8 +75,7 @@ private:
     void forget_points() noexcept;
     // Of a point by slot; nullptr: it is not in the window.
     [[nodiscard]] const WindowPoint* find(Handle<MapPoint> point) const noexcept;
-    void correct_keyframes() noexcept;
-    void correct_points() noexcept;
+    void correct_map() noexcept;
     [[nodiscard]] std::uint32_t drop_outliers() noexcept;
 
     World* world_ = nullptr;  // outlives it
@@ -86,7 +85,6 @@ private:
     std::span<WindowObservation> observations_;
     std::span<std::uint32_t> index_;   // by point slot: its number in the window + 1
     std::span<std::uint16_t> counts_;  // by keyframe slot: observations of points of the window
-    double readout_s_ = 0;             // of the map, when the window was chosen
     std::uint32_t keyframe_count_ = 0, free_count_ = 0;
     std::uint32_t point_count_ = 0;
     std::uint32_t newest_point_count_ = 0;  // that the keyframe at hand sees

@@ -68,10 +68,7 @@ public:
         return static_cast<std::size_t>(std::find(handles.begin(), handles.end(), handle) - handles.begin());
     }
     // Gives keyframe i a new pose.
-    void correct(std::size_t i) {
-        const SE3 now = some_motion(random, 3);
-        correction->correct(*map, handles[i], now, correction_between(now, before[i]));
-    }
+    void correct(std::size_t i) { correction->correct(*map, handles[i], before[i], some_motion(random, 3)); }
     // What keyframe i has to move by, said by the tree alone.
     [[nodiscard]] std::optional<SE3> expected(std::size_t i, const std::vector<bool>& is_given,
                                               std::uint64_t first_frame) {
@@ -174,7 +171,7 @@ TEST(MapCorrection, OlderChildrenGoAlong) {
         SE3 moved;
         moved.translation.y() = 5;
         correction->begin();
-        correction->correct(*map, root, moved, moved);
+        correction->correct(*map, root, SE3{}, moved);
         correction->follow(*map, 0);
         for (const Handle<Keyframe> handle : {root, newer, child}) {
             EXPECT_EQ(map->keyframes().find(handle)->world_from_camera.translation.y(), 5)
@@ -259,6 +256,18 @@ TEST(MapCorrection, APointMayBeKnownBetter) {
         const Vector3 better = vector_of(rig.points_before[slot].world) + aside;
         EXPECT_EQ(vector_of(point.world), slot % 2 == 0 ? better : vector_of(followed.world));
     }
+}
+
+// Promise: what was learnt of a keyframe since its problem was made stays: it moves by the difference that the solution
+// makes, from where it lies by now.
+TEST(MapCorrection, WhatWasLearntMeanwhileStays) {
+    RandomMap rig(5);
+    const SE3 learnt = some_motion(rig.random, 0.01);
+    rig.keyframe(2).world_from_camera = rig.before[2] * learnt;
+    const SE3 now = some_motion(rig.random, 3);
+    rig.correction->begin();
+    rig.correction->correct(*rig.map, rig.handles[2], rig.before[2], now);
+    EXPECT_LT(distance(rig.pose(rig.handles[2]), now * learnt), 1e-12);
 }
 
 // Promise: begin() forgets the correction before, and a map without keyframes has none.

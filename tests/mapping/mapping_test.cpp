@@ -156,6 +156,48 @@ TEST(Mapping, AFewPointsMoveNoCamera) {
     EXPECT_GE(held, 3U);
 }
 
+// Promise: an adjustment bends nothing: where a point's reference keyframe is turned, what the readout does to the
+// point and to its anchor turns with it.
+TEST(Mapping, WhatTheReadoutDoesTurnsWithTheKeyframe) {
+    const Limits limits = limits_of(8, 300);
+    Configuration configuration = fitting(limits);
+    configuration.mapping.is_fusing = configuration.mapping.is_triangulating = false;
+    Rig rig(sequence().camera, limits, configuration);
+    Map& map = rig.world().map;
+    struct Before {
+        Handle<MapPoint> point;
+        Handle<Keyframe> reference;
+        Matrix3 rotation;
+    };
+    const Vector3 by_readout(0.2, -0.1, 0.3);
+    std::uint32_t turned = 0;
+    for (const test::KeptFrame& kept : sequence().frames) {
+        rig.tracking().track(kept.frame());
+        if (rig.world().keyframe_queue.is_empty()) continue;
+        std::vector<Before> before;
+        for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
+            if (!map.points().is_taken(slot) || map.points().at(slot).reference.is_null()) continue;
+            MapPoint& point = map.points().at(slot);
+            store(by_readout, point.world_by_readout);
+            store(by_readout, point.anchor_by_readout);
+            const Matrix3 rotation = map.keyframes().find(point.reference)->world_from_camera.rotation;
+            before.push_back({map.points().handle_of(slot), point.reference, rotation});
+        }
+        rig.work(1'000'000);
+        for (const Before& was : before) {
+            const MapPoint* const point = map.points().find(was.point);
+            const Keyframe* const keyframe = map.keyframes().find(was.reference);
+            if (point == nullptr || keyframe == nullptr || !(point->reference == was.reference)) continue;
+            const Matrix3 turn = keyframe->world_from_camera.rotation * was.rotation.transpose();
+            turned += rotation_angle(turn) > 1e-4 ? 1U : 0U;
+            const Vector3 expected = turn * by_readout;
+            ASSERT_LT((vector_of(point->world_by_readout) - expected).norm(), 1e-6);
+            ASSERT_LT((vector_of(point->anchor_by_readout) - expected).norm(), 1e-6);
+        }
+    }
+    EXPECT_GT(turned, 100U);
+}
+
 // Promise: an adjustment counts as dropped when it had been started, not when its keyframe leaves the map, or the whole
 // map is corrected, before; then nothing of it is left behind.
 TEST(Mapping, OnlyWhatWasStartedIsDropped) {
