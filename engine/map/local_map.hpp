@@ -1,11 +1,11 @@
 // The part of the map that a camera may see: the keyframes that share points with the last frame, their best covisible
 // neighbours and the neighbours of those, and keyframes with a near viewpoint; and the map's points within the camera's
-// view, whoever observes them: keyframes that share most are the newest, and without the points that only old ones
-// observe the map would drift. Where there are too many, those of the local keyframes come first. Tracking projects
-// these alone, so that its time does not grow with the map. Limits: kKeyframesMax keyframes (at most half of the pool:
-// something must remain that may be evicted) and local_points_max points. Cost of build(): one look at every keyframe's
-// pose and at every point, and at the features of the local keyframes where there are too many points; of count():
-// matches times observers.
+// view, whichever keyframe observes them: keyframes that share most are the newest, and without the points that only
+// old ones observe the map would drift. Where there are too many, those of the local keyframes come first. Tracking
+// projects these alone, so that its time does not grow with the map. Limits: kKeyframesMax keyframes (at most half of
+// the pool: something must remain that may be evicted) and local_points_max points. Cost of build(): one look at every
+// keyframe's pose and at every point, and at the features of the local keyframes where there are too many points; of
+// count(): matches times observers.
 #pragma once
 
 #include <cstdint>
@@ -39,9 +39,9 @@ public:
     // What was counted, put aside and taken back: for a place that is tried.
     void keep_counts() noexcept;
     void restore_counts() noexcept;
-    // Who observes most of them; null: nobody observes any.
+    // The keyframe that observes most of them; null: none observes any.
     [[nodiscard]] Handle<Keyframe> reference(const Map& map) const noexcept;
-    // Whoever observes a part (useful_factor) of what the reference does is useful.
+    // Keyframes that observe a part (useful_factor) of what the reference does are useful.
     void note_useful(Map& map, std::uint64_t frame) const noexcept;
 
     // Whether the list is out of date: the map's newest keyframe or the reference changed, or the camera moved on.

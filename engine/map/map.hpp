@@ -40,7 +40,7 @@ struct MapPoint {
     std::int64_t created_ns = 0;
     std::int64_t anchor_ns = 0;
     float agreed_way_m = 0;       // the odometer's, when a frame last saw it where it is (engine/tracking/odometry.hpp)
-    Handle<Keyframe> reference;   // whose corrections it follows; null only while nobody observes it
+    Handle<Keyframe> reference;   // whose corrections it follows; null only while no keyframe observes it
     float angle_rad = 0;          // of its feature, (-pi, pi]
     std::uint16_t seen = 0;       // frames that matched it
     std::uint16_t observers = 0;  // keyframes that observe it
@@ -142,15 +142,15 @@ public:
     // --- keyframes
     // Null: the pool is full, and nothing changed.
     [[nodiscard]] Handle<Keyframe> add_keyframe() noexcept;
-    // The keyframe must be alive; its points that nobody else observes go with it, children get their best covisible
+    // The keyframe must be alive; its points that no other observes go with it, children get their best covisible
     // surviving keyframe as parent. Cost: its features, and the keyframes.
     void release_keyframe(Handle<Keyframe> keyframe) noexcept;
     // The i-th newest keyframe, 0 is the newest; null when there are not so many.
     [[nodiscard]] Handle<Keyframe> recent_keyframe(std::uint32_t i) const noexcept;
-    // Parent of a new keyframe: of the older ones who shares most with it, the newest of equals.
+    // Parent of a new keyframe: of the older ones that which shares most with it, the newest of equals.
     void attach(Handle<Keyframe> keyframe) noexcept;
-    // Parent of one that comes back from a store, without children: who shares most with it, the nearest in time of
-    // equals. The oldest of all becomes the root: where it lies is where the map began.
+    // Parent of one that comes back from a store, without children: that which shares most with it, the nearest in time
+    // of equals. The oldest of all becomes the root: where it lies is where the map began.
     void attach_returned(Handle<Keyframe> keyframe) noexcept;
 
     // --- observations
@@ -161,11 +161,11 @@ public:
     // Lets feature `index` of a live keyframe show a live point. False: another feature of it does, or it shows a live
     // point already; nothing changed.
     bool link(Handle<Keyframe> keyframe, std::uint32_t index, Handle<MapPoint> point) noexcept;
-    // One more look, from near by, at what a feature with depth shows: where it lies in the keyframe's camera, m. The
-    // keyframe's measurement is the mean of the looks, a sliding one beyond map.looks_max of them. Nothing happens
-    // when the feature does not show `point` any more, or the keyframe is gone.
+    // One more measurement, from near by, of what a feature with depth shows: where it lies in the keyframe's camera,
+    // m. The keyframe's measurement is the mean of them, a sliding one beyond map.looks_max. Nothing happens when the
+    // feature does not show `point` any more, or the keyframe is gone.
     void average(Handle<Keyframe> handle, std::uint32_t index, Handle<MapPoint> point, const Vector3& look) noexcept;
-    // The feature shows nothing any more; a point without observers stays until somebody releases it.
+    // The feature shows nothing any more; a point without observers stays until it is released.
     void unlink(Handle<Keyframe> keyframe, std::uint32_t index) noexcept;
     [[nodiscard]] bool is_observed_by(std::uint32_t point_slot, std::uint32_t keyframe_slot) const noexcept {
         return (observers_[point_slot * words_ + keyframe_slot / 64] >> (keyframe_slot % 64) & 1U) != 0;

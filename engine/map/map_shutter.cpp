@@ -43,7 +43,7 @@ bool Map::carry_observations(Handle<Keyframe> handle, std::uint32_t image_height
     for (int i = 0; i < 3; ++i) turning(i) = 0;
     for (Observation& o : observations_of(handle.slot())) {
         const double row = static_cast<double>(o.y) / static_cast<double>(image_height) - 0.5;
-        // How far away it is nobody may know: turned only.
+        // Without depth it is turned only.
         const bool has_depth = o.var_z >= 0;
         const double z = has_depth ? static_cast<double>(o.z_m) : 1.0;
         const Vector3 seen(static_cast<double>(o.normalised_x) * z, static_cast<double>(o.normalised_y) * z, z);
