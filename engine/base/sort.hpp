@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <utility>
 
@@ -31,6 +32,18 @@ constexpr void sort(std::span<T> items, IsBefore is_before) noexcept {
 template <typename T>
 constexpr void sort(std::span<T> items) noexcept {
     sort(items, [](const T& a, const T& b) { return a < b; });
+}
+
+// Puts an item among the `count` best so far, which lie in order: behind all that it does not come before. Of more than
+// there is room for the last falls out.
+template <typename T, typename IsBefore>
+constexpr void keep_best(std::span<T> best, std::uint32_t& count, const T& item, IsBefore is_before) noexcept {
+    std::uint32_t at = count;
+    while (at > 0 && is_before(item, best[at - 1])) --at;
+    if (at >= best.size()) return;
+    if (count < best.size()) ++count;
+    for (std::uint32_t i = count - 1; i > at; --i) best[i] = best[i - 1];
+    best[at] = item;
 }
 
 }  // namespace stillmesh

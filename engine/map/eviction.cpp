@@ -142,13 +142,8 @@ bool evict_keyframe(Map& map, std::span<const std::uint8_t> spared) noexcept {
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
         if (!keyframes.is_taken(slot) || slot == newest.slot()) continue;
         if (slot < spared.size() && spared[slot] != 0) continue;
-        const std::uint64_t useful = keyframes.at(slot).last_useful_frame;
-        std::uint32_t at = count;
-        while (at > 0 && oldest[at - 1].useful > useful) --at;
-        if (at >= kCrowdedCandidates) continue;
-        if (count < kCrowdedCandidates) ++count;
-        for (std::uint32_t i = count - 1; i > at; --i) oldest[i] = oldest[i - 1];
-        oldest[at] = {useful, slot};
+        keep_best(std::span<Candidate>(oldest), count, Candidate{keyframes.at(slot).last_useful_frame, slot},
+                  [](const Candidate& a, const Candidate& b) { return a.useful < b.useful; });
     }
     if (count == 0) return false;
     // Of the two nearest to each other the newer goes, so that a way is thinned out evenly and the map keeps what it

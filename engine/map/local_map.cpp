@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/base/sort.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -125,12 +127,8 @@ void LocalMap::choose_keyframes(const Map& map, const SE3& world_from_camera) no
     std::uint32_t sharing_count = 0;
     for (std::uint32_t slot = 0; slot < counts_.size(); ++slot) {
         if (counts_[slot] == 0 || !keyframes.is_taken(slot)) continue;
-        std::uint32_t at = sharing_count;
-        while (at > 0 && counts_[sharing[at - 1]] < counts_[slot]) --at;
-        if (at >= sharing_max) continue;
-        if (sharing_count < sharing_max) ++sharing_count;
-        for (std::uint32_t i = sharing_count - 1; i > at; --i) sharing[i] = sharing[i - 1];
-        sharing[at] = slot;
+        keep_best(std::span(sharing).first(sharing_max), sharing_count, slot,
+                  [this](std::uint32_t a, std::uint32_t b) { return counts_[a] > counts_[b]; });
     }
     // Those with a near viewpoint, nearest first.
     struct Near {
@@ -147,13 +145,8 @@ void LocalMap::choose_keyframes(const Map& map, const SE3& world_from_camera) no
         const Vector3 axis_there = pose.rotation.col(2);
         const double cosine = axis.dot(axis_there);
         if (away > p.near_m * p.near_m || cosine < p.near_cosine_min) continue;
-        const double distance = away + p.turn_m2 * (1.0 - cosine);
-        std::uint32_t at = near_count;
-        while (at > 0 && near[at - 1].distance > distance) --at;
-        if (at >= near_max) continue;
-        if (near_count < near_max) ++near_count;
-        for (std::uint32_t i = near_count - 1; i > at; --i) near[i] = near[i - 1];
-        near[at] = {distance, slot};
+        keep_best(std::span(near).first(near_max), near_count, Near{away + p.turn_m2 * (1.0 - cosine), slot},
+                  [](const Near& a, const Near& b) { return a.distance < b.distance; });
     }
     // In turns, so that each kind gets its part of a small pool.
     for (std::uint32_t i = 0; i < std::max(sharing_max, near_max); ++i) {

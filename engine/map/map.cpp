@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "engine/base/sort.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -174,14 +176,9 @@ std::uint32_t Map::best_covisible(std::uint32_t slot, std::span<std::uint32_t> b
                                   std::uint32_t shared_min) const noexcept {
     std::uint32_t count = 0;
     for (std::uint32_t other = 0; other < keyframes_.slots_count(); ++other) {
-        const std::uint32_t weight = shared(slot, other);
-        if (weight < shared_min || weight == 0) continue;
-        std::uint32_t at = count;
-        while (at > 0 && shared(slot, best[at - 1]) < weight) --at;
-        if (at >= best.size()) continue;
-        if (count < best.size()) ++count;
-        for (std::uint32_t i = count - 1; i > at; --i) best[i] = best[i - 1];
-        best[at] = other;
+        if (shared(slot, other) < std::max(shared_min, 1U)) continue;
+        keep_best(best, count, other,
+                  [&](std::uint32_t a, std::uint32_t b) { return shared(slot, a) > shared(slot, b); });
     }
     return count;
 }

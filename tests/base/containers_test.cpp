@@ -22,6 +22,25 @@ struct alignas(kArenaAlignment) Block {
     std::byte bytes[1 << 12];
 };
 
+// Promise: of any sequence the best are kept in order, equal ones in the order they came, as a stable sort would.
+TEST(KeepBest, KeepsWhatAStableSortPutsFirst) {
+    Random random(4);
+    struct Item {
+        std::uint32_t key = 0, number = 0;
+    };
+    const auto is_before = [](const Item& a, const Item& b) { return a.key < b.key; };
+    for (int round = 0; round < 500; ++round) {
+        std::vector<Item> items(random.below(20));
+        for (std::uint32_t i = 0; i < items.size(); ++i) items[i] = {random.below(8), i};
+        std::vector<Item> best(random.below(8));
+        std::uint32_t count = 0;
+        for (const Item& item : items) keep_best(std::span(best), count, item, is_before);
+        std::stable_sort(items.begin(), items.end(), is_before);
+        ASSERT_EQ(count, std::min(items.size(), best.size()));
+        for (std::uint32_t i = 0; i < count; ++i) ASSERT_EQ(best[i].number, items[i].number) << round;
+    }
+}
+
 // Promise: sorts what std::sort sorts, every order of up to seven elements and random ones, ascending or by any order.
 TEST(Sort, EqualsTheLibrarys) {
     for (int n = 0; n <= 7; ++n) {
