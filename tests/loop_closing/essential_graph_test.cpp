@@ -1,0 +1,169 @@
+#include "engine/loop_closing/essential_graph.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "tests/support/memory.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::uint32_t kKeyframes = 21;
+constexpr std::uint64_t kApart_frames = 20;
+constexpr double kStep_m = 0.2;
+constexpr double kOff_m = 0.3;  // what the loop says that the way was too long
+
+Limits limits_of_test() {
+    Limits limits = Limits::tiny();
+    limits.keyframes_max = 24;
+    limits.features_max = 100;
+    return limits;
+}
+
+Configuration configuration_of_test() {
+    Configuration out;
+    out.loop.gap_frames = 100;
+    return out;
+}
+
+// A straight way along x, each keyframe the child of the one before it; none shares points unless a test says so.
+class Way {
+public:
+    Way() : memory_(planned_bytes()) {
+        Arena arena(memory_.span());
+        world.create(arena, limits_of_test(), configuration_of_test(),
+                     {.width = 160, .height = 120, .fx = 130, .fy = 130});
+        graph.create(arena, world, limits_of_test().keyframes_max);
+        EXPECT_EQ(arena.used_bytes(), memory_.span().size());
+        for (std::uint32_t i = 0; i < kKeyframes; ++i) {
+            const Handle<Keyframe> handle = world.map.add_keyframe();
+            Keyframe& keyframe = *world.map.keyframes().find(handle);
+            keyframe.frame = kApart_frames * i;
+            keyframe.world_from_camera.translation.x() = kStep_m * i;
+            if (i > 0) keyframe.parent = handles.back();
+            handles.push_back(handle);
+        }
+    }
+    void share(std::uint32_t a, std::uint32_t b, std::uint32_t points) {
+        for (std::uint32_t i = 0; i < points; ++i) {
+            Observation seen;
+            seen.point = world.map.add_point().value();
+            world.map.add_observation(handles[a], seen);
+            world.map.add_observation(handles[b], seen);
+        }
+        ASSERT_EQ(world.map.find_fault(), nullptr);
+    }
+    // The last keyframe was measured to lie nearer to the first.
+    void add_loop() {
+        SE3 first_from_last;
+        first_from_last.translation.x() = kStep_m * (kKeyframes - 1) - kOff_m;
+        graph.add_loop(handles.front(), handles.back(), first_from_last);
+    }
+    void solve(std::uint64_t settled_end = 0) {
+        const std::uint32_t units = graph.build(settled_end);
+        EXPECT_GT(units, 0U);
+        EXPECT_LE(units, EssentialGraph::build_units_max(limits_of_test()));
+        WorkBudget budget(10'000'000);
+        ASSERT_EQ(graph.step(budget), Progress::kDone);
+        graph.move_keyframes();
+    }
+    // How far keyframe i has moved, along x.
+    [[nodiscard]] double moved_m(std::uint32_t i) {
+        return world.map.keyframes().find(handles[i])->world_from_camera.translation.x() - kStep_m * i;
+    }
+
+    World world;
+    EssentialGraph graph;
+    std::vector<Handle<Keyframe>> handles;
+
+private:
+    static std::size_t planned_bytes() {
+        ArenaPlan plan;
+        World::plan(plan, limits_of_test());
+        EssentialGraph::plan(plan, limits_of_test().keyframes_max);
+        return plan.used_bytes();
+    }
+    test::Memory memory_;
+};
+
+// Promise: without a loop all edges say what is, and nothing moves.
+TEST(EssentialGraph, WithoutALoopNothingMoves) {
+    Way way;
+    way.share(3, 7, 30);
+    way.solve();
+    for (std::uint32_t i = 0; i < kKeyframes; ++i) EXPECT_NEAR(way.moved_m(i), 0, 1e-12) << i;
+}
+
+// Promise: a loop is spread over the way evenly, as a chain of equal springs spreads it, the first keyframe stays, and
+// the loop, which is measured with care, is nearly kept.
+TEST(EssentialGraph, ALoopIsSpreadOverTheWay) {
+    Way way;
+    way.add_loop();
+    way.solve();
+    EXPECT_EQ(way.moved_m(0), 0);
+    const double edge_m2 = 0.01 * 0.01 / 0.2;  // the least share that counts
+    const double loop_m2 = 0.005 * 0.005;
+    const double all_m2 = (kKeyframes - 1) * edge_m2 + loop_m2;
+    for (std::uint32_t i = 1; i < kKeyframes; ++i) {
+        EXPECT_NEAR(way.moved_m(i), -kOff_m * i * edge_m2 / all_m2, 1e-5) << i;
+    }
+}
+
+// Promise: keyframes that share many points hold together more than those that share few.
+TEST(EssentialGraph, WhatSharesMuchHoldsTogether) {
+    Way way;
+    way.share(5, 6, 60);
+    way.add_loop();
+    way.solve();
+    const double usual_m = way.moved_m(10) - way.moved_m(11);
+    EXPECT_NEAR((way.moved_m(5) - way.moved_m(6)) / usual_m, 0.2 / 0.6, 0.01);
+}
+
+// Promise: what keyframes share across a long time counts where a loop was closed before, and not otherwise; across a
+// short time always.
+TEST(EssentialGraph, OldViewsCountOnceALoopWasClosed) {
+    const auto between_m = [](std::uint32_t a, std::uint32_t b, std::uint64_t settled_end) {
+        Way way;
+        way.share(a, b, 60);
+        way.add_loop();
+        way.solve(settled_end);
+        return (way.moved_m(a) - way.moved_m(b)) / (b - a);
+    };
+    const double all_m = kOff_m / (kKeyframes - 1);
+    EXPECT_NEAR(between_m(4, 14, 0), all_m, 0.02 * all_m) << "does not count";
+    EXPECT_NEAR(between_m(4, 14, 14 * kApart_frames), all_m, 0.02 * all_m) << "14 is not settled yet";
+    EXPECT_LT(between_m(4, 14, 14 * kApart_frames + 1), 0.5 * all_m);
+    EXPECT_LT(between_m(4, 7, 0), 0.7 * all_m);
+}
+
+// Promise: a loop whose keyframe has left is none; more loops than are remembered forget the oldest; reset() forgets
+// all; a child that is older than its parent is taken in.
+TEST(EssentialGraph, LoopsAreForgotten) {
+    Way way;
+    way.add_loop();
+    way.world.map.release_keyframe(way.handles.back());
+    way.solve();
+    for (std::uint32_t i = 0; i + 1 < kKeyframes; ++i) EXPECT_NEAR(way.moved_m(i), 0, 1e-12) << i;
+
+    Way many;
+    many.add_loop();
+    for (std::uint32_t i = 0; i < EssentialGraph::loops_max(limits_of_test().keyframes_max); ++i) {
+        SE3 as_it_is;
+        as_it_is.translation.x() = kStep_m;
+        many.graph.add_loop(many.handles[3], many.handles[4], as_it_is);
+    }
+    many.solve();
+    EXPECT_NEAR(many.moved_m(kKeyframes - 1), 0, 1e-9);
+
+    Way again;
+    again.add_loop();
+    again.graph.reset();
+    again.world.map.keyframes().find(again.handles[8])->frame = 1000;  // newer than its children
+    again.solve();
+    EXPECT_NEAR(again.moved_m(kKeyframes - 1), 0, 1e-9);
+}
+
+}  // namespace
+}  // namespace stillmesh

@@ -1,0 +1,378 @@
+// The halves of paging without a camera: keyframes put into the map by hand, and a store that a test can look into.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "engine/paging/map_store.hpp"
+#include "engine/paging/paging_state.hpp"
+#include "engine/paging/region.hpp"
+#include "engine/paging/region_keeper.hpp"
+#include "engine/paging/region_return.hpp"
+#include "tests/recognition/places.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::uint32_t kFeatures = 40;
+
+Limits limits_of_test() {
+    Limits limits = Limits::tiny();
+    limits.keyframes_max = 20;
+    limits.map_points_max = 1000;
+    limits.features_max = 100;
+    limits.store_features_max = 100;
+    return limits;
+}
+
+Configuration configuration_of_test() {
+    Configuration out;
+    out.store.points_min = 20;
+    out.store.gap_frames = 10;
+    out.store.rest_frames = 50;
+    out.store.pause_frames = 5;
+    out.store.patience_frames = 20;
+    return out;
+}
+
+// Keeps what it is given and answers every question with the region it was told to.
+class OneRegion final : public MapStore {
+public:
+    struct Kept {
+        std::uint64_t id = 0;
+        std::vector<std::byte> body;
+    };
+    std::vector<Kept> kept;
+    std::vector<StoreQuestion> questions;
+    std::vector<std::vector<std::uint64_t>> without;
+    std::vector<std::uint64_t> used;
+    std::size_t answer = 0;
+    bool is_full = false, is_mute = false;
+
+    [[nodiscard]] Status keep(const LeavingRegion& region) noexcept override {
+        if (is_full) return Status::kFull;
+        kept.push_back({region.id, {region.body.begin(), region.body.end()}});
+        return Status::kOk;
+    }
+    [[nodiscard]] Status ask(const StoreQuestion& question) noexcept override {
+        questions.push_back(question);
+        without.emplace_back(question.without.begin(), question.without.end());
+        return Status::kOk;
+    }
+    [[nodiscard]] Status poll(StoreAnswer& out, std::span<std::byte> body) noexcept override {
+        if (is_mute) return Status::kTimedOut;
+        out.question = questions.back().number;
+        out.id = kept[answer].id;
+        out.size_bytes = kept[answer].body.size();
+        std::memcpy(body.data(), kept[answer].body.data(), out.size_bytes);
+        return Status::kOk;
+    }
+    void note_use(std::uint64_t id) noexcept override { used.push_back(id); }
+};
+
+class Rig {
+public:
+    Rig() : places(limits_of_test(), configuration_of_test()), memory_(planned_bytes()) {
+        Arena arena(memory_.span());
+        state.create(arena, places.world, places.places, &store);
+        keeper.create(arena, state);
+        returns.create(arena, state);
+        EXPECT_EQ(arena.used_bytes(), memory_.span().size());
+        state.reset();
+        keeper.reset();
+        returns.reset();
+    }
+    // At x, with points of its own.
+    Handle<Keyframe> add_keyframe(std::uint64_t frame, double x_m, std::uint32_t features = kFeatures) {
+        const Handle<Keyframe> handle = places.map().add_keyframe();
+        Keyframe& keyframe = places.at(handle);
+        keyframe.frame = frame;
+        keyframe.world_from_camera.translation.x() = x_m;
+        for (std::uint32_t i = 0; i < features; ++i) {
+            const Observation seen = places.seen_at(10 + 2 * i, 20 + (7 * i) % 80, 1.5 + 0.01 * i);
+            add_feature(handle, seen, places.add_point(keyframe.world_from_camera, seen, some_descriptor()));
+        }
+        places.map().attach(handle);
+        return handle;
+    }
+    void add_feature(Handle<Keyframe> handle, Observation seen, Handle<MapPoint> point) {
+        seen.point = point;
+        places.map().add_observation(handle, seen, places.map().points().find(point)->descriptor);
+    }
+    [[nodiscard]] World& world() { return places.world; }
+    [[nodiscard]] Map& map() { return places.map(); }
+    // A question goes out and a region comes back in.
+    void take_back() {
+        EXPECT_GT(returns.query(), 0U);
+        EXPECT_GT(returns.receive(), 0U);
+        while (returns.stage() != RegionReturn::Stage::kIdle) {
+            const std::uint32_t units = returns.piece();
+            EXPECT_GT(units, 0U);
+            EXPECT_LE(units, returns.piece_units_max());
+        }
+        EXPECT_EQ(map().find_fault(), nullptr) << map().find_fault();
+    }
+    [[nodiscard]] Handle<Keyframe> of_frame(std::uint64_t frame) {
+        for (std::uint32_t i = 0; i < map().keyframes().size(); ++i) {
+            if (places.at(map().recent_keyframe(i)).frame == frame) return map().recent_keyframe(i);
+        }
+        return {};
+    }
+
+    OneRegion store;
+    test::Places places;
+    PagingState state;
+    RegionKeeper keeper;
+    RegionReturn returns;
+
+private:
+    static std::size_t planned_bytes() {
+        ArenaPlan plan;
+        PagingState::plan(plan, limits_of_test());
+        RegionKeeper::plan(plan, limits_of_test());
+        RegionReturn::plan(plan, limits_of_test());
+        return plan.used_bytes();
+    }
+    [[nodiscard]] Descriptor some_descriptor() { return test::random_descriptor(random_); }
+    test::Memory memory_;
+    Random random_{9};
+};
+
+// Promise: what left the map follows each loop that was closed since by the share of the loop's way that lay before it:
+// nothing before the way, all behind it, half in the middle; a loop before it left does not move it; loops add up.
+TEST(PagingState, WhatIsOutsideFollowsTheLoops) {
+    Rig rig;
+    SE3 aside;
+    aside.translation.y() = 2;
+    const auto close_loop = [&](std::uint64_t at_frame, std::uint64_t from, std::uint64_t to) {
+        rig.world().clock.frame = at_frame;
+        ++rig.world().loops_closed;
+        rig.world().last_loop = {from, to, aside};
+        rig.state.note_correction();
+        rig.state.note_correction();  // once
+    };
+    rig.world().clock.frame = 250;
+    const std::uint64_t before = rig.state.moment();
+    close_loop(300, 100, 200);
+    const std::uint64_t between = rig.state.moment();
+    EXPECT_GT(between, before);
+    const auto moved_m = [&](std::uint64_t left_at, std::uint64_t frame) {
+        return rig.state.correction_since(left_at, frame).translation.y();
+    };
+    for (const auto& [frame, expected_m] :
+         {std::pair{50U, 0.0}, {100U, 0.0}, {150U, 1.0}, {175U, 1.5}, {200U, 2.0}, {290U, 2.0}}) {
+        EXPECT_NEAR(moved_m(before, frame), expected_m, 1e-12) << frame;
+        EXPECT_EQ(moved_m(between, frame), 0) << frame;
+    }
+    close_loop(400, 0, 300);
+    EXPECT_NEAR(moved_m(before, 150), 1.0 + 1.0, 1e-12);
+    EXPECT_NEAR(moved_m(between, 150), 1.0, 1e-12);
+    EXPECT_EQ(rig.state.statistics.corrections, 2U);
+    for (std::uint64_t i = 0; i < PagingState::kCorrectionsMax; ++i) close_loop(500 + i, 450, 460);
+    EXPECT_EQ(moved_m(before, 300), 0) << "only so many are remembered";
+    rig.state.reset();
+    EXPECT_EQ(moved_m(before, 500), 0);
+}
+
+// Promise: a keyframe is kept once, the oldest first; not what sees the same as one that was kept, nor what has few
+// points; once more when the map has moved it.
+TEST(RegionKeeper, KeepsEachPlaceOnce) {
+    Rig rig;
+    rig.world().clock.frame = 100;
+    static_cast<void>(rig.add_keyframe(30, 3));
+    static_cast<void>(rig.add_keyframe(10, 1));
+    static_cast<void>(rig.add_keyframe(20, 1.01));  // as 10
+    static_cast<void>(rig.add_keyframe(40, 5, 10));
+    for (int i = 0; i < 4; ++i) {
+        const std::uint32_t units = rig.keeper.keep_next(true);
+        EXPECT_GT(units, 0U);
+        EXPECT_LE(units, rig.keeper.keep_units_max() + limits_of_test().keyframes_max);
+    }
+    EXPECT_EQ(rig.keeper.keep_next(true), 0U) << "nothing waits";
+    ASSERT_EQ(rig.store.kept.size(), 2U);
+    EXPECT_EQ(rig.store.kept[0].id, 10U);
+    EXPECT_EQ(rig.store.kept[1].id, 30U);
+    EXPECT_EQ(rig.state.statistics.kept, 2U);
+    EXPECT_EQ(rig.state.statistics.known, 1U);
+    EXPECT_EQ(rig.state.statistics.poor, 1U);
+    rig.places.at(rig.of_frame(30)).world_from_camera.translation.x() += 1;
+    EXPECT_GT(rig.keeper.keep_next(true), 0U);
+    EXPECT_EQ(rig.keeper.keep_next(true), 0U);
+    ASSERT_EQ(rig.store.kept.size(), 3U);
+    EXPECT_EQ(rig.store.kept[2].id, 30U);
+}
+
+// Promise: while the map lives, what is in view, the newest keyframe, and what has no words yet wait.
+TEST(RegionKeeper, WaitsUntilAKeyframeIsOutOfView) {
+    Rig rig;
+    rig.world().clock.frame = 100;
+    const Handle<Keyframe> first = rig.add_keyframe(10, 1);
+    static_cast<void>(rig.add_keyframe(90, 50));
+    EXPECT_EQ(rig.keeper.keep_next(false), 0U) << "no words";
+    rig.places.look_up(first);
+    rig.world().local_map.build(rig.map(), rig.places.at(first).world_from_camera);
+    EXPECT_EQ(rig.keeper.keep_next(false), 0U) << "in view";
+    SE3 far;
+    far.translation.x() = 50;
+    rig.world().local_map.build(rig.map(), far);
+    EXPECT_GT(rig.keeper.keep_next(false), 0U);
+    ASSERT_EQ(rig.store.kept.size(), 1U);
+    EXPECT_EQ(rig.store.kept[0].id, 10U);
+    EXPECT_EQ(rig.keeper.keep_next(false), 0U) << "the newest";
+}
+
+// Promise: a store without room is asked again after the next frame, or when it is told to, not before.
+TEST(RegionKeeper, TriesAgainWhatWasRefused) {
+    Rig rig;
+    rig.world().clock.frame = 100;
+    static_cast<void>(rig.add_keyframe(10, 1));
+    rig.store.is_full = true;
+    EXPECT_GT(rig.keeper.keep_next(true), 0U);
+    EXPECT_TRUE(rig.keeper.was_refused());
+    EXPECT_EQ(rig.keeper.keep_next(true), 0U);
+    rig.store.is_full = false;
+    EXPECT_EQ(rig.keeper.keep_next(true), 0U) << "in this frame";
+    ++rig.world().clock.frame;
+    EXPECT_GT(rig.keeper.keep_next(true), 0U);
+    EXPECT_EQ(rig.store.kept.size(), 1U);
+    EXPECT_EQ(rig.state.statistics.refused, 1U);
+}
+
+// A map of a keyframe that was kept and has left, and of two later ones that share points with each other.
+struct Left : Rig {
+    Left() {
+        world().clock.frame = 100;
+        const Handle<Keyframe> gone = add_keyframe(10, 1);
+        before =
+            map().observations(gone).empty() ? MapPoint{} : *map().points().find(map().observations(gone)[0].point);
+        EXPECT_GT(keeper.keep_next(true), 0U);
+        const Handle<Keyframe> last = add_keyframe(80, 20);
+        const Handle<Keyframe> newest = add_keyframe(90, 20.5, 0);
+        for (const Observation& o : map().observations(last)) add_feature(newest, o, o.point);
+        map().release_keyframe(gone);
+        places.look_up(last);
+        places.look_up(newest);
+        EXPECT_TRUE(of_frame(10).is_null());
+    }
+    // The point that looks like `before`.
+    [[nodiscard]] const MapPoint& same_point(Handle<Keyframe> keyframe) {
+        for (const Observation& o : map().observations(keyframe)) {
+            const MapPoint& point = *map().points().find(o.point);
+            if (point.descriptor == before.descriptor) return point;
+        }
+        ADD_FAILURE() << "it did not come back";
+        return before;
+    }
+    MapPoint before;  // the first of its points
+};
+
+// Promise: a region comes back where it lay, with its points and its words, and is kept already; it rests afterwards.
+TEST(RegionReturn, APlaceComesBackWhereItLay) {
+    Left rig;
+    const std::size_t points = rig.map().points().size();
+    rig.take_back();
+    const Handle<Keyframe> back = rig.of_frame(10);
+    ASSERT_FALSE(back.is_null());
+    EXPECT_EQ(rig.places.at(back).world_from_camera.translation, Vector3(1, 0, 0));
+    EXPECT_EQ(rig.map().points().size(), points + kFeatures);
+    EXPECT_EQ(rig.state.statistics.points_made, kFeatures);
+    const MapPoint& point = rig.same_point(back);
+    EXPECT_LT((vector_of(point.world) - vector_of(rig.before.world)).norm(), 1e-9);
+    EXPECT_EQ(point.seen, rig.before.seen);
+    EXPECT_TRUE(rig.places.places.has(back));
+    ASSERT_EQ(rig.store.questions.size(), 1U);
+    EXPECT_EQ(rig.store.questions[0].older_than, 80U) << "ten frames before the newest";
+    EXPECT_EQ(rig.store.without[0].size(), 2U) << "what is in the map";
+    EXPECT_FALSE(rig.returns.may_query()) << "it pauses";
+    rig.world().clock.frame += configuration_of_test().store.pause_frames;
+    EXPECT_TRUE(rig.returns.may_query());
+    // Tracking sees it: the store hears of it once.
+    rig.keeper.note_useful();
+    EXPECT_TRUE(rig.store.used.empty());
+    rig.places.at(back).last_useful_frame = rig.world().clock.frame + 1;
+    rig.keeper.note_useful();
+    rig.keeper.note_useful();
+    EXPECT_EQ(rig.store.used, std::vector<std::uint64_t>{10});
+}
+
+// Promise: after a loop it lies where the loop says, its points beside it, and what the readout does to them turns; it
+// is kept once more.
+TEST(RegionReturn, ALoopMovesWhatWasOutside) {
+    Left rig;
+    const SE3 moved = se3_exp((Vector6() << 0.5, 1, 0, 0, 0.7, 0).finished());
+    ++rig.world().loops_closed;
+    rig.world().clock.frame = 120;
+    rig.world().last_loop = {0, 5, moved};
+    rig.state.note_correction();
+    rig.take_back();
+    const Handle<Keyframe> back = rig.of_frame(10);
+    ASSERT_FALSE(back.is_null());
+    EXPECT_LT((rig.places.at(back).world_from_camera.translation - moved * Vector3(1, 0, 0)).norm(), 1e-12);
+    const MapPoint& point = rig.same_point(back);
+    EXPECT_LT((vector_of(point.world) - moved * vector_of(rig.before.world)).norm(), 1e-9);
+    EXPECT_LT((vector_of(point.anchor) - moved * vector_of(rig.before.anchor)).norm(), 1e-9);
+    const std::size_t kept = rig.store.kept.size();
+    while (rig.keeper.keep_next(true) > 0) {
+    }
+    EXPECT_EQ(std::count_if(rig.store.kept.begin() + static_cast<std::ptrdiff_t>(kept), rig.store.kept.end(),
+                            [](const OneRegion::Kept& one) { return one.id == 10; }),
+              1);
+}
+
+// Promise: what is still in the map is not made twice, unless it lies somewhere else; a region that is in the map, is
+// damaged, or finds no room leaves the map as it was and rests.
+TEST(RegionReturn, NothingIsMadeTwice) {
+    Rig rig;
+    rig.world().clock.frame = 100;
+    const Handle<Keyframe> gone = rig.add_keyframe(10, 1);
+    EXPECT_GT(rig.keeper.keep_next(true), 0U);
+    const Handle<Keyframe> newest = rig.add_keyframe(90, 20, 0);
+    std::uint32_t shared = 0;
+    for (const Observation& o : rig.map().observations(gone)) {
+        if (shared++ < 30) rig.add_feature(newest, o, o.point);
+    }
+    rig.places.look_up(gone);
+    rig.places.look_up(newest);
+    rig.take_back();
+    EXPECT_EQ(rig.state.statistics.damaged, 1U) << "it is there";
+    rig.world().clock.frame += 60;
+    rig.map().release_keyframe(gone);
+    const Handle<MapPoint> elsewhere = rig.map().observations(newest)[3].point;
+    rig.map().points().find(elsewhere)->world[1] += 2;
+    const Handle<Keyframe> asking = rig.add_keyframe(150, 20.5, 0);
+    for (const Observation& o : rig.map().observations(newest)) rig.add_feature(asking, o, o.point);
+    rig.places.look_up(asking);
+    rig.take_back();
+    EXPECT_EQ(rig.state.statistics.points_known, 29U);
+    EXPECT_EQ(rig.state.statistics.points_made, kFeatures - 29);
+    ASSERT_FALSE(rig.of_frame(10).is_null());
+    EXPECT_TRUE(rig.map().is_observed_by(rig.map().observations(newest)[0].point.slot(), rig.of_frame(10).slot()));
+}
+
+// Promise: an answer that does not come is given up after a while, and a spoilt one is counted; both leave nothing.
+TEST(RegionReturn, TheStoreMayFail) {
+    Left mute;
+    mute.store.is_mute = true;
+    EXPECT_GT(mute.returns.query(), 0U);
+    EXPECT_EQ(mute.returns.receive(), 0U);
+    EXPECT_FALSE(mute.returns.may_query());
+    mute.world().clock.frame += configuration_of_test().store.patience_frames + 1;
+    EXPECT_EQ(mute.returns.receive(), 0U);
+    EXPECT_EQ(mute.state.statistics.late, 1U);
+    EXPECT_TRUE(mute.returns.may_query());
+
+    Left spoilt;
+    spoilt.store.kept[0].body[20] ^= std::byte{1};
+    spoilt.store.kept[0].body.pop_back();
+    const std::uint64_t before = spoilt.map().changes_hash();
+    spoilt.take_back();
+    EXPECT_EQ(spoilt.state.statistics.damaged, 1U);
+    EXPECT_EQ(spoilt.map().changes_hash(), before);
+    EXPECT_TRUE(spoilt.of_frame(10).is_null());
+}
+
+}  // namespace
+}  // namespace stillmesh
