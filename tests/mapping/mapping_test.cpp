@@ -160,9 +160,7 @@ TEST(Mapping, AFewPointsMoveNoCamera) {
 // point and to its anchor turns with it.
 TEST(Mapping, WhatTheReadoutDoesTurnsWithTheKeyframe) {
     const Limits limits = limits_of(8, 300);
-    Configuration configuration = fitting(limits);
-    configuration.mapping.is_fusing = configuration.mapping.is_triangulating = false;
-    Rig rig(sequence().camera, limits, configuration);
+    Rig rig(sequence().camera, limits, fitting(limits));
     Map& map = rig.world().map;
     struct Before {
         Handle<MapPoint> point;
