@@ -22,8 +22,8 @@ Limits limits_of_test() {
     return limits;
 }
 
-Configuration configuration_of_test() {
-    Configuration out;
+Parameters configuration_of_test() {
+    Parameters out;
     out.loop.gap_frames = 100;
     return out;
 }

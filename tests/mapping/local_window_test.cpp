@@ -18,7 +18,7 @@ constexpr std::uint32_t kKeyframes = 12;
 // A way with the drift of odometry in it, and a window around its newest keyframe.
 class Rig {
 public:
-    explicit Rig(const Configuration& configuration = test::configuration_of_ring())
+    explicit Rig(const Parameters& configuration = test::configuration_of_ring())
         : ring(std::make_unique<Ring>(configuration)), memory_(planned_bytes()) {
         Arena arena(memory_.span());
         window.create(arena, ring->world());
@@ -110,7 +110,7 @@ TEST(LocalWindow, WhatIsNewerGoesAlong) {
 
 // Promise: keyframes of an earlier visit hold still; where all of a window would move, the oldest holds.
 TEST(LocalWindow, TheWorldIsHeld) {
-    Configuration configuration = test::configuration_of_ring();
+    Parameters configuration = test::configuration_of_ring();
     configuration.mapping.settled_s = 2.5;
     Rig settled(configuration);
     std::vector<SE3> poses;
@@ -138,7 +138,7 @@ TEST(LocalWindow, TheWorldIsHeld) {
 
 // Promise: a keyframe that sees too few points of the map is not adjusted, nor is any when it is switched off.
 TEST(LocalWindow, FewPointsAreNotEnough) {
-    Configuration configuration = test::configuration_of_ring();
+    Parameters configuration = test::configuration_of_ring();
     configuration.mapping.adjusted_points_min = 1000;
     Rig few(configuration);
     EXPECT_GT(few.choose(), 0U);

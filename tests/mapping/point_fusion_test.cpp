@@ -22,7 +22,7 @@ Limits limits_of_test() {
 // little aside, saw at the same place of the wall.
 class Rig {
 public:
-    Rig() : places(limits_of_test(), Configuration{}), memory_(planned_bytes()) {
+    Rig() : places(limits_of_test(), Parameters{}), memory_(planned_bytes()) {
         Arena arena(memory_.span());
         fusion.create(arena, places.world);
         Random random(2);

@@ -24,7 +24,7 @@ Limits limits_of_test() {
 // A keyframe at a place, and a query of the same features from a camera that stands aside and is turned.
 class Verification {
 public:
-    Verification() : rig(limits_of_test(), Configuration{}) {
+    Verification() : rig(limits_of_test(), Parameters{}) {
         Vector6 xi;
         xi << 0.1, -0.05, 0.08, 0.02, -0.03, 0.05;
         place_from_query_ = se3_exp(xi);
@@ -140,7 +140,7 @@ TEST(PlaceVerifier, NamesWhyNot) {
     }
     corner.query = kept;
     corner.descriptors = descriptors;
-    corner.rig.world.configuration.loop.spread_min = 0.5;
+    corner.rig.world.parameters.loop.spread_min = 0.5;
     EXPECT_EQ(corner.verify(), Refusal::kNotSpread);
 
     Verification gone;

@@ -15,7 +15,7 @@ namespace stillmesh::test {
 
 class Places {
 public:
-    explicit Places(const Limits& limits, const Configuration& configuration)
+    explicit Places(const Limits& limits, const Parameters& configuration)
         : bytes_(vocabulary_bytes({.branching = 6, .levels = 3, .leaf_percent = 0, .seed = 3})),
           memory_(planned_bytes(limits)) {
         const char* sentence = nullptr;
@@ -28,7 +28,7 @@ public:
                                     .cx = 0.5 * limits.image_width_max,
                                     .cy = 0.5 * limits.image_height_max};
         world.create(arena, limits, configuration, camera);
-        places.create(arena, limits, world.configuration, world.camera, vocabulary_);
+        places.create(arena, limits, world.parameters, world.camera, vocabulary_);
     }
     [[nodiscard]] Map& map() { return world.map; }
     [[nodiscard]] Keyframe& at(Handle<Keyframe> handle) { return *map().keyframes().find(handle); }
@@ -61,7 +61,7 @@ public:
     }
     // As loop closing does: its words, the query with them, and into the database.
     void look_up(Handle<Keyframe> keyframe) {
-        places.find_words(map(), keyframe, world.configuration, places.words());
+        places.find_words(map(), keyframe, world.parameters, places.words());
         places.purge(map());
         places.query().begin(places.database(), places.words().bag());
         WorkBudget budget(1'000'000);
