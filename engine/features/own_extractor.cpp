@@ -34,11 +34,13 @@ std::size_t own_extractor_bytes(const Limits& limits) noexcept {
 }
 
 Result<OwnExtractor> create_own_extractor(std::span<std::byte> block, const Limits& limits,
-                                          const FeatureParameters& parameters, const Kernels& kernels) noexcept {
+                                          const FeatureKeys& parameters, const Kernels& kernels) noexcept {
+    FeatureParameters all;
+    static_cast<FeatureKeys&>(all) = parameters;
     if (block.size() < own_extractor_bytes(limits)) return Status::kFull;
     Arena arena(block);
     Parts& parts = arena.array<Parts>(1)[0];
-    parts.extractor.create(arena, limits, orb_options(parameters), kernels);
+    parts.extractor.create(arena, limits, orb_options(all), kernels);
     parts.features.create(arena, limits.features_max);
     arena.seal();
     return OwnExtractor{&parts.extractor, &parts.features};

@@ -50,7 +50,7 @@ public:
 private:
     TrainingSet& set_;
     Limits limits_;
-    FeatureParameters parameters_;
+    FeatureKeys parameters_;
     MemoryBlock block_;
     OwnExtractor own_;
 };

@@ -279,7 +279,8 @@ TEST_F(Rerun, BadConfigurations) {
         {"--set limits.image_width_max=4000", {"'limits.image_width_max'", "4000", "64 to 2047"}},
         {"--set limits.keyframes_max=6",
          {"'mapping.window_keyframes' = 10", "more than limits.keyframes_max", "2 to 6"}},
-        {"--set matching.radius_wide_px=5", {"'matching.radius_wide_px' = 5", "below matching.radius_px", "12 to 400"}},
+        {"--set features.fast_threshold_low=30",
+         {"'features.fast_threshold_low' = 30", "above features.fast_threshold", "1 to 20"}},
         {"--set mapping.window_keyframes=0", {"'mapping.window_keyframes'", "0", "2 to 12"}},
         {"--set weights.start=30", {"'weights.start' = 30", "above weights.max", "0 to 20"}},
     };
