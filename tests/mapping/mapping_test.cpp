@@ -203,7 +203,7 @@ TEST(Mapping, OnlyWhatWasStartedIsDropped) {
     for (const bool is_corrected : {false, true}) {
         std::uint32_t before_start = 0, after_start = 0;
         for (const Stage until :
-             {Stage::kTriangulate, Stage::kChoose, Stage::kCollect, Stage::kAdjust, Stage::kCommit}) {
+             {Stage::kChoose, Stage::kCollect, Stage::kAdjust, Stage::kCommit}) {
             const Limits limits = limits_of(8, 300);
             Rig rig(sequence().camera, limits, fitting(limits));
             Map& map = rig.world().map;

@@ -28,8 +28,8 @@ Limits limits_of_test() {
     return limits;
 }
 
-Configuration configuration_of_test() {
-    Configuration out;
+Parameters configuration_of_test() {
+    Parameters out;
     out.store.points_min = 20;
     out.store.gap_frames = 10;
     out.store.rest_frames = 50;
