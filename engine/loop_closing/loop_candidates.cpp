@@ -1,6 +1,7 @@
 #include "engine/loop_closing/loop_candidates.hpp"
 
 #include <algorithm>
+#include <cstddef>
 
 namespace stillmesh {
 
@@ -25,11 +26,12 @@ bool LoopCandidates::is_near(Handle<Keyframe> a, Handle<Keyframe> b) const noexc
 bool LoopCandidates::is_consistent(Handle<Keyframe> place) const noexcept {
     const std::uint32_t consistency = world_->parameters.loop.consistency;
     if (history_count_ < consistency) return false;
-    return std::all_of(history_.begin(), history_.begin() + consistency, [&](const Places& places) {
-        return std::any_of(places.keyframes, places.keyframes + places.count, [&](Handle<Keyframe> before) {
-            return world_->map.keyframes().find(before) != nullptr && is_near(before, place);
+    return std::all_of(
+        history_.begin(), history_.begin() + static_cast<std::ptrdiff_t>(consistency), [&](const Places& places) {
+            return std::any_of(places.keyframes, places.keyframes + places.count, [&](Handle<Keyframe> before) {
+                return world_->map.keyframes().find(before) != nullptr && is_near(before, place);
+            });
         });
-    });
 }
 
 // Of each group of places the best, which came first.
