@@ -1,0 +1,205 @@
+#include "engine/tracking/pose_confidence.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+
+#include "tests/support/synthetic.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::int64_t kFrame_ns = 33'333'333;
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+Matrix6 information_of(double sigma_m, double sigma_rad) {
+    Matrix6 out = Matrix6::Zero();
+    for (int i = 0; i < 6; ++i) out(i, i) = i < 3 ? 1 / (sigma_m * sigma_m) : 1 / (sigma_rad * sigma_rad);
+    return out;
+}
+
+// Symmetric and positive definite, its inverse well below a metre.
+Matrix6 random_information(Random& random) {
+    Matrix6 root;
+    for (int i = 0; i < 6; ++i) {
+        for (int j = 0; j < 6; ++j) root(i, j) = random.normal();
+    }
+    Matrix6 out = root * root.transpose();
+    for (int i = 0; i < 6; ++i) out(i, i) += 1;
+    return out * 1e5;
+}
+
+double largest(const Matrix6& m) {
+    return m.cwiseAbs().maxCoeff();
+}
+
+class Confidence : public testing::Test {
+protected:
+    Confidence() { start({}); }
+    void start(const Parameters& configuration) {
+        confidence_ = PoseConfidence{};
+        confidence_.create(configuration);
+        confidence_.reset();
+    }
+    PoseConfidence confidence_;
+};
+
+// Promise: without drift of the map the covariance is the inverse of what the frame measured, wherever the camera is.
+TEST_F(Confidence, IsWhatTheFrameMeasured) {
+    Random random(1);
+    for (int round = 0; round < 20; ++round) {
+        const Matrix6 information = random_information(random);
+        ASSERT_TRUE(confidence_.measured(round * kFrame_ns, test::random_motion(random, 5, 2), information));
+        EXPECT_LT(largest(information * confidence_.covariance() - Matrix6::Identity()), 1e-9);
+    }
+}
+
+// Promise: information that is singular, or not that of a pose, measures nothing and changes nothing.
+TEST_F(Confidence, SingularMeasuresNothing) {
+    Random random(2);
+    ASSERT_TRUE(confidence_.measured(0, SE3{}, random_information(random)));
+    const Matrix6 before = confidence_.covariance();
+    Matrix6 singular = information_of(0.01, 0.01);
+    singular(2, 2) = 0;
+    EXPECT_FALSE(confidence_.measured(kFrame_ns, SE3{}, singular));
+    EXPECT_FALSE(confidence_.measured(kFrame_ns, SE3{}, Matrix6::Zero()));
+    EXPECT_FALSE(confidence_.measured(kFrame_ns, SE3{}, information_of(0.01, 0.01) * -1.0));
+    EXPECT_FALSE(confidence_.measured(kFrame_ns, SE3{}, information_of(std::nan(""), 0.01)));
+    EXPECT_EQ(largest(confidence_.covariance() - before), 0);
+    EXPECT_TRUE(confidence_.is_motion_sure());
+}
+
+// Promise: a keyframe that renews a share of the map leaves that share of the covariance it was measured with in the
+// map, once; seen from another camera it is carried there by the adjoint. The sum stays symmetric and positive, and
+// only grows.
+TEST_F(Confidence, DriftGrowsWithWhatIsRenewed) {
+    Random random(3);
+    Matrix6 map = Matrix6::Zero();  // left increments
+    for (int round = 0; round < 30; ++round) {
+        const SE3 pose = test::random_motion(random, 3, 2);
+        const Matrix6 information = random_information(random);
+        Matrix6 measured;
+        ASSERT_TRUE(invert_spd(information, measured));
+        const double share = round % 3 == 0 ? random.uniform() : 0;
+        if (share > 0) confidence_.set_renewed_share(share);
+        ASSERT_TRUE(confidence_.measured(round * kFrame_ns, pose, information));
+        const Matrix6 to_world = se3_adjoint(pose);
+        map += to_world * measured * to_world.transpose() * share;
+        const Matrix6 to_camera = se3_adjoint(pose.inverse());
+        const Matrix6 expected = to_camera * map * to_camera.transpose() + measured;
+        const Matrix6& covariance = confidence_.covariance();
+        EXPECT_LT(largest(covariance - expected), 1e-9 * largest(expected)) << round;
+        EXPECT_LT(largest(covariance - covariance.transpose()), 1e-12 * largest(covariance));
+        Matrix6 inverse, grown = covariance - measured * (1 - 1e-9);
+        EXPECT_TRUE(invert_spd(covariance, inverse));
+        EXPECT_TRUE(invert_spd(grown, inverse)) << "never surer than this frame alone";
+    }
+}
+
+// Promise: a map that is begun, or entered, has not drifted; what a keyframe renewed before counts no more.
+TEST_F(Confidence, BeginsWithoutDrift) {
+    const Matrix6 information = information_of(0.01, 0.02);
+    Matrix6 measured;
+    ASSERT_TRUE(invert_spd(information, measured));
+    for (const bool is_entered : {true, false}) {
+        confidence_.set_renewed_share(1);
+        ASSERT_TRUE(confidence_.measured(0, SE3{}, information));
+        EXPECT_GT(largest(confidence_.covariance() - measured), 0.9 * largest(measured));
+        confidence_.set_renewed_share(1);
+        is_entered ? confidence_.begin_in_map() : confidence_.begin_at_origin();
+        ASSERT_TRUE(confidence_.measured(kFrame_ns, SE3{}, information));
+        EXPECT_LT(largest(confidence_.covariance() - measured), 1e-12);
+    }
+    confidence_.set_renewed_share(1);
+    confidence_.reset();
+    EXPECT_EQ(largest(confidence_.covariance()), 0);
+    ASSERT_TRUE(confidence_.measured(2 * kFrame_ns, SE3{}, information));
+    EXPECT_LT(largest(confidence_.covariance() - measured), 1e-12);
+}
+
+// Promise: the motion is sure up to sure_sigma_m and sure_sigma_rad, all axes together, and not beyond.
+TEST_F(Confidence, SureUpToTheThresholds) {
+    Parameters configuration;
+    for (const double sure_m : {0.01, 0.03}) {
+        for (const double sure_rad : {0.02, 0.05}) {
+            configuration.pose.sure_sigma_m = sure_m;
+            configuration.pose.sure_sigma_rad = sure_rad;
+            const auto is_sure = [&](double share_m, double share_rad) {
+                start(configuration);
+                // Three axes make a deviation sqrt(3) times one axis'.
+                EXPECT_TRUE(confidence_.measured(
+                    0, SE3{},
+                    information_of(share_m * sure_m / std::sqrt(3.0), share_rad * sure_rad / std::sqrt(3.0))));
+                return confidence_.is_motion_sure();
+            };
+            EXPECT_TRUE(is_sure(0.999, 0.999));
+            EXPECT_FALSE(is_sure(1.001, 0.5));
+            EXPECT_FALSE(is_sure(0.5, 1.001));
+        }
+    }
+}
+
+// Promise: what keyframes renewed during the last second adds to the doubt, and is forgotten after it.
+TEST_F(Confidence, DoubtLastsASecond) {
+    Parameters configuration;
+    configuration.pose.sure_sigma_m = 0.03;
+    configuration.pose.sure_sigma_rad = 1;
+    start(configuration);
+    const double sigma_m = 0.02 / std::sqrt(3.0);  // twice its variance is within the threshold, thrice is not
+    const auto measure = [&](std::int64_t time_ns, double share) {
+        confidence_.set_renewed_share(share);
+        EXPECT_TRUE(confidence_.measured(time_ns, SE3{}, information_of(sigma_m, 0.001)));
+        return confidence_.is_motion_sure();
+    };
+    EXPECT_TRUE(measure(kSecond, 0));
+    EXPECT_TRUE(measure(kSecond + kFrame_ns, 1)) << "this frame's variance, and what it put into the map";
+    EXPECT_FALSE(measure(kSecond + 2 * kFrame_ns, 1));
+    EXPECT_FALSE(measure(kSecond + 3 * kFrame_ns, 0));
+    EXPECT_FALSE(measure(2 * kSecond, 0));
+    EXPECT_TRUE(measure(2 * kSecond + 4 * kFrame_ns, 0));
+    EXPECT_TRUE(measure(2 * kSecond + 5 * kFrame_ns, 1));
+    EXPECT_FALSE(measure(2 * kSecond + 6 * kFrame_ns, 1));
+    confidence_.reset();
+    EXPECT_TRUE(confidence_.is_motion_sure());
+    EXPECT_TRUE(measure(2 * kSecond + 7 * kFrame_ns, 1)) << "and with all else";
+}
+
+// Promise: a jump is doubted by what is beyond jump_sigmas of what was expected, translation and rotation apart.
+TEST_F(Confidence, JumpsAreDoubtedBeyondWhatWasExpected) {
+    Parameters configuration;
+    const SE3 expected = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
+    const MotionPrior prior{expected, 0.01, 0.02};
+    for (const double sigmas : {0.0, 2.0, 5.0}) {
+        configuration.prediction.jump_sigmas = sigmas;
+        configuration.pose.sure_sigma_m = 0.05;
+        configuration.pose.sure_sigma_rad = 0.05;
+        const auto is_sure = [&](double off_m, double off_rad) {
+            start(configuration);
+            SE3 off;
+            off.rotation = so3_exp(Vector3(0, 0.6 * off_rad, 0.8 * off_rad));
+            off.translation = Vector3(0.8 * off_m, 0, -0.6 * off_m);
+            confidence_.doubt_jump(kSecond, prior, expected * off);
+            EXPECT_TRUE(confidence_.measured(kSecond, SE3{}, information_of(1e-5, 1e-5)));
+            return confidence_.is_motion_sure();
+        };
+        EXPECT_TRUE(is_sure(sigmas * 0.01 + 0.0499, sigmas * 0.02 + 0.0499)) << sigmas;
+        EXPECT_FALSE(is_sure(sigmas * 0.01 + 0.0501, 0)) << sigmas;
+        EXPECT_FALSE(is_sure(0, sigmas * 0.02 + 0.0501)) << sigmas;
+    }
+}
+
+// Promise: a pose that was not measured is less sure by its deviations, for as many frames as passed, at least one, and
+// never surer again without a measurement.
+TEST_F(Confidence, PredictionAddsItsDeviations) {
+    ASSERT_TRUE(confidence_.measured(0, SE3{}, information_of(0.01, 0.02)));
+    Matrix6 expected = confidence_.covariance();
+    for (const std::uint32_t frames : {0U, 1U, 2U, 5U}) {
+        confidence_.predicted(frames, 0.03, 0.04);
+        for (int i = 0; i < 6; ++i) expected(i, i) += (frames == 0 ? 1 : frames) * (i < 3 ? 0.0009 : 0.0016);
+        EXPECT_LT(largest(confidence_.covariance() - expected), 1e-12) << frames;
+    }
+}
+
+}  // namespace
+}  // namespace stillmesh
