@@ -32,11 +32,11 @@ def complaints_about(page, files, outputs):
 
 
 def selftest():
-    good = "<!-- file: a.cpp -->\n```cpp\nint main() {}\n```\n\n<!-- output: a -->\n```\nhello\n```\n"
-    files, outputs = {"a.cpp": "int main() {}\n"}, {"a": "hello\n"}
+    good = "<!-- file: main.c -->\n```cpp\nint main() {}\n```\n\n<!-- output: a -->\n```\nhello\n```\n"
+    files, outputs = {"main.c": "int main() {}\n"}, {"a": "hello\n"}
     assert complaints_about(good, files, outputs) == []
     wrong = {
-        "another program": (good, {"a.cpp": "int main() { }\n"}, outputs),
+        "another program": (good, {"main.c": "int main() { }\n"}, outputs),
         "another output": (good, files, {"a": "hello\n\n"}),
         "no such file": (good, {}, outputs),
         "no such program": (good, files, {}),
