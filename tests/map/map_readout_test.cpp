@@ -2,52 +2,90 @@
 
 #include <gtest/gtest.h>
 
+#include <cstddef>
 #include <cstdint>
-#include <span>
+#include <vector>
 
+#include "engine/map/eviction.hpp"
 #include "tests/map/map_rig.hpp"
+#include "tests/support/synthetic.hpp"
 
 namespace stillmesh {
 namespace {
 
-using test::add_keyframe;
-using test::add_point;
-using test::MapInMemory;
-using test::observation_of;
-using test::small;
+// Promise: keyframes are listed with their frames, their parents' and where they lie now, those that were forgotten
+// left out; as many as fit, and how many.
+TEST(MapReadout, ListsKeyframes) {
+    test::MapInMemory map(test::small(8, 50, 20));
+    Random random(1);
+    std::vector<SE3> poses;
+    std::vector<Handle<Keyframe>> keyframes;
+    for (std::uint32_t i = 0; i < 5; ++i) {
+        keyframes.push_back(test::add_keyframe(*map, 10 * i + 3));
+        poses.push_back(test::random_motion(random, 2, 1));
+        map->keyframes().find(keyframes[i])->world_from_camera = poses[i];
+        map->attach(keyframes[i]);
+    }
+    map->release_keyframe(keyframes[2]);  // 3 hangs on 1 from now on
+    std::vector<KeyframePose> listed(8);
+    ASSERT_EQ(list_keyframes(*map, listed), 4U);
+    const std::size_t kept[] = {0, 1, 3, 4};
+    for (std::size_t i = 0; i < 4; ++i) {
+        const std::size_t k = kept[i];
+        EXPECT_EQ(listed[i].id, 10 * k + 3);
+        const Handle<Keyframe> parent = map->keyframes().find(keyframes[k])->parent;
+        EXPECT_EQ(listed[i].parent_id, k == 0 ? kNoKeyframe : map->keyframes().find(parent)->frame);
+        SE3 pose;
+        Vector4 q;
+        for (int n = 0; n < 4; ++n) q(n) = listed[i].map_from_camera.rotation_xyzw[n];
+        pose.rotation = rotation_from_quaternion(q);
+        for (int n = 0; n < 3; ++n) pose.translation(n) = listed[i].map_from_camera.translation_m[n];
+        EXPECT_LT(test::metres_between(pose, poses[k]), 1e-12);
+        EXPECT_LT(test::radians_between(pose, poses[k]), 1e-9);
+    }
+    EXPECT_EQ(listed[4].id, kNoKeyframe) << "written beyond the count";
+    std::vector<KeyframePose> few(3);
+    EXPECT_EQ(list_keyframes(*map, few), 3U);
+    EXPECT_EQ(few[2].id, 33U);
+    EXPECT_EQ(list_keyframes(*map, {}), 0U);
+}
 
-// Promise: programs see every keyframe with its parent, as many as they have room for, how full the pools are and were,
-// and what went and why.
-TEST(MapReadout, ListsTheMap) {
-    MapInMemory map(small(4, 20, 6));
-    const Handle<Keyframe> first = add_keyframe(*map, 10), second = add_keyframe(*map, 20);
-    map->keyframes().find(second)->world_from_camera.translation.x() = 2;
-    for (int i = 0; i < 5; ++i) map->add_observation(second, observation_of(add_point(*map)));
-    map->attach(first);
-    map->attach(second);
-    KeyframePose listed[3];
-    ASSERT_EQ(list_keyframes(*map, listed), 2U);
-    EXPECT_EQ(listed[0].id, 10U);
-    EXPECT_EQ(listed[0].parent_id, kNoKeyframe);
-    EXPECT_EQ(listed[1].id, 20U);
-    EXPECT_EQ(listed[1].parent_id, 10U);
-    EXPECT_EQ(listed[1].map_from_camera.translation_m[0], 2);
-    EXPECT_EQ(list_keyframes(*map, std::span(listed).first(1)), 1U);
-
-    EngineStatistics statistics;
-    fill_map_statistics(*map, statistics);
-    EXPECT_EQ(statistics.keyframes.size, 2U);
-    EXPECT_EQ(statistics.keyframes.capacity, 4U);
-    EXPECT_EQ(statistics.map_points.size, 5U);
-    EXPECT_EQ(statistics.points_forgotten, 0U);
-    map->release_keyframe(second);
-    fill_map_statistics(*map, statistics);
-    EXPECT_EQ(statistics.keyframes.size, 1U);
-    EXPECT_EQ(statistics.keyframes.high_water, 2U);
-    EXPECT_EQ(statistics.map_points.size, 0U);
-    EXPECT_EQ(statistics.map_points.high_water, 5U);
-    EXPECT_EQ(statistics.points_forgotten, 5U);
-    EXPECT_EQ(statistics.points_evicted, 5U);
+// Promise: the statistics say how full the pools are, were at most and can be, and what went from the map, each by its
+// reason and together.
+TEST(MapReadout, CountsByReason) {
+    test::MapInMemory map(test::small(6, 50, 20));
+    for (std::uint32_t i = 0; i < 6; ++i) test::add_keyframe(*map, i);
+    evict_oldest(*map);
+    evict_oldest(*map);
+    release_redundant(*map, map->recent_keyframe(1));
+    std::vector<Handle<MapPoint>> points;
+    for (int i = 0; i < 30; ++i) points.push_back(test::add_point(*map, 100));
+    for (std::size_t i = 0; i < 4; ++i)
+        map->points().find(points[i])->last_seen_frame = 0;  // weak, and unseen for long
+    cull_points(*map, 90);
+    for (std::size_t i = 4; i < 7; ++i) {
+        map->release_point(points[i]);
+        map->count_emptied();
+    }
+    map->fuse(points[7], points[8]);
+    map->fuse(points[7], points[9]);
+    static_cast<void>(make_room_for_points(*map, 5, 1000, {}));
+    EngineStatistics s;
+    fill_map_statistics(*map, s);
+    EXPECT_EQ(s.keyframes_evicted, 2U);
+    EXPECT_EQ(s.keyframes_redundant, 1U);
+    EXPECT_EQ(s.keyframes_forgotten, 3U);
+    EXPECT_EQ(s.points_culled, 4U);
+    EXPECT_EQ(s.points_emptied, 3U);
+    EXPECT_EQ(s.points_fused, 2U);
+    EXPECT_EQ(s.points_evicted, 5U);
+    EXPECT_EQ(s.points_forgotten, 14U);
+    EXPECT_EQ(s.keyframes.size, 3U);
+    EXPECT_EQ(s.keyframes.high_water, 6U);
+    EXPECT_EQ(s.keyframes.capacity, 6U);
+    EXPECT_EQ(s.map_points.size, 16U);
+    EXPECT_EQ(s.map_points.high_water, 30U);
+    EXPECT_EQ(s.map_points.capacity, 50U);
 }
 
 }  // namespace

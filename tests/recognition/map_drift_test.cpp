@@ -99,5 +99,15 @@ TEST_F(MapDrift, AMomentAgoIsNotFoundAgain) {
     EXPECT_NEAR(between(7, 5), 0, 1e-6);
 }
 
+// Promise: what was gathered counts though it was taken back: a camera that is found again knows less drift than
+// before, and what lies between is off by the difference.
+TEST_F(MapDrift, WhatIsTakenBackCountsToo) {
+    go(6);
+    add(5.5, 0.05, 200, 5, kSeen);
+    EXPECT_NEAR(between(6, 5), 0.2, 1e-6);
+    EXPECT_NEAR(between(5, 6), 0.2, 1e-6);
+    EXPECT_NEAR(between(6, 4), 0.25, 1e-6);
+}
+
 }  // namespace
 }  // namespace stillmesh

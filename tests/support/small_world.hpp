@@ -7,6 +7,7 @@
 
 #include "engine/base/random.hpp"
 #include "engine/matching/map_matcher.hpp"
+#include "engine/parameters.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/world/world.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -33,7 +34,7 @@ inline Parameters small_parameters() {
 }
 
 // What the small camera sees at a pixel, z_m away.
-inline Vector3 at_pixel(double x, double y, double z_m) {
+inline Vector3 point_at_pixel(double x, double y, double z_m) {
     const CameraModel camera = small_camera();
     return {(x - camera.cx) / camera.fx * z_m, (y - camera.cy) / camera.fy * z_m, z_m};
 }
@@ -48,11 +49,10 @@ inline Descriptor descriptor_of(std::uint64_t n) {
 
 class SmallWorld {
 public:
-    explicit SmallWorld(const Parameters& configuration = small_parameters(),
-                        const Limits& limits = Limits::tiny())
+    explicit SmallWorld(const Parameters& parameters = small_parameters(), const Limits& limits = Limits::tiny())
         : memory_(planned(limits)) {
         Arena arena(memory_.span());
-        world_.create(arena, limits, configuration, small_camera());
+        world_.create(arena, limits, parameters, small_camera());
     }
     [[nodiscard]] World& operator*() { return world_; }
     [[nodiscard]] World* operator->() { return &world_; }
@@ -78,6 +78,7 @@ public:
         keyframe.world_from_camera = world_from_camera;
         keyframe.frame = frame;
         keyframe.last_useful_frame = frame;
+        map().attach(out);  // to the newest of those before
         return out;
     }
     [[nodiscard]] Keyframe& operator[](Handle<Keyframe> keyframe) { return *map().keyframes().find(keyframe); }
@@ -92,7 +93,7 @@ private:
     World world_;
 };
 
-// A room that plans with the limits of a world, and takes limits and configuration from it.
+// A room that plans with the limits of a world, and takes limits and parameters from it.
 template <typename Room>
 class InWorld {
 public:

@@ -88,5 +88,57 @@ TEST(CameraReach, NoNumberIsOutOfReach) {
     EXPECT_FALSE(moving().holds(at(std::nan("")), kFrame_ns, Parameters{}));
 }
 
+// Promise: every number of the reach is the configuration's: how far at once, how fast, how the camera accelerates, and
+// for how long its motion goes on.
+TEST(CameraReach, IsConfigured) {
+    const double frame_s = 1e-9 * kFrame_ns, speed = 0.015 / frame_s;
+    for (const bool is_other : {false, true}) {
+        Parameters c;
+        if (is_other) {
+            c.recovery.reach_m = 0.4;
+            c.recovery.reach_m_s = 0.7;
+            c.recovery.reach_rad = 0.1;
+            c.recovery.reach_rad_s = 0.5;
+            c.prediction.acceleration_m_s2 = 2;
+            c.prediction.acceleration_rad_s2 = 5;
+            c.prediction.goes_on_s = 1;
+        }
+        const CameraReach reach = moving();
+        CameraReach still;
+        still.begin(at(0), 0);
+        for (const int frames : {1, 3, 10, 20, 60}) {
+            const double t = frames * frame_s;
+            const double ahead = speed * std::min(t, c.prediction.goes_on_s);
+            const double aside =
+                c.recovery.reach_m + std::min(c.recovery.reach_m_s * t, 0.5 * c.prediction.acceleration_m_s2 * t * t);
+            EXPECT_NEAR(end_of(reach, frames, c), ahead + aside, 1e-5) << frames;
+            EXPECT_NEAR(end_of(still, frames, c), aside, 1e-5) << frames;
+            const double turn = c.recovery.reach_rad +
+                                std::min(c.recovery.reach_rad_s * t, 0.5 * c.prediction.acceleration_rad_s2 * t * t);
+            if (turn > 3) continue;
+            EXPECT_TRUE(still.holds(at(0, turn - 1e-4), frames * kFrame_ns, c)) << frames;
+            EXPECT_FALSE(still.holds(at(0, turn + 1e-4), frames * kFrame_ns, c)) << frames;
+        }
+    }
+}
+
+// Promise: a pose that is sure and tells no velocity, or whose time is that of the frame before, is one at rest.
+TEST(CameraReach, WithoutAVelocityItIsAtRest) {
+    const Parameters c;
+    for (const std::int64_t gap_ns : {kFrame_ns, std::int64_t{0}}) {
+        MotionModel motion;
+        motion.begin_after(0);
+        motion.move_to(at(-0.3));
+        motion.end_frame(0);
+        motion.move_to(at(0));
+        CameraReach reach;
+        reach.note(motion, gap_ns == 0, gap_ns);
+        CameraReach still;
+        still.begin(at(0), gap_ns);
+        const auto frames = static_cast<int>(gap_ns / kFrame_ns) + 1;
+        EXPECT_NEAR(end_of(reach, frames, c), end_of(still, frames, c), 1e-9);
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh

@@ -15,8 +15,7 @@ namespace {
 
 class Measured : public testing::Test {
 protected:
-    explicit Measured(const Parameters& configuration = test::small_parameters())
-        : world_(configuration), frame_(*world_) {}
+    explicit Measured(const Parameters& parameters = test::small_parameters()) : world_(parameters), frame_(*world_) {}
     [[nodiscard]] const MeasuredFeature& seen(std::size_t i) const { return frame_.measured[i]; }
 
     test::SmallWorld world_;
@@ -42,7 +41,7 @@ TEST_F(Measured, RaysDepthsAndVariances) {
     for (std::uint32_t i = 0; i < n; ++i) {
         const double z_m = depths_m[i / 3];
         const MeasuredFeature& m = seen(i);
-        const Vector3 p = test::at_pixel(10 + 9 * i, 8 + 7 * i, 1);
+        const Vector3 p = test::point_at_pixel(10 + 9 * i, 8 + 7 * i, 1);
         EXPECT_LT(std::sqrt((m.normalised - Vector2(p.x(), p.y())).squaredNorm()), 1e-9);
         EXPECT_EQ(m.has_depth(), z_m > 0);
         if (z_m > 0) {
@@ -74,7 +73,7 @@ TEST_F(Measured, BordersAreUnsure) {
 }
 
 // Promise: depth nearer than z_min_m, farther than z_max_m or less certain than sigma_max_m is none; each limit is the
-// configuration's.
+// parameters's.
 TEST(MeasuredFrameParameters, DepthsThatAreUsed) {
     struct Case {
         double z_min_m, z_max_m, sigma_max_m, z_m;
@@ -92,11 +91,11 @@ TEST(MeasuredFrameParameters, DepthsThatAreUsed) {
         {0.3, 6, 0.99 * sigma_at_4_m, 4, false},
     };
     for (const Case& c : cases) {
-        Parameters configuration = test::small_parameters();
-        configuration.depth.z_min_m = c.z_min_m;
-        configuration.depth.z_max_m = c.z_max_m;
-        configuration.depth.sigma_max_m = c.sigma_max_m;
-        test::SmallWorld world(configuration);
+        Parameters parameters = test::small_parameters();
+        parameters.depth.z_min_m = c.z_min_m;
+        parameters.depth.z_max_m = c.z_max_m;
+        parameters.depth.sigma_max_m = c.sigma_max_m;
+        test::SmallWorld world(parameters);
         test::SmallFrame frame(*world);
         frame.add(40, 40, c.z_m, {});
         frame.measure();
@@ -105,15 +104,15 @@ TEST(MeasuredFrameParameters, DepthsThatAreUsed) {
     }
 }
 
-// Promise: noise is the configuration's: twice the deviation is four times the variance, and a level is as coarse as
+// Promise: noise is the parameters's: twice the deviation is four times the variance, and a level is as coarse as
 // its scale.
 TEST(MeasuredFrameParameters, NoiseIsConfigured) {
     const auto measured = [](double sigma_z_per_m2, double sigma_pixel, double scale_factor) {
-        Parameters configuration = test::small_parameters();
-        configuration.depth.sigma_z_per_m2 = sigma_z_per_m2;
-        configuration.depth.sigma_pixel = sigma_pixel;
-        configuration.features.scale_factor = scale_factor;
-        test::SmallWorld world(configuration);
+        Parameters parameters = test::small_parameters();
+        parameters.depth.sigma_z_per_m2 = sigma_z_per_m2;
+        parameters.depth.sigma_pixel = sigma_pixel;
+        parameters.features.scale_factor = scale_factor;
+        test::SmallWorld world(parameters);
         test::SmallFrame frame(*world);
         frame.add(40, 40, 2, {}, 2);
         frame.measure();
@@ -144,7 +143,7 @@ TEST_F(Measured, RowsAreCarriedToTheMiddle) {
         for (std::uint32_t i = 0; i < n; ++i) {
             const double row_time_s = (rows[i / 2] / 120.0 - 0.5) * 0.02;
             const bool has_depth = i % 2 == 0;
-            const Vector3 then = test::at_pixel(has_depth ? 30 : 120, rows[i / 2], has_depth ? 1.5 : 1.0);
+            const Vector3 then = test::point_at_pixel(has_depth ? 30 : 120, rows[i / 2], has_depth ? 1.5 : 1.0);
             Vector6 moved = speed * (sign * row_time_s);
             if (!has_depth) {
                 for (int k = 0; k < 3; ++k) moved(k) = 0;
@@ -235,6 +234,7 @@ TEST_F(Measured, ObservationsShowNoPoint) {
     shutter.create(0.02, 120);
     Vector6 speed = Vector6::Zero();
     speed(0) = 1;
+    speed(1) = -0.7;
     frame_.measured.carry_to_middle_row(shutter, speed);
     const Observation o = frame_.measured.observation_of(0);
     EXPECT_TRUE(o.point.is_null());
@@ -243,6 +243,7 @@ TEST_F(Measured, ObservationsShowNoPoint) {
     EXPECT_EQ(o.normalised_x, static_cast<float>(seen(0).normalised.x()));
     EXPECT_NE(o.normalised_x, static_cast<float>(seen(0).seen.x()));
     EXPECT_EQ(o.normalised_y, static_cast<float>(seen(0).normalised.y()));
+    EXPECT_NE(o.normalised_y, static_cast<float>(seen(0).seen.y()));
     EXPECT_EQ(o.z_m, static_cast<float>(seen(0).z_m));
     EXPECT_EQ(o.var_z, static_cast<float>(seen(0).var_z));
     EXPECT_EQ(o.angle_rad, 0.7F);

@@ -37,9 +37,9 @@ double largest(const Matrix6& m) {
 class Confidence : public testing::Test {
 protected:
     Confidence() { start({}); }
-    void start(const Parameters& configuration) {
+    void start(const Parameters& parameters) {
         confidence_ = PoseConfidence{};
-        confidence_.create(configuration);
+        confidence_.create(parameters);
         confidence_.reset();
     }
     PoseConfidence confidence_;
@@ -120,13 +120,13 @@ TEST_F(Confidence, BeginsWithoutDrift) {
 
 // Promise: the motion is sure up to sure_sigma_m and sure_sigma_rad, all axes together, and not beyond.
 TEST_F(Confidence, SureUpToTheThresholds) {
-    Parameters configuration;
+    Parameters parameters;
     for (const double sure_m : {0.01, 0.03}) {
         for (const double sure_rad : {0.02, 0.05}) {
-            configuration.pose.sure_sigma_m = sure_m;
-            configuration.pose.sure_sigma_rad = sure_rad;
+            parameters.pose.sure_sigma_m = sure_m;
+            parameters.pose.sure_sigma_rad = sure_rad;
             const auto is_sure = [&](double share_m, double share_rad) {
-                start(configuration);
+                start(parameters);
                 // Three axes make a deviation sqrt(3) times one axis'.
                 EXPECT_TRUE(confidence_.measured(
                     0, SE3{},
@@ -142,10 +142,10 @@ TEST_F(Confidence, SureUpToTheThresholds) {
 
 // Promise: what keyframes renewed during the last second adds to the doubt, and is forgotten after it.
 TEST_F(Confidence, DoubtLastsASecond) {
-    Parameters configuration;
-    configuration.pose.sure_sigma_m = 0.03;
-    configuration.pose.sure_sigma_rad = 1;
-    start(configuration);
+    Parameters parameters;
+    parameters.pose.sure_sigma_m = 0.03;
+    parameters.pose.sure_sigma_rad = 1;
+    start(parameters);
     const double sigma_m = 0.02 / std::sqrt(3.0);  // twice its variance is within the threshold, thrice is not
     const auto measure = [&](std::int64_t time_ns, double share) {
         confidence_.set_renewed_share(share);
@@ -167,15 +167,15 @@ TEST_F(Confidence, DoubtLastsASecond) {
 
 // Promise: a jump is doubted by what is beyond jump_sigmas of what was expected, translation and rotation apart.
 TEST_F(Confidence, JumpsAreDoubtedBeyondWhatWasExpected) {
-    Parameters configuration;
+    Parameters parameters;
     const SE3 expected = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
     const MotionPrior prior{expected, 0.01, 0.02};
     for (const double sigmas : {0.0, 2.0, 5.0}) {
-        configuration.prediction.jump_sigmas = sigmas;
-        configuration.pose.sure_sigma_m = 0.05;
-        configuration.pose.sure_sigma_rad = 0.05;
+        parameters.prediction.jump_sigmas = sigmas;
+        parameters.pose.sure_sigma_m = 0.05;
+        parameters.pose.sure_sigma_rad = 0.05;
         const auto is_sure = [&](double off_m, double off_rad) {
-            start(configuration);
+            start(parameters);
             SE3 off;
             off.rotation = so3_exp(Vector3(0, 0.6 * off_rad, 0.8 * off_rad));
             off.translation = Vector3(0.8 * off_m, 0, -0.6 * off_m);
