@@ -209,7 +209,6 @@ void Map::attach(Handle<Keyframe> keyframe) noexcept {
     }
     found->parent = parent;
     if (parent.is_null()) return;
-    found->parent_from_camera = keyframes_.at(parent.slot()).world_from_camera.inverse() * found->world_from_camera;
     changes_.add(word_of(Change::kParent, keyframe.slot(), parent.slot()));
 }
 
@@ -234,13 +233,10 @@ void Map::attach_returned(Handle<Keyframe> keyframe) noexcept {
         parent = keyframes_.handle_of(other);
     }
     found->parent = {};
-    found->parent_from_camera = SE3{};
     if (parent.is_null()) return;
     const Handle<Keyframe> child = is_oldest ? root : keyframe;
     const Handle<Keyframe> above = is_oldest ? keyframe : parent;
-    Keyframe& below = keyframes_.at(child.slot());
-    below.parent = above;
-    below.parent_from_camera = keyframes_.at(above.slot()).world_from_camera.inverse() * below.world_from_camera;
+    keyframes_.at(child.slot()).parent = above;
     changes_.add(word_of(Change::kParent, child.slot(), above.slot()));
 }
 
@@ -276,7 +272,6 @@ void Map::release_keyframe(Handle<Keyframe> keyframe) noexcept {
         if (fallback.is_null()) {
             fallback = keyframes_.handle_of(child);
             orphan.parent = {};
-            orphan.parent_from_camera = SE3{};
             continue;
         }
         std::uint32_t parent = fallback.slot();
@@ -285,7 +280,6 @@ void Map::release_keyframe(Handle<Keyframe> keyframe) noexcept {
                 parent = other;
         }
         orphan.parent = keyframes_.handle_of(parent);
-        orphan.parent_from_camera = keyframes_.at(parent).world_from_camera.inverse() * orphan.world_from_camera;
         changes_.add(word_of(Change::kParent, child, parent));
     }
     for (std::uint32_t other = 0; other < count; ++other) {

@@ -79,7 +79,6 @@ struct Keyframe {
     Vector6 pose_by_readout = Vector6::Zero();  // per second, in the camera: how the pose moves with the readout
     Vector6 speed = Vector6::Zero();            // of the camera, per second, in its own frame
     double readout_s = 0;                       // that its observations were carried to the middle row with
-    SE3 parent_from_camera;                     // when it was inserted, or given this parent
     Handle<Keyframe> parent;                    // in the spanning tree; null: the root
     std::int64_t time_ns = 0;
     std::uint64_t frame = 0;

@@ -20,7 +20,6 @@ void write_head(ByteWriter& out, const Keyframe& keyframe, std::uint32_t feature
     out.u64(0);
     Keyframe copy = keyframe;
     copy.observations = features;
-    copy.parent_from_camera = SE3{};
     write_keyframe(out, copy, 0);
 }
 
@@ -78,10 +77,10 @@ Status check_region(std::span<const std::byte> bytes, const RegionBounds& bounds
     if (features > bounds.features_max) return Status::kFull;
     if (bytes.size() != region_bytes_max(features)) return Status::kCorrupt;
     const bool is_possible =
-        is_pose(k.world_from_camera) && is_pose(k.parent_from_camera) && is_slow(k.speed) &&
-        is_slow(k.pose_by_readout) && is_in(k.readout_s, -kReadoutMax_s, kReadoutMax_s) &&
-        is_in(info.map_readout_s, -kReadoutMax_s, kReadoutMax_s) && is_in(drift_m, 0.0F, static_cast<float>(kFar_m)) &&
-        is_in(k.time_ns, std::int64_t{0}, kTimeMax_ns) && k.frame < kFramesMax && k.last_useful_frame < kFramesMax;
+        is_pose(k.world_from_camera) && is_slow(k.speed) && is_slow(k.pose_by_readout) &&
+        is_in(k.readout_s, -kReadoutMax_s, kReadoutMax_s) && is_in(info.map_readout_s, -kReadoutMax_s, kReadoutMax_s) &&
+        is_in(drift_m, 0.0F, static_cast<float>(kFar_m)) && is_in(k.time_ns, std::int64_t{0}, kTimeMax_ns) &&
+        k.frame < kFramesMax && k.last_useful_frame < kFramesMax;
     if (!is_possible) return Status::kCorrupt;
     MapBounds map_bounds;
     map_bounds.pyramid_levels = bounds.pyramid_levels;

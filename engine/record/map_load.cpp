@@ -118,9 +118,7 @@ Status check_keyframes(std::span<const std::byte> bytes, const MapFileInfo& info
     for (std::uint32_t k = 0; k < info.keyframes; ++k) {
         std::uint32_t parent = 0;
         const Keyframe keyframe = keyframe_at(bytes, info, k, parent);
-        if (!is_pose(keyframe.world_from_camera) || !is_pose(keyframe.parent_from_camera)) {
-            return impossible("the pose of a keyframe");
-        }
+        if (!is_pose(keyframe.world_from_camera)) return impossible("the pose of a keyframe");
         if (!is_slow(keyframe.speed) || !is_slow(keyframe.pose_by_readout)) {
             return impossible("the speed of a keyframe");
         }

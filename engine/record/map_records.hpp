@@ -94,7 +94,7 @@ inline void write_vector(ByteWriter& out, const Vector6& v) noexcept {
 // `parent_plus_one`: place of the parent among the keyframes, plus one; 0: the root. Handles are not read or written.
 inline void write_keyframe(ByteWriter& out, const Keyframe& k, std::uint32_t parent_plus_one) noexcept {
     write_pose(out, k.world_from_camera);
-    write_pose(out, k.parent_from_camera);
+    write_pose(out, SE3{});  // once that of its parent: readers pass over it
     write_vector(out, k.pose_by_readout);
     write_vector(out, k.speed);
     out.f64(k.readout_s);
@@ -106,7 +106,7 @@ inline void write_keyframe(ByteWriter& out, const Keyframe& k, std::uint32_t par
 }
 inline void read_keyframe(ByteReader& in, Keyframe& k, std::uint32_t& parent_plus_one) noexcept {
     k.world_from_camera = read_pose(in);
-    k.parent_from_camera = read_pose(in);
+    static_cast<void>(read_pose(in));
     k.pose_by_readout = read_vector(in);
     k.speed = read_vector(in);
     k.readout_s = in.f64();
