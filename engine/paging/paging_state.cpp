@@ -22,7 +22,7 @@ void PagingState::reset() noexcept {
     statistics = StoreStatistics{};
 }
 
-PagingState::Known& PagingState::known_of(std::uint32_t slot) noexcept {
+PagingState::Known& PagingState::known_of(std::uint32_t slot) const noexcept {
     const Handle<Keyframe> handle = world->map.keyframes().handle_of(slot);
     if (!(known[slot].handle == handle)) {
         known[slot] = Known{};

@@ -44,7 +44,7 @@ struct PagingState {
     void reset() noexcept;
 
     [[nodiscard]] std::uint32_t features_max() const noexcept { return features_max(world->limits); }
-    [[nodiscard]] Known& known_of(std::uint32_t slot) noexcept;
+    [[nodiscard]] Known& known_of(std::uint32_t slot) const noexcept;
     // Grows with every frame and every loop, and from one run in a store to the next: what left before a loop follows
     // it.
     [[nodiscard]] std::uint64_t moment() const noexcept {
