@@ -4,7 +4,8 @@
 //   accuracy --variant gap6:keyframes.gap_min=6    a further engine on the same frames, beside the default one
 //   accuracy --variant alone:mapping.is_enabled=false   what mapping earns over tracking alone
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
-//   accuracy --gate                                exit 1 with the names of what misses its bar
+//   accuracy --gate static,walking                 exit 1 with the names of what misses its bar, or had no run
+//   accuracy --scenes all --test-data --variant alone:mapping.is_enabled=false --gate   all bars, and all they need
 #include <fmt/format.h>
 #include <unistd.h>
 

@@ -23,8 +23,7 @@ std::string name_of(const Result& result) {
     return result.variant == kAlone ? name + " (tracking alone)" : name;
 }
 
-void check_runs(const std::vector<Result>& results, Group group, const char* gate, bool must_exist,
-                std::vector<std::string>& failures) {
+void check_runs(const std::vector<Result>& results, Group group, const char* gate, std::vector<std::string>& failures) {
     bool is_seen = false;
     for (const Result& result : results) {
         if ((result.variant != kOn && result.variant != kAlone) || group_of(result) != group) continue;
@@ -43,7 +42,7 @@ void check_runs(const std::vector<Result>& results, Group group, const char* gat
                                            100 * m.coverage(), 100 * kCoverageMin));
         }
     }
-    if (!is_seen && must_exist) failures.push_back(fmt::format("{}: no run", gate));
+    if (!is_seen) failures.push_back(fmt::format("{}: no run", gate));
 }
 
 }  // namespace
@@ -173,17 +172,14 @@ const std::vector<std::string>& gate_names() {
 
 std::vector<std::string> failures_of(const std::vector<Result>& results, const std::vector<std::string>& names) {
     std::vector<std::string> failures;
-    const bool must_exist = names.size() != gate_names().size();
     const auto is_wanted = [&](const char* name) { return std::find(names.begin(), names.end(), name) != names.end(); };
-    const auto missing = [&](const char* gate) {
-        if (must_exist) failures.push_back(fmt::format("{}: no run", gate));
-    };
-    if (is_wanted("static")) check_runs(results, Group::kStatic, "static", must_exist, failures);
-    if (is_wanted("sitting")) check_runs(results, Group::kSitting, "sitting", must_exist, failures);
-    if (is_wanted("walking")) check_runs(results, Group::kWalking, "walking", must_exist, failures);
-    if (is_wanted("trolley")) check_runs(results, Group::kTrolley, "trolley", must_exist, failures);
-    if (is_wanted("rearranged")) check_runs(results, Group::kRearranged, "rearranged", must_exist, failures);
-    if (is_wanted("recordings")) check_runs(results, Group::kRecording, "recordings", must_exist, failures);
+    const auto missing = [&](const char* gate) { failures.push_back(fmt::format("{}: no run", gate)); };
+    if (is_wanted("static")) check_runs(results, Group::kStatic, "static", failures);
+    if (is_wanted("sitting")) check_runs(results, Group::kSitting, "sitting", failures);
+    if (is_wanted("walking")) check_runs(results, Group::kWalking, "walking", failures);
+    if (is_wanted("trolley")) check_runs(results, Group::kTrolley, "trolley", failures);
+    if (is_wanted("rearranged")) check_runs(results, Group::kRearranged, "rearranged", failures);
+    if (is_wanted("recordings")) check_runs(results, Group::kRecording, "recordings", failures);
     const Sureness s = sureness_of(results);
     if (is_wanted("tracked")) {
         if (s.judged_tracked == 0) missing("tracked");

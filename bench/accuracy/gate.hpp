@@ -62,7 +62,7 @@ struct MappingSet {
 // frame is wrong), right (most right frames are tracked), nees, region (extraction earns its place),
 // mapping (no worse than tracking alone).
 [[nodiscard]] const std::vector<std::string>& gate_names();
-// One sentence per failure. A gate without a run to look at fails, unless `names` is all of them.
+// One sentence per failure, in the order of gate_names(). A gate without a run to look at fails.
 [[nodiscard]] std::vector<std::string> failures_of(const std::vector<Result>& results,
                                                    const std::vector<std::string>& names);
 
