@@ -32,89 +32,124 @@ std::vector<std::uint32_t> visited(const FeatureGrid& grid, double x, double y, 
     return out;
 }
 
-// Promise: everything within the radius is visited, once; nothing farther than a cell beyond the square is; in the same
-// order whatever the radius: row by row of cells, ascending within a cell; by rows at once the same.
-TEST(FeatureGrid, VisitsASupersetOnce) {
+std::vector<std::uint32_t> visited_by_rows(const FeatureGrid& grid, double x, double y, double radius) {
+    std::vector<std::uint32_t> out;
+    grid.visit_rows(x, y, radius, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k) out.push_back(grid.in_order()[k]);
+    });
+    return out;
+}
+
+// The column or row of a coordinate in an image of `size` pixels; beyond the image: the nearest.
+double cell_of(double pixels, std::uint32_t size) {
+    return std::clamp(std::floor(pixels / 16), 0.0, std::floor((size - 1) / 16.0));
+}
+
+// What has to be visited, found without a grid: row by row of cells, column by column, ascending within a cell.
+std::vector<std::uint32_t> in_touched_cells(const std::vector<Keypoint>& keypoints, std::uint32_t width,
+                                            std::uint32_t height, double x, double y, double radius) {
+    std::vector<std::uint32_t> out;
+    for (double row = cell_of(y - radius, height); row <= cell_of(y + radius, height); ++row) {
+        for (double column = cell_of(x - radius, width); column <= cell_of(x + radius, width); ++column) {
+            for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
+                if (cell_of(keypoints[i].x, width) == column && cell_of(keypoints[i].y, height) == row) {
+                    out.push_back(i);
+                }
+            }
+        }
+    }
+    return out;
+}
+
+// Promise: visited are the features of the cells that the square touches, each once, row by row of cells, column by
+// column, ascending within a cell; one by one and by rows; for images built one after the other in the same memory.
+TEST(FeatureGrid, VisitsTheCellsThatTheSquareTouches) {
     Random random(1);
-    for (int round = 0; round < 200; ++round) {
+    std::size_t visits = 0;
+    for (int round = 0; round < 60; ++round) {
         Limits limits;
         limits.image_width_max = 33 + random.below(2015);
         limits.image_height_max = 33 + random.below(2015);
         limits.features_max = 400;
         Grid grid(limits);
         ASSERT_EQ(grid.used_bytes(), grid.planned_bytes());
-        for (int image = 0; image < 3; ++image) {  // built again and again, for smaller images too
+        for (int image = 0; image < 3; ++image) {
             const std::uint32_t width = 33 + random.below(limits.image_width_max - 32);
             const std::uint32_t height = 33 + random.below(limits.image_height_max - 32);
             const auto keypoints = random_keypoints(random, random.below(401), width, height);
             grid->build(width, height, keypoints);
+            ASSERT_EQ(grid->in_order().size(), keypoints.size());
             for (int query = 0; query < 20; ++query) {
                 const double x = random.uniform(-50.0, width + 50.0);
                 const double y = random.uniform(-50.0, height + 50.0);
                 const double radius = random.uniform(0, 80);
-                const auto seen = visited(*grid, x, y, radius);
-                std::vector<std::uint32_t> by_rows;
-                grid->visit_rows(x, y, radius, [&](std::size_t begin, std::size_t end) {
-                    for (std::size_t k = begin; k < end; ++k) by_rows.push_back(grid->in_order()[k]);
-                });
-                ASSERT_EQ(by_rows, seen);
-                std::vector<bool> is_seen(keypoints.size());
-                std::uint64_t last = 0;
-                for (const std::uint32_t i : seen) {
-                    ASSERT_LT(i, keypoints.size());
-                    ASSERT_FALSE(is_seen[i]) << "twice";
-                    is_seen[i] = true;
-                    const auto column =
-                        std::min(static_cast<std::uint64_t>(keypoints[i].x) / 16, (width - std::uint64_t{1}) / 16);
-                    const auto row =
-                        std::min(static_cast<std::uint64_t>(keypoints[i].y) / 16, (height - std::uint64_t{1}) / 16);
-                    const std::uint64_t key = (row << 40U | column << 20U | i) + 1;
-                    ASSERT_LT(last, key) << "out of order";
-                    last = key;
-                }
-                // Beyond the image the nearest cells stand in; inside it, only cells that the square touches.
-                const double x_inside = std::clamp(x, 0.0, width - 1.0);
-                const double y_inside = std::clamp(y, 0.0, height - 1.0);
-                for (std::size_t i = 0; i < keypoints.size(); ++i) {
-                    const double dx = static_cast<double>(keypoints[i].x) - x;
-                    const double dy = static_cast<double>(keypoints[i].y) - y;
-                    if (dx * dx + dy * dy <= radius * radius) {
-                        ASSERT_TRUE(is_seen[i]) << "missed";
-                    }
-                    if (!is_seen[i]) continue;
-                    if (x == x_inside) {
-                        ASSERT_LE(std::abs(dx), radius + 16);
-                    }
-                    if (y == y_inside) {
-                        ASSERT_LE(std::abs(dy), radius + 16);
-                    }
-                }
+                const auto expected = in_touched_cells(keypoints, width, height, x, y, radius);
+                ASSERT_EQ(visited(*grid, x, y, radius), expected);
+                ASSERT_EQ(visited_by_rows(*grid, x, y, radius), expected);
+                visits += expected.size();
             }
         }
     }
+    EXPECT_GT(visits, 10000U) << "hardly a query had anything to visit";
 }
 
-// Promise: no feature, a radius of nothing or of everything, places beyond all sense: no crash, and all or none.
+// Promise: every feature within the radius is visited, in the image and around it.
+TEST(FeatureGrid, MissesNothingWithinTheRadius) {
+    Random random(3);
+    std::size_t near = 0;
+    for (int round = 0; round < 100; ++round) {
+        Grid grid(Limits::tiny());
+        const auto keypoints = random_keypoints(random, 100, 160, 120);
+        grid->build(160, 120, keypoints);
+        const double x = random.uniform(-20, 180);
+        const double y = random.uniform(-20, 140);
+        const double radius = random.uniform(0, 60);
+        const auto seen = visited(*grid, x, y, radius);
+        for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
+            if (std::hypot(static_cast<double>(keypoints[i].x) - x, static_cast<double>(keypoints[i].y) - y) > radius) {
+                continue;
+            }
+            ++near;
+            EXPECT_TRUE(std::find(seen.begin(), seen.end(), i) != seen.end()) << "missed";
+        }
+    }
+    EXPECT_GT(near, 500U) << "hardly a query had anything near";
+}
+
+// Promise: no feature, a radius of nothing or of everything, places beyond all sense: nothing, all, the nearest cell; a
+// place that is no number is the first cell.
 TEST(FeatureGrid, BoundsOfSense) {
     Random random(2);
     Grid grid(Limits::tiny());
     grid->build(160, 120, {});
     EXPECT_TRUE(visited(*grid, 80, 60, 1e9).empty());
-    const auto keypoints = random_keypoints(random, 100, 160, 120);
+    auto keypoints = random_keypoints(random, 100, 160, 120);
+    keypoints[40].x = keypoints[40].y = 1;  // in the first cell and in the last is something
+    keypoints[60].x = 158, keypoints[60].y = 118;
     grid->build(160, 120, keypoints);
-    EXPECT_EQ(visited(*grid, 80, 60, 1e9).size(), 100U);
-    EXPECT_EQ(visited(*grid, 80, 60, 1e300).size(), 100U);
-    EXPECT_FALSE(visited(*grid, 40, 40, std::numeric_limits<double>::infinity()).empty());
-    for (const double wild : {-1e300, 1e300, std::numeric_limits<double>::quiet_NaN()}) {
-        EXPECT_LE(visited(*grid, wild, wild, 5).size(), 100U);
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    for (const double radius : {1e9, 1e300, kInfinity}) EXPECT_EQ(visited(*grid, 40, 40, radius).size(), 100U);
+
+    const auto first = in_touched_cells(keypoints, 160, 120, 0, 0, 0);
+    const auto last = in_touched_cells(keypoints, 160, 120, 159, 119, 0);
+    for (const double wild : {-1e300, -kInfinity, std::numeric_limits<double>::quiet_NaN()}) {
+        EXPECT_EQ(visited(*grid, wild, wild, 5), first) << wild;
     }
-    // A feature exactly on the border between images and beyond (an extractor of others) falls into the last cell.
-    std::vector<Keypoint> corner(1);
-    corner[0].x = 159.99F;
-    corner[0].y = 119.99F;
-    grid->build(160, 120, corner);
-    EXPECT_EQ(visited(*grid, 158, 118, 3).size(), 1U);
-    EXPECT_TRUE(visited(*grid, 10, 10, 3).empty());
+    for (const double wild : {1e300, kInfinity}) EXPECT_EQ(visited(*grid, wild, wild, 5), last) << wild;
+}
+
+// Promise: features on the image's border and beyond it, as an extractor of others may give, lie in the nearest cell.
+TEST(FeatureGrid, FeaturesBeyondTheBorder) {
+    Grid grid(Limits::tiny());
+    std::vector<Keypoint> keypoints(4);
+    keypoints[0].x = 160, keypoints[0].y = 120;
+    keypoints[1].x = 1e9F, keypoints[1].y = 1e9F;
+    keypoints[2].x = -1, keypoints[2].y = -0.5F;
+    keypoints[3].x = std::numeric_limits<float>::quiet_NaN(), keypoints[3].y = 0;
+    grid->build(160, 120, keypoints);
+    EXPECT_EQ(visited(*grid, 158, 118, 3), (std::vector<std::uint32_t>{0, 1}));
+    EXPECT_EQ(visited(*grid, 3, 3, 3), (std::vector<std::uint32_t>{2, 3}));
+    EXPECT_TRUE(visited(*grid, 80, 60, 3).empty());
 }
 
 }  // namespace
