@@ -1,4 +1,4 @@
-# One compiler contract for every target of the house: C++20, warnings are errors, floating point in source order.
+# One compiler contract for every target of the house: C++20, warnings, floating point in source order.
 # Linked as usage requirements, never as global flags, so that a consumer's project is left alone.
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
@@ -17,8 +17,9 @@ endif()
 add_library(stillmesh_contract INTERFACE)
 target_include_directories(stillmesh_contract INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 target_compile_options(stillmesh_contract INTERFACE
-    -Wall -Wextra -Wpedantic -Werror -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor
-    -Wunused-const-variable
+    # Errors in the project's own presets only: a packager's compiler warns of what ours does not know yet.
+    -Wall -Wextra -Wpedantic $<$<BOOL:${STILLMESH_WERROR}>:-Werror> -Wshadow -Wconversion -Wsign-conversion
+    -Wold-style-cast -Wnon-virtual-dtor -Wunused-const-variable
     -Wno-unknown-warning-option
     $<$<BOOL:${CMAKE_CROSSCOMPILING}>:-Wno-psabi>  # gcc 10 mended how ARM passes pairs; nothing here is older
     # Same bits everywhere: no fused multiply-add behind our back, no reassociation; errno is not worth a libm call for

@@ -22,7 +22,7 @@
 namespace stillmesh {
 namespace {
 
-// The switches of design.md that have nothing behind them yet: known, so that the answer is a sentence.
+// Switches that are planned and have nothing behind them yet: known, so that the answer is a sentence.
 constexpr const char* kLaterOptions[] = {"--cloud", "--view", "--publish"};
 constexpr const char* kLaterCommands[][2] = {{"check-camera", "check a camera's calibration"},
                                              {"report", "compare runs"}};

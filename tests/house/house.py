@@ -7,13 +7,17 @@
   headers   public headers compile alone, and no Eigen comes in with them
   text      no open ends and no absolute paths in what is committed
   flags     every file is compiled with the contract's flags
+  packagers without a preset warnings are no errors
+  sizes     in engine/ a function, a file and a list of parameters are short, but for exceptions.txt
+  tested    every header of a room of engine/ is included by a test
+  references  what a text names as a file of the repository is there
   stack     every frame in the engine is bounded and small, nothing recurses; prints the deepest path
   size      code and read-only data of the engine library stay below the limit, and it has no writable data
-  selftest  each of these checks finds a planted mistake
 
-Every check is a function from text to a list of complaints, so that the selftest can feed it wrong text.
+Every check is a function from text to a list of complaints, so that selftest.py can feed it wrong text.
 """
 import argparse
+import fnmatch
 import json
 import os
 import pathlib
@@ -22,6 +26,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+
+import cpp_reader
 
 # What the compiler itself may call, and the square root (correctly rounded by IEEE 754 everywhere; only compilers
 # that do not optimise call it). __popcountdi2 and __ctzdi2 are libgcc's, for processors without the instruction.
@@ -43,6 +49,12 @@ FRAME_BYTES_MAX = 20 * 1024  # the largest is the radix sort of the corners: two
 STACK_BYTES_MAX = 96 * 1024
 SIZE_BYTES_MAX = 600 * 1024  # code, read-only data, and tables of addresses (read-only once they are relocated)
 WRITABLE_BYTES_MAX = 0
+FUNCTION_LINES_MAX = 70
+FILE_LINES_MAX = 400
+PARAMETERS_MAX = 5
+EXCEPTIONS = pathlib.Path(__file__).with_name("exceptions.txt")
+EXCEPTIONS_MAX = 73  # lowered with every one that goes, never raised
+WRONG_ON_PURPOSE = ("tests/house/selftest.py", "tests/house/exceptions.txt")  # what names files that are not there
 
 
 def tracked_files(source):
@@ -201,16 +213,14 @@ def header_complaints(arguments, source, headers):
         if not (pathlib.Path(source) / header).is_file():
             complaints.append(f"{header} is listed as public and not there")
             continue
-        with tempfile.TemporaryDirectory() as directory:
-            file = pathlib.Path(directory) / "alone.cpp"
-            file.write_text(f'#include "{header}"\n#include "{header}"\n')
-            run = subprocess.run([arguments.compiler, "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-H",
-                                  "-I", source, str(file)], capture_output=True, text=True, check=False)
-            if run.returncode != 0:
-                errors = [line for line in run.stderr.splitlines() if "error" in line]
-                complaints.append(f"{header} does not compile alone: {errors[0] if errors else run.stderr[-300:]}")
-            elif re.search(r"^\.+ .*/Eigen/", run.stderr, re.M):
-                complaints.append(f"{header} brings Eigen in")
+        run = subprocess.run([arguments.compiler, "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-H",
+                              "-I", source, "-x", "c++", "-"], input=f'#include "{header}"\n#include "{header}"\n',
+                             capture_output=True, text=True, check=False)
+        if run.returncode != 0:
+            errors = [line for line in run.stderr.splitlines() if "error" in line]
+            complaints.append(f"{header} does not compile alone: {errors[0] if errors else run.stderr[-300:]}")
+        elif re.search(r"^\.+ .*/Eigen/", run.stderr, re.M):
+            complaints.append(f"{header} brings Eigen in")
     return complaints
 
 
@@ -225,7 +235,13 @@ def check_headers(arguments):
 OPEN_END = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|HA" r"CK)\b")
 ABSOLUTE_PATH = re.compile(r"(?<![\w.$}{/<])/(home|root|work|Users|mnt|srv|build)/[\w.-]+")
 TEXT_SUFFIXES = (".hpp", ".cpp", ".h", ".c", ".py", ".md", ".txt", ".cmake", ".json", ".toml", ".yaml", ".yml", ".sh",
-                 ".html", ".js", ".css", ".inc", "run", ".clang-tidy", ".clang-format")
+                 ".html", ".js", ".css", ".inc", ".in", ".clang-tidy", ".clang-format")
+INPUTS = re.compile(r"fuzz/(corpus|regressions|dictionaries)/|tests/\w+/data/")  # what programs read
+
+
+def is_text(name):
+    """Whether a person wrote it to be read; scripts have no suffix."""
+    return not INPUTS.match(name) and (name.endswith(TEXT_SUFFIXES) or "." not in os.path.basename(name))
 
 
 def text_complaints(files):
@@ -241,14 +257,14 @@ def text_complaints(files):
 
 def check_text(arguments):
     files = {name: read(f"{arguments.source}/{name}") for name in tracked_files(arguments.source)
-             if name.endswith(TEXT_SUFFIXES)}
+             if is_text(name) and not name.startswith("tests/vm/")}  # its paths are those of a machine inside
     print(f"{len(files)} text files")
     return text_complaints(files)
 
 
 # --- flags -----------------------------------------------------------------------------------------------------------
 
-def flag_complaints(commands, source):
+def flag_complaints(commands, source, warnings_are_errors):
     """commands: entries of compile_commands.json."""
     complaints = []
     seen_engine = False
@@ -260,7 +276,7 @@ def flag_complaints(commands, source):
 
         def last(*names):
             return max([i for i, flag in enumerate(flags) if flag in names], default=-1)
-        needed = ["-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-std=c++20"]
+        needed = ["-ffp-contract=off", "-Wall", "-Wextra", "-std=c++20"] + ["-Werror"] * warnings_are_errors
         if path.startswith("engine/"):
             seen_engine = True
             needed += ["-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-fvisibility=hidden",
@@ -268,6 +284,8 @@ def flag_complaints(commands, source):
         for flag in needed:
             if flag not in flags:
                 complaints.append(f"{path}: compiled without {flag}")
+        if not warnings_are_errors and "-Werror" in flags:
+            complaints.append(f"{path}: compiled with -Werror, which another compiler's new warning would turn into a failure")
         for flag in flags:
             if flag in ("-Ofast", "-ffast-math", "-march=native", "-mtune=native", "-funsafe-math-optimizations",
                         "-fassociative-math", "-ffp-contract=fast", "-mfma") or flag.startswith("-DNDEBUG"):
@@ -279,10 +297,44 @@ def flag_complaints(commands, source):
     return complaints
 
 
+def preset_complaints(presets):
+    """presets: configurePresets of CMakePresets.json. Every one that can be named has warnings as errors."""
+    by_name = {preset["name"]: preset for preset in presets}
+
+    def value(name):
+        own = by_name[name].get("cacheVariables", {}).get("STILLMESH_WERROR")
+        parents = by_name[name].get("inherits", [])
+        parents = [parents] if isinstance(parents, str) else parents
+        return own or next((found for found in map(value, parents) if found), None)
+    return [f"preset '{name}' does not turn warnings into errors" for name, preset in by_name.items()
+            if not preset.get("hidden") and value(name) != "ON"]
+
+
 def check_flags(arguments):
+    presets = json.loads(read(f"{arguments.source}/CMakePresets.json"))["configurePresets"]
     commands = json.loads(read(f"{arguments.build}/compile_commands.json"))
+    # A preset builds in build/NAME: what lies there is held to it, however it was configured.
+    build = os.path.relpath(arguments.build, f"{arguments.source}/build")
+    is_own = build in [preset["name"] for preset in presets]
+    print(f"{len(commands)} compile commands; {'a build of a preset' if is_own else 'no build of a preset'}")
+    cache = read(f"{arguments.build}/CMakeCache.txt")
+    warnings_are_errors = is_own or re.search(r"^STILLMESH_WERROR:BOOL=(ON|1|TRUE)$", cache, re.M) is not None
+    return preset_complaints(presets) + flag_complaints(commands, arguments.source, warnings_are_errors)
+
+
+# --- packagers -------------------------------------------------------------------------------------------------------
+
+def check_packagers(arguments):
+    """Configures as somebody else would, the engine alone and without a preset, and reads the compile commands."""
+    with tempfile.TemporaryDirectory() as build:
+        run = subprocess.run(["cmake", "-S", arguments.source, "-B", build, "-DSTILLMESH_ENGINE_ONLY=ON",
+                              "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", f"-DCMAKE_CXX_COMPILER={arguments.compiler}"],
+                             capture_output=True, text=True, check=False)
+        if run.returncode != 0:
+            return [f"cmake without a preset fails: {run.stderr[-500:]}"]
+        commands = json.loads(read(f"{build}/compile_commands.json"))
     print(f"{len(commands)} compile commands")
-    return flag_complaints(commands, arguments.source)
+    return flag_complaints(commands, arguments.source, warnings_are_errors=False)
 
 
 # --- stack -----------------------------------------------------------------------------------------------------------
@@ -443,90 +495,141 @@ def check_size(arguments):
     return complaints
 
 
-# --- selftest --------------------------------------------------------------------------------------------------------
+# --- sizes -----------------------------------------------------------------------------------------------------------
 
-def check_selftest(arguments):
-    complaints = []
+def exceptions_of(text):
+    """{(kind, place): (size, reason)} of exceptions.txt, and what is wrong with it. Size 0: the kind has none."""
+    exceptions, complaints = {}, []
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        found = re.fullmatch(r"(file|function|parameters|untested|reference) (\S+(?: [^\s\d]\S*)?)(?: (\d+))?: (\S.*)", line)
+        if not found or (found.group(3) is None) == (found.group(1) in ("file", "function", "parameters")):
+            complaints.append(f"exceptions.txt:{number}: not 'kind place size: reason': {line}")
+        elif (found.group(1), found.group(2)) in exceptions:
+            complaints.append(f"exceptions.txt:{number}: stands there twice: {line}")
+        else:
+            exceptions[found.group(1), found.group(2)] = (int(found.group(3) or 0), found.group(4))
+    return exceptions, complaints
 
-    def expect(what, found, count):
-        if len(found) != count:
-            complaints.append(f"selftest {what}: expected {count} complaints, got {found}")
 
-    expect("symbols", symbol_complaints({"memcpy", "malloc", "sin", "_Znwm", "__cxa_pure_virtual"}, []), 4)
-    expect("symbols", symbol_complaints(set(), [("T", "stillmesh::Engine::submit()"), ("T", "Eigen::x()"),
-                                                ("W", "stillmesh::y()"), ("T", "main")]), 3)
-    rooms = ["base", "frame", "mesh", "tasks"]
-    public = ["engine/base/status.hpp", "engine/engine.hpp", "engine/frame/frame.hpp"]
-
-    def room(path, text):
-        return room_complaints({path: text}, rooms, public)
-    expect("rooms", room("engine/mesh/a.cpp", '#include "engine/frame/f.hpp"\n#include <cstdint>\n'), 0)
-    expect("rooms", room("engine/frame/a.cpp", '#include "engine/mesh/f.hpp"\n'), 1)
-    expect("rooms", room("engine/frame/a.cpp", '#include <vector>\n#include <thread>\n'), 2)
-    expect("rooms", room("engine/frame/a.cpp", '#include "hal/depth_camera.hpp"\n'), 1)
-    expect("rooms", room("engine/frame/a.cpp", '#include "engine/engine.hpp"\n'), 1)
-    expect("rooms", room("engine/attic/a.cpp", '#include <cstdint>\n'), 1)
-    expect("rooms", room("engine/base/status.hpp", '#include "engine/base/pool.hpp"\n#include <Eigen/Core>\n'), 2)
-    expect("rooms", room("hal/x/a.cpp", '#include "engine/engine.hpp"\n#include "platform/x.hpp"\n'), 2)
-    expect("rooms", room("platform/x/a.cpp", '#include "engine/mesh/inner.hpp"\n#include "engine/engine.hpp"\n'), 1)
-    expect("rooms", room_complaints({"engine/paging/a.cpp": '#include "engine/tracking/t.hpp"\n#include "engine/paging/p.hpp"\n'},
-                                    ["base", "tracking", "paging"], public), 1)
-    expect("circles", circle_complaints({"engine/a/x.hpp": '#include "engine/a/y.hpp"\n', "engine/a/y.hpp": "",
-                                         "engine/a/z.cpp": '#include "engine/a/x.hpp"\n#include "engine/a/y.hpp"\n'}), 0)
-    expect("circles", circle_complaints({"engine/a/x.hpp": '#include "engine/a/y.hpp"\n',
-                                         "engine/a/y.hpp": '#include "engine/a/z.hpp"\n',
-                                         "engine/a/z.hpp": '#include "engine/a/x.hpp"\n'}), 1)
-    expect("text", text_complaints({"a.cpp": "// TO" "DO later\n", "b.md": "see /ho" "me/me/x\nhttps://x.org/home/y\n"}), 2)
-    good = "c++ -std=c++20 -Wall -Wextra -Werror -fno-fast-math -fno-math-errno -ffp-contract=off"
-    engine = " -fno-exceptions -fno-rtti -fno-threadsafe-statics -fvisibility=hidden -DEIGEN_DONT_VECTORIZE -DEIGEN_NO_MALLOC"
-
-    def flags(command, path="engine/a.cpp"):
-        return flag_complaints([{"directory": "/s", "file": "/s/engine/e.cpp", "command": good + engine},
-                                {"directory": "/s", "file": f"/s/{path}", "command": command}], "/s")
-    expect("flags", flags(good + engine), 0)
-    expect("flags", flags(good), 6)
-    expect("flags", flags(good + " -march=native", "hal/a.cpp"), 1)
-    expect("flags", flags(good + " -fno-fast-math", "hal/a.cpp"), 1)
-    expect("flags", flags(good.replace("-ffp-contract=off", ""), "hal/a.cpp"), 1)
-    expect("stack", frame_complaints(["a.cpp:1:1:void f()\t64\tstatic", "a.cpp:2:1:void g()\t80\tdynamic",
-                                      "a.cpp:3:1:void h()\t99999\tstatic"])[1], 2)
-    section = "  0 {} {:08x}  00000000  00000000  00000040  2**0\n                  CONTENTS, ALLOC, LOAD, {}\n"
-    code = section.format(".text.a", 600 * 1024, "RELOC, READONLY, CODE")
-    expect("size", size_complaints(code + section.format(".bss.a", 0, "DATA"))[0], 0)
-    expect("size", size_complaints(code + section.format(".rodata", 1, "READONLY, DATA"))[0], 1)
-    expect("size", size_complaints(code + section.format(".bss.a", 1, "DATA"))[0], 1)
-    expect("size", size_complaints(code + section.format(".data.a", 1, "DATA"))[0], 1)
-    expect("size", size_complaints(code + section.format(".tbss.a", 1, "THREAD_LOCAL"))[0], 1)
-    expect("size", size_complaints(section.format(".data.rel.ro.t", 9, "DATA"))[0], 1)
-    loop = {"a": (16, {"b"}, False), "b": (8, {"c"}, False), "c": (8, {"b"}, False)}
-    expect("recursion", graph_complaints(loop)[1], 1)
-    expect("depth", graph_complaints({"a": (90000, {"b"}, False), "b": (10000, set(), False)})[1], 1)
-
-    # The same with real tools: a library that allocates and exports a weak template, and code that recurses.
-    with tempfile.TemporaryDirectory() as directory:
-        folder = pathlib.Path(directory)
-        (folder / "bad.cpp").write_text("namespace stillmesh { template <class T> T* make(T v) { return new T(v); } "
-                                        "template int* make<int>(int); "
-                                        "int down(int n) noexcept { return n < 2 ? 1 : down(n - 1) * n + down(n / 3); } }\n")
-        (folder / "open.hpp").write_text("struct A { std::uint32_t x; };\n")
-        subprocess.run([arguments.compiler, "-std=c++20", "-O1", "-fno-exceptions", "-fno-asynchronous-unwind-tables", "-c",
-                        str(folder / "bad.cpp"), "-o", str(folder / "bad.o")], check=True)
-        undefined, exported = library_symbols(arguments, folder / "bad.o")
-        expect("symbols of a library that allocates", symbol_complaints(undefined, exported), 2)
-        expect("headers", header_complaints(arguments, directory, ["open.hpp", "missing.hpp"]), 2)
-        machine = subprocess.run([arguments.compiler, "-dumpmachine"], capture_output=True, text=True, check=True).stdout
-        if machine.startswith("x86_64"):
-            disassembly = subprocess.run([arguments.objdump, "-dr", "--no-show-raw-insn", str(folder / "bad.o")],
-                                         capture_output=True, text=True, check=True).stdout
-            found = graph_complaints(call_graph(disassembly))[1]
-            if not any("recursion" in c for c in found):
-                complaints.append(f"selftest recursion: not found in real code: {found}")
+def excepted_complaints(found, exceptions, kinds):
+    """found: {(kind, place): (size, sentence)} of what is too large or wrong. An exception holds for exactly the size it
+    names (of all places that a * in it stands for, the largest), so that none outlives its reason and the list only shrinks."""
+    complaints, largest = [], {}
+    for (kind, place), (size, sentence) in sorted(found.items()):
+        name = next((e for e in exceptions if e[0] == kind and fnmatch.fnmatchcase(place, e[1])), None)
+        if name is None:
+            complaints.append(f"{place}: {sentence}")
+        elif size > exceptions[name][0]:
+            complaints.append(f"{place}: {sentence}; its exception allows {exceptions[name][0]}")
+        largest[name] = max(size, largest.get(name, 0))
+    for name, (allowed, _) in sorted(exceptions.items()):
+        if name[0] in kinds and name not in largest:
+            complaints.append(f"exceptions.txt: '{' '.join(name)}' is needed no more: take it out")
+        elif name[0] in kinds and largest[name] < allowed:
+            complaints.append(f"exceptions.txt: '{' '.join(name)}' has shrunk from {allowed} to {largest[name]}: write that")
     return complaints
 
 
-def main():
+def count_complaints(count, count_max):
+    if count > count_max:
+        return [f"exceptions.txt: {count} exceptions, at most {count_max}"]
+    return [f"exceptions.txt: {count} exceptions: lower EXCEPTIONS_MAX to that"] if count < count_max else []
+
+
+def sizes_of(files):
+    """files: {path: text} of engine/. What is above its limit."""
+    found = {}
+    for path, text in files.items():
+        lines = len(text.splitlines())
+        if lines > FILE_LINES_MAX:
+            found["file", path] = (lines, f"{lines} lines, limit {FILE_LINES_MAX}")
+        for function in cpp_reader.functions_of(text):
+            place = f"{path} {function.name}"
+            for kind, size, limit in (("function", function.lines, FUNCTION_LINES_MAX),
+                                      ("parameters", function.parameters, PARAMETERS_MAX)):
+                if size > max(limit, found.get((kind, place), (0,))[0]):  # of overloads the largest
+                    unit = "parameters" if kind == "parameters" else "lines"
+                    found[kind, place] = (size, f"{size} {unit}, limit {limit}")
+    return found
+
+
+def check_sizes(arguments):
+    exceptions, complaints = exceptions_of(read(EXCEPTIONS))
+    files = {name: read(f"{arguments.source}/{name}") for name in tracked_files(arguments.source)
+             if name.startswith("engine/") and name.endswith((".hpp", ".cpp", ".inc"))}
+    found = sizes_of(files)
+    print(f"{len(files)} files; above a limit: {len(found)}")
+    complaints += count_complaints(len(exceptions), EXCEPTIONS_MAX)
+    return complaints + excepted_complaints(found, exceptions, ("file", "function", "parameters"))
+
+
+# --- tested ----------------------------------------------------------------------------------------------------------
+
+def untested_of(files, rooms):
+    """files: {path: text} of engine/ and tests/. Headers of rooms that no file of tests/ includes."""
+    included = {name for path, text in files.items() if path.startswith("tests/") for _, name in includes_of(text)}
+    return {("untested", path): (0, "no test includes this header") for path in files
+            if path.startswith(tuple(f"engine/{room}/" for room in rooms)) and path.endswith(".hpp") and path not in included}
+
+
+def check_tested(arguments):
+    exceptions, complaints = exceptions_of(read(EXCEPTIONS))
+    rooms = cmake_list(read(f"{arguments.source}/engine/CMakeLists.txt"), "STILLMESH_ROOMS")
+    files = {name: read(f"{arguments.source}/{name}") for name in tracked_files(arguments.source)
+             if name.startswith(("engine/", "tests/")) and name.endswith((".hpp", ".cpp"))}
+    found = untested_of(files, rooms)
+    print(f"{len(files)} files; headers without a test: {len(found)}")
+    return complaints + excepted_complaints(found, exceptions, ("untested",))
+
+
+# --- references ------------------------------------------------------------------------------------------------------
+
+# A path from the root or from the file's own folder, of a file, a folder, or a module without its suffix. Not what goes on as
+# no file's name does: build/engine/..., engine/<room>/, tests/*.
+PATH = re.compile(r"(?<![\w/.${}<>*-])((?:\.\./)*(?:docs|engine|hal|platform|tests|bench|fuzz|toolchains|packaging|vocabulary)"
+                  r"/[\w./-]*\w)(?!/?[\w*<{$-])")
+BARE_NAME = re.compile(r"(?<![\w/.}*>-])([\w-]+\.(?:md|hpp|cpp))\b(?![/(])")
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+
+
+def dangling_references(files, names):
+    """files: {path: text} to read, names: of all that is in the repository. What is spoken of and is not there, by its name."""
+    known = set(names)
+    for name in names:
+        parts = name.split("/")
+        known |= {"/".join(parts[:i]) for i in range(1, len(parts))}  # folders
+        known.add(os.path.splitext(name)[0])  # a module: engine/mesh/delaunay
+    bare = {os.path.basename(name) for name in names}
+    found = {}
+
+    def is_there(path, folder):
+        return any(os.path.normpath(candidate) in known for candidate in (path, os.path.join(folder, path)))
+    for path, text in sorted(files.items()):
+        folder = os.path.dirname(path)
+        for number, line in enumerate(text.splitlines(), 1):
+            missing = [name for name in PATH.findall(line) if not is_there(name, folder)]
+            missing += [name for name in BARE_NAME.findall(line) if name not in bare]
+            if path.endswith(".md"):
+                missing += [name for name in LINK.findall(line) if not re.match(r"\w+:", name) and not is_there(name, folder)]
+            for name in missing:
+                found.setdefault(("reference", name), []).append(f"{path}:{number}")
+    return {key: (0, f"not in the repository, and named in {', '.join(dict.fromkeys(places))}") for key, places in found.items()}
+
+
+def check_references(arguments):
+    exceptions, complaints = exceptions_of(read(EXCEPTIONS))
+    names = tracked_files(arguments.source)
+    files = {name: read(f"{arguments.source}/{name}") for name in names if is_text(name) and name not in WRONG_ON_PURPOSE}
+    found = dangling_references(files, names)
+    print(f"{len(files)} text files; names of what is not there: {len(found)}")
+    return complaints + excepted_complaints(found, exceptions, ("reference",))
+
+
+def main(checks):
+    """checks: {name: function}; runs the one that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    checks = {name[6:]: function for name, function in globals().items() if name.startswith("check_")}
     parser.add_argument("check", choices=sorted(checks))
     for name in ("source", "build", "compiler", "nm", "objdump", "library"):
         parser.add_argument(f"--{name}", required=True)
@@ -539,4 +642,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main({name[6:]: function for name, function in globals().items() if name.startswith("check_")}))

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "engine/mesh/delaunay.hpp"
+#include "engine/mesh/pixel_point.hpp"
 #include "tests/mesh/wide.hpp"
 
 namespace stillmesh::mesh_checker {

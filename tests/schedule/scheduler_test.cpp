@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/base/random.hpp"
+#include "engine/schedule/task.hpp"
 #include "tests/support/check_message.hpp"
 
 namespace stillmesh {

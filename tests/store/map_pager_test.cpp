@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/engine_state.hpp"
+#include "engine/paging/map_store.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 #include "tests/engine/engine_rig.hpp"
 
