@@ -20,7 +20,7 @@ struct CameraParameters { STILLMESH_KEYS_camera(STILLMESH_FIELD) };
     KEY(features, double, scale_factor, 1.2, 1.2, 1.9, "", "from one pyramid level to the next") \
     KEY(features, std::uint32_t, fast_threshold, 20, 2.0, 120.0, "grey levels", "corner threshold") \
     KEY(features, std::uint32_t, fast_threshold_low, 7, 1.0, 120.0, "grey levels", "corner threshold where a cell has no corner otherwise")
-struct FeatureKeys { STILLMESH_KEYS_features(STILLMESH_FIELD) };
+struct FeatureParameters { STILLMESH_KEYS_features(STILLMESH_FIELD) };
 
 #define STILLMESH_KEYS_depth(KEY) \
     KEY(depth, double, sigma_z_per_m2, 1.425e-3, 1e-5, 0.1, "1/m", "depth noise: sigma = this * z^2") \
@@ -102,7 +102,7 @@ struct StoreKeys { STILLMESH_KEYS_store(STILLMESH_FIELD) };
 
 struct Configuration {
     CameraParameters camera;
-    FeatureKeys features;
+    FeatureParameters features;
     DepthParameters depth;
     RegionKeys region;
     PoseKeys pose;

@@ -94,8 +94,6 @@ ConfigurationProblem validate(const Parameters& parameters, const Limits& limits
          400.0},
         {"pose.inlier_ratio_min", "is above pose.inlier_ratio_start", p.pose.inlier_ratio_min, 0.05,
          p.pose.inlier_ratio_start},
-        {"keyframes.tracked_share_max", "is below keyframes.tracked_share_urgent", p.keyframes.tracked_share_max,
-         p.keyframes.tracked_share_urgent, 1.0},
         {"mapping.window_keyframes", "is more than limits.keyframes_max",
          static_cast<double>(p.mapping.window_keyframes), 2.0, static_cast<double>(limits.keyframes_max)},
         {"weights.start", "is above weights.max", static_cast<double>(p.weights.start), 0.0,

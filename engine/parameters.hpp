@@ -3,7 +3,6 @@
 #pragma once
 
 #include "engine/configuration.hpp"
-#include "engine/features/tuning.hpp"
 #include "engine/loop_closing/tuning.hpp"
 #include "engine/map/tuning.hpp"
 #include "engine/mapping/tuning.hpp"
@@ -21,7 +20,7 @@ struct Parameters {
     constexpr Parameters(const Configuration& c) noexcept { *this = c; }  // NOLINT: a configuration is parameters
     constexpr Parameters& operator=(const Configuration& c) noexcept {
         static_cast<CameraParameters&>(camera) = c.camera;
-        static_cast<FeatureKeys&>(features) = c.features;
+        features = c.features;
         static_cast<DepthParameters&>(depth) = c.depth;
         static_cast<RegionKeys&>(region) = c.region;
         static_cast<PoseKeys&>(pose) = c.pose;
@@ -68,13 +67,13 @@ constexpr void visit_all_parameters(Parameters& c, Visitor&& v) {
             STILLMESH_VISIT) STILLMESH_KEYS_keyframes(STILLMESH_VISIT) STILLMESH_KEYS_schedule(STILLMESH_VISIT)
             STILLMESH_KEYS_mapping(STILLMESH_VISIT) STILLMESH_KEYS_loop(STILLMESH_VISIT) STILLMESH_KEYS_store(
                 STILLMESH_VISIT) STILLMESH_TUNING_shutter(STILLMESH_VISIT) STILLMESH_TUNING_pose(STILLMESH_VISIT)
-                STILLMESH_TUNING_features(STILLMESH_VISIT) STILLMESH_TUNING_matching(STILLMESH_VISIT)
-                    STILLMESH_TUNING_region(STILLMESH_VISIT) STILLMESH_TUNING_weights(STILLMESH_VISIT)
-                        STILLMESH_TUNING_noise(STILLMESH_VISIT) STILLMESH_TUNING_prediction(STILLMESH_VISIT)
-                            STILLMESH_TUNING_emptiness(STILLMESH_VISIT) STILLMESH_TUNING_keyframes(STILLMESH_VISIT)
-                                STILLMESH_TUNING_recovery(STILLMESH_VISIT) STILLMESH_TUNING_mapping(STILLMESH_VISIT)
-                                    STILLMESH_TUNING_map(STILLMESH_VISIT) STILLMESH_TUNING_local_map(STILLMESH_VISIT)
-                                        STILLMESH_TUNING_loop(STILLMESH_VISIT) STILLMESH_TUNING_store(STILLMESH_VISIT)
+                STILLMESH_TUNING_matching(STILLMESH_VISIT) STILLMESH_TUNING_region(STILLMESH_VISIT)
+                    STILLMESH_TUNING_weights(STILLMESH_VISIT) STILLMESH_TUNING_noise(STILLMESH_VISIT)
+                        STILLMESH_TUNING_prediction(STILLMESH_VISIT) STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
+                            STILLMESH_TUNING_keyframes(STILLMESH_VISIT) STILLMESH_TUNING_recovery(STILLMESH_VISIT)
+                                STILLMESH_TUNING_mapping(STILLMESH_VISIT) STILLMESH_TUNING_map(STILLMESH_VISIT)
+                                    STILLMESH_TUNING_local_map(STILLMESH_VISIT) STILLMESH_TUNING_loop(STILLMESH_VISIT)
+                                        STILLMESH_TUNING_store(STILLMESH_VISIT)
                                             v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 

@@ -25,7 +25,7 @@ OwnExtractor& extractor() {
     static MemoryBlock block;
     static OwnExtractor own = [] {
         if (!block.allocate(own_extractor_bytes(Limits::room()))) std::abort();
-        return create_own_extractor(block.bytes(), Limits::room(), FeatureKeys{}, cpu_kernels()).value();
+        return create_own_extractor(block.bytes(), Limits::room(), FeatureParameters{}, cpu_kernels()).value();
     }();
     return own;
 }

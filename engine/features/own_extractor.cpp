@@ -21,7 +21,6 @@ OrbOptions orb_options(const FeatureParameters& parameters) noexcept {
     options.scale_factor = parameters.scale_factor;
     options.fast_threshold = static_cast<std::uint8_t>(parameters.fast_threshold);
     options.fast_threshold_low = static_cast<std::uint8_t>(parameters.fast_threshold_low);
-    options.even_permille = parameters.even_permille;
     return options;
 }
 
@@ -34,13 +33,11 @@ std::size_t own_extractor_bytes(const Limits& limits) noexcept {
 }
 
 Result<OwnExtractor> create_own_extractor(std::span<std::byte> block, const Limits& limits,
-                                          const FeatureKeys& parameters, const Kernels& kernels) noexcept {
-    FeatureParameters all;
-    static_cast<FeatureKeys&>(all) = parameters;
+                                          const FeatureParameters& parameters, const Kernels& kernels) noexcept {
     if (block.size() < own_extractor_bytes(limits)) return Status::kFull;
     Arena arena(block);
     Parts& parts = arena.array<Parts>(1)[0];
-    parts.extractor.create(arena, limits, orb_options(all), kernels);
+    parts.extractor.create(arena, limits, orb_options(parameters), kernels);
     parts.features.create(arena, limits.features_max);
     arena.seal();
     return OwnExtractor{&parts.extractor, &parts.features};

@@ -27,7 +27,7 @@ struct OwnExtractor {
 // those that validate() accepts.
 //   kFull  block too small
 [[nodiscard]] STILLMESH_API Result<OwnExtractor> create_own_extractor(std::span<std::byte> block, const Limits& limits,
-                                                                      const FeatureKeys& parameters,
+                                                                      const FeatureParameters& parameters,
                                                                       const Kernels& kernels) noexcept;
 // Of the sampling pattern: descriptors of another pattern are another language.
 [[nodiscard]] STILLMESH_API std::uint32_t descriptor_pattern_crc() noexcept;

@@ -106,7 +106,7 @@ void EssentialGraph::add_loops() noexcept {
 std::uint32_t EssentialGraph::add_covisible(std::uint64_t settled_end) noexcept {
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     const std::uint32_t slots = keyframes.slots_count();
-    const std::uint32_t strong = std::max(world_->limits.features_max / 10, PlaceSearch::kSharedMin);
+    const std::uint32_t strong = std::max(world_->limits.features_max / 10, world_->parameters.map.shared_min);
     std::uint32_t units = 0;
     for (std::uint32_t slot = 0; slot < slots; ++slot) {
         if (!nodes_.has(slot)) continue;

@@ -19,7 +19,7 @@ void LoopCandidates::reset() noexcept {
 
 // Seen together, or the same.
 bool LoopCandidates::is_near(Handle<Keyframe> a, Handle<Keyframe> b) const noexcept {
-    return a == b || world_->map.shared(a.slot(), b.slot()) >= PlaceSearch::kSharedMin;
+    return a == b || world_->map.shared(a.slot(), b.slot()) >= world_->parameters.map.shared_min;
 }
 
 // The k queries before found this place, each of them.

@@ -9,7 +9,6 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kSharedMin = PlaceSearch::kSharedMin;
 constexpr std::uint32_t kFusePiece = 32;
 
 double length(const Vector3& v) noexcept {
@@ -183,7 +182,7 @@ std::uint32_t LoopClosing::prepare() noexcept {
     const auto units = static_cast<std::uint32_t>(seen.size() / 4) + 1;
     const NoiseFactors noise{std::max(1.0, world_->noise.pixel), std::max(1.0, world_->noise.depth)};
     verifier.start(world_->map, candidates_.chosen()[cursor_], noise,
-                   {world_->parameters.loop.matches_min, world_->parameters.loop.inliers_min});
+                   {world_->parameters.loop.inliers_min / 2, world_->parameters.loop.inliers_min});
     ++statistics_.candidates;
     stage_ = Stage::kVerify;  // the cursor stays
     return units;
@@ -326,12 +325,12 @@ void LoopClosing::find_fuse_sides() noexcept {
     sources_[sources_count_++] = found_;
     targets_[targets_count_++] = keyframe_;
     // After the matches were fused both sides see each other: time tells them apart.
-    std::uint32_t count = world_->map.best_covisible(found_.slot(), best, kSharedMin);
+    std::uint32_t count = world_->map.best_covisible(found_.slot(), best, world_->parameters.map.shared_min);
     for (std::uint32_t i = 0; i < count && sources_count_ < kFuseSources; ++i) {
         if (world_->map.keyframes().at(best[i]).frame + gap > frame) continue;
         sources_[sources_count_++] = world_->map.keyframes().handle_of(best[i]);
     }
-    count = world_->map.best_covisible(keyframe_.slot(), best, kSharedMin);
+    count = world_->map.best_covisible(keyframe_.slot(), best, world_->parameters.map.shared_min);
     for (std::uint32_t i = 0; i < count && targets_count_ < kFuseTargets; ++i) {
         if (world_->map.keyframes().at(best[i]).frame + gap < frame) continue;
         targets_[targets_count_++] = world_->map.keyframes().handle_of(best[i]);

@@ -16,17 +16,10 @@ namespace stillmesh {
     KEY(loop, std::uint32_t, rest_keyframes, 10, 0.0, 1000.0, "", "after a loop none is sought for so many") \
     KEY(loop, std::uint32_t, candidates_max, 3, 1.0, 8.0, "", "places verified for one keyframe") \
     KEY(loop, std::uint32_t, nodes_level, 1, 1.0, 8.0, "", "features under one node of this level of the vocabulary are compared") \
-    KEY(loop, std::uint32_t, hamming_max, 64, 1.0, 256.0, "bits", "largest descriptor distance of a match") \
-    KEY(loop, std::uint32_t, hamming_guided_max, 64, 1.0, 256.0, "bits", "the same around a projection") \
-    KEY(loop, double, ratio_max, 0.85, 0.1, 1.0, "", "best to second best descriptor distance") \
     KEY(loop, double, radius_px, 8.0, 1.0, 100.0, "px", "search radius around a projection") \
-    KEY(loop, std::uint32_t, iterations_max, 500, 1.0, 5000.0, "", "RANSAC iterations for one candidate") \
-    KEY(loop, double, chi2_max, 11.34, 0.1, 1000.0, "", "largest squared residual of a point that agrees") \
-    KEY(loop, std::uint32_t, matches_min, 20, 3.0, 4000.0, "", "fewer matches are no place") \
     KEY(loop, std::uint32_t, first_inliers_min, 12, 3.0, 4000.0, "", "fewer that agree are not looked at further") \
     KEY(loop, double, spread_min, 0.25, 0.0, 1.0, "", "share of width and of height that they span at least") \
     KEY(loop, double, drift_m, 0.3, 0.0, 1000.0, "m", "odometry can have drifted by so much") \
-    KEY(loop, double, drift_lost_m_s, 1.5, 0.0, 100.0, "m/s", "and so fast while nothing was measured") \
     KEY(loop, double, correction_min_m, 0.01, 0.0, 10.0, "m", "a smaller correction is none") \
     KEY(loop, double, correction_min_rad, 0.01, 0.0, 3.0, "rad", "a smaller correction is none") \
     KEY(loop, double, correction_chi2_min, 12.59, 0.0, 1e6, "", "one of fewer squared deviations of what verification measured is none either")

@@ -145,7 +145,8 @@ void LocalMap::choose_keyframes(const Map& map, const SE3& world_from_camera) no
         const Vector3 axis_there = pose.rotation.col(2);
         const double cosine = axis.dot(axis_there);
         if (away > p.near_m * p.near_m || cosine < p.near_cosine_min) continue;
-        keep_best(std::span(near).first(near_max), near_count, Near{away + p.turn_m2 * (1.0 - cosine), slot},
+        keep_best(std::span(near).first(near_max), near_count,
+                  Near{away + map.parameters().turn_m2 * (1.0 - cosine), slot},
                   [](const Near& a, const Near& b) { return a.distance < b.distance; });
     }
     // In turns, so that each kind gets its part of a small pool.
@@ -156,7 +157,7 @@ void LocalMap::choose_keyframes(const Map& map, const SE3& world_from_camera) no
     std::uint32_t neighbours[kKeyframesMax] = {};
     const std::span<std::uint32_t> best = std::span(neighbours).first(std::min(p.neighbours, kKeyframesMax));
     for (std::uint32_t i = 0; i < chosen_count_ && chosen_count_ < chosen_max_; ++i) {
-        const std::uint32_t count = map.best_covisible(chosen_[i], best, p.shared_min);
+        const std::uint32_t count = map.best_covisible(chosen_[i], best, map.parameters().shared_min);
         for (std::uint32_t k = 0; k < count; ++k) static_cast<void>(choose(neighbours[k]));
     }
 }

@@ -75,7 +75,8 @@ std::uint32_t LocalWindow::choose(Handle<Keyframe> keyframe, std::span<const Han
     if (keyframe_count_ == free_count_) hold_the_oldest();
     // A few points far away fit a camera that stands aside and looks askance as well, and tracking follows the newest:
     // its own points have to be enough.
-    is_chosen_ = p.is_adjusting && keyframe_count_ >= 2 && newest_point_count_ >= p.adjusted_points_min;
+    is_chosen_ =
+        p.is_adjusting && keyframe_count_ >= 2 && newest_point_count_ >= world_->parameters.pose.sure_inliers();
     if (!is_chosen_) {
         forget_points();
         return units + 1;
@@ -149,8 +150,6 @@ std::uint32_t LocalWindow::collect() noexcept {
     const MappingParameters& p = world_->parameters.mapping;
     if (cursor_ == keyframe_count_) {
         AdjustmentOptions options;
-        options.chi2_max_pixel = p.chi2_max_pixel;
-        options.chi2_max_depth = p.chi2_max_depth;
         options.iterations_max[0] = p.first_iterations_max;
         options.iterations_max[1] = p.second_iterations_max;
         adjustment_.start(options);

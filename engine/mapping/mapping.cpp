@@ -115,7 +115,7 @@ std::uint32_t Mapping::cull() noexcept {
 
 std::uint32_t Mapping::find_neighbours() noexcept {
     std::uint32_t best[kNeighboursMax] = {};
-    neighbour_count_ = world_->map.best_covisible(keyframe_.slot(), best, world_->parameters.mapping.shared_min);
+    neighbour_count_ = world_->map.best_covisible(keyframe_.slot(), best, world_->parameters.map.shared_min);
     for (std::uint32_t i = 0; i < neighbour_count_; ++i) neighbours_[i] = world_->map.keyframes().handle_of(best[i]);
     return 2;
 }

@@ -13,11 +13,7 @@ namespace stillmesh {
 #define STILLMESH_TUNING_mapping(KEY) \
     KEY(mapping, bool, is_culling, true, 0.0, 1.0, "", "forget redundant keyframes") \
     KEY(mapping, double, settled_s, 60.0, 0.0, 1e9, "s", "keyframes older than a new one by so much are not moved by its adjustment") \
-    KEY(mapping, std::uint32_t, shared_min, 15, 1.0, 4000.0, "", "points a neighbour shares") \
     KEY(mapping, std::uint32_t, fixed_shared_min, 3, 1.0, 4000.0, "", "points a fixed keyframe shares with the window") \
-    KEY(mapping, std::uint32_t, adjusted_points_min, 16, 3.0, 4000.0, "", "a new keyframe that sees fewer points is not adjusted") \
-    KEY(mapping, double, chi2_max_pixel, 5.991, 0.1, 1000.0, "", "largest squared residual of an observation without depth") \
-    KEY(mapping, double, chi2_max_depth, 7.815, 0.1, 1000.0, "", "the same with depth") \
     KEY(mapping, std::uint32_t, first_iterations_max, 6, 1.0, 100.0, "", "adjustment with outliers") \
     KEY(mapping, std::uint32_t, second_iterations_max, 4, 0.0, 100.0, "", "adjustment without them") \
     KEY(mapping, double, fusion_radius_px, 4.0, 0.1, 100.0, "px", "duplicates are looked for within") \

@@ -11,6 +11,7 @@ namespace {
 constexpr double kAreaMin_m2 = 2e-3;  // of the parallelogram
 constexpr double kLengthMin_m = 2e-2;
 constexpr double kMiddleMin = 1e-3;
+constexpr std::uint32_t kIterationsMax = 1000;  // k, whatever the configuration asks for
 
 }  // namespace
 
@@ -19,6 +20,7 @@ RansacOptions ransac_options(const Parameters& configuration, std::uint32_t fact
     options.confidence = configuration.pose.confidence;
     options.factor = factor;
     options.inlier_ratio_min = configuration.pose.inlier_ratio_min;
+    options.iterations_max = factor * ransac_iterations(options.confidence, options.inlier_ratio_min, kIterationsMax);
     options.sample_chi2_max = configuration.pose.sample_chi2_max;
     options.chi2_max = configuration.region.point_chi2_max;
     return options;

@@ -21,7 +21,7 @@ struct RansacOptions {
     double sample_chi2_max = 16.0;
 };
 
-// As configured; iterations_max and inlier_ratio_start are the caller's.
+// As configured, with as many iterations as inlier_ratio_min needs at most; inlier_ratio_start is the caller's.
 [[nodiscard]] RansacOptions ransac_options(const Parameters& configuration, std::uint32_t factor) noexcept;
 
 struct RansacResult {

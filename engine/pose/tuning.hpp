@@ -26,11 +26,8 @@ struct ShutterParameters { STILLMESH_TUNING_shutter(STILLMESH_FIELD) };
 
 #define STILLMESH_TUNING_pose(KEY) \
     KEY(pose, double, confidence, 0.99, 0.5, 0.9999, "", "of RANSAC's iteration rule") \
-    KEY(pose, std::uint32_t, coarse_iterations_max, 507, 1.0, 5000.0, "", "RANSAC iterations for one group") \
-    KEY(pose, std::uint32_t, final_iterations_max, 1690, 1.0, 5000.0, "", "RANSAC iterations for the pose") \
     KEY(pose, std::uint32_t, coarse_total_max, 1024, 1.0, 20000.0, "", "RANSAC iterations of all groups together") \
     KEY(pose, std::uint32_t, sure_inliers_factor, 2, 1.0, 100.0, "", "times inliers_min inliers make a pose sure") \
-    KEY(pose, std::uint32_t, start_inliers_factor, 2, 1.0, 100.0, "", "times inliers_min features with depth start a map") \
     KEY(pose, std::uint32_t, coarse_factor, 3, 1.0, 100.0, "", "RANSAC iterations over the rule's, for a group") \
     KEY(pose, std::uint32_t, final_factor, 10, 1.0, 100.0, "", "RANSAC iterations over the rule's, for the pose") \
     KEY(pose, double, inlier_ratio_start, 0.5, 0.05, 1.0, "", "share of inliers expected at first") \
@@ -40,7 +37,10 @@ struct ShutterParameters { STILLMESH_TUNING_shutter(STILLMESH_FIELD) };
     KEY(pose, std::uint32_t, expected_passes_max, 6, 1.0, 100.0, "", "adjustment of the expected motion") \
     KEY(pose, std::uint32_t, final_passes_max, 10, 1.0, 100.0, "", "adjustment of the pose")
 struct PoseTuning { STILLMESH_TUNING_pose(STILLMESH_FIELD) };
-struct PoseParameters : PoseKeys, PoseTuning {};
+struct PoseParameters : PoseKeys, PoseTuning {
+    // Inliers of a sure pose, features that start a map, points that an adjusted keyframe sees.
+    [[nodiscard]] constexpr std::uint32_t sure_inliers() const noexcept { return sure_inliers_factor * inliers_min; }
+};
 
 // clang-format on
 

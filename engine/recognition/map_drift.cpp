@@ -20,7 +20,7 @@ double drift_from_parent(const Map& map, std::uint32_t slot, const LoopParameter
     const double gathered = gathered_between(keyframe, parent);
     const std::uint64_t gap =
         keyframe.frame > parent.frame ? keyframe.frame - parent.frame : parent.frame - keyframe.frame;
-    if (gap < parameters.gap_frames || map.shared(slot, above) < PlaceSearch::kSharedMin) return gathered;
+    if (gap < parameters.gap_frames || map.shared(slot, above) < map.parameters().shared_min) return gathered;
     const Vector3 way = keyframe.world_from_camera.translation - parent.world_from_camera.translation;
     return std::min(gathered, parameters.drift_share * std::sqrt(way.squaredNorm()));
 }

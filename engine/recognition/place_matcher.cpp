@@ -61,12 +61,12 @@ std::uint32_t PlaceMatcher::count_alike(const Map& map, const Vocabulary& vocabu
     const auto look = [&](std::span<const WordOfFeature> mine, std::span<const WordOfFeature> theirs) {
         for (const WordOfFeature a : mine) {
             if (query_[a.feature].level == kNotEligible) continue;
-            NearestTwo<std::uint32_t> two{configuration_->loop.hamming_max};
+            NearestTwo<std::uint32_t> two{configuration_->matching.hamming_max};
             for (const WordOfFeature b : theirs) {
                 if (b.feature >= observations.size()) continue;
                 two.offer(hamming_distance(descriptors_[a.feature], descriptors[b.feature]), b.feature);
             }
-            if (!two.is_any() || !two.is_clear(configuration_->loop.ratio_max)) continue;
+            if (!two.is_any() || !two.is_clear(configuration_->matching.ratio_max)) continue;
             // People look alike everywhere.
             const Observation& o = observations[two.nearest];
             if (!is_static(map.points().find(o.point), configuration_->weights.eligible)) continue;
@@ -116,7 +116,7 @@ std::uint32_t PlaceMatcher::match(const Map& map, const Vocabulary& vocabulary, 
         ++compared;
         enter_node_of(mine, vocabulary, there);
         if (query_[mine.feature].level == kNotEligible) continue;
-        NearestTwo<Handle<MapPoint>> two{configuration_->loop.hamming_max};
+        NearestTwo<Handle<MapPoint>> two{configuration_->matching.hamming_max};
         for (std::size_t b = b_; b < b_end_; ++b) {
             const std::uint32_t feature = there[b].feature;
             if (feature >= observations.size()) continue;
@@ -126,7 +126,8 @@ std::uint32_t PlaceMatcher::match(const Map& map, const Vocabulary& vocabulary, 
             const Handle<MapPoint> seen = observations[feature].point;
             if (is_static(map.points().find(seen), configuration_->weights.eligible)) two.offer(distance, seen);
         }
-        if (two.is_any() && two.is_clear(configuration_->loop.ratio_max)) offer(mine.feature, two.nearest, two.best);
+        if (two.is_any() && two.is_clear(configuration_->matching.ratio_max))
+            offer(mine.feature, two.nearest, two.best);
     }
     return 1 + compared / 32;
 }
@@ -185,7 +186,7 @@ bool PlaceMatcher::mark_projected(std::uint32_t slot) noexcept {
 // Around `pixel`, at a scale near `ratio`.
 PlaceMatcher::Alike PlaceMatcher::find_alike(const MapPoint& point, const Vector2& pixel, double ratio) const noexcept {
     const LoopParameters& p = configuration_->loop;
-    Alike best{0, p.hamming_guided_max + 1};
+    Alike best{0, configuration_->matching.hamming_max + 1};
     grid_.visit_near(pixel.x(), pixel.y(), p.radius_px * std::max(ratio, 1.0), [&](std::uint32_t i) {
         const Observation& o = query_[i];
         if (o.level == kNotEligible) return;
@@ -214,7 +215,7 @@ std::uint32_t PlaceMatcher::project(const Map& map, Handle<MapPoint> handle, con
     if (ratio * kScaleSlack < scales.front() || ratio > kScaleSlack * scales.back()) return 0;
     ++points_in_view_;
     const Alike best = find_alike(*point, pixel, ratio);
-    if (best.distance_bits <= configuration_->loop.hamming_guided_max) offer(best.feature, handle, best.distance_bits);
+    if (best.distance_bits <= configuration_->matching.hamming_max) offer(best.feature, handle, best.distance_bits);
     return 2;
 }
 

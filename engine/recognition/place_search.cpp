@@ -63,7 +63,7 @@ void PlaceSearch::find_words(const Map& map, Handle<Keyframe> keyframe, const Pa
 PlaceSearch::Neighbourhood PlaceSearch::neighbourhood(const Map& map, std::uint32_t slot) const noexcept {
     Neighbourhood out;
     std::uint32_t neighbours[kNeighbours] = {};
-    out.neighbours = map.best_covisible(slot, neighbours, kSharedMin);
+    out.neighbours = map.best_covisible(slot, neighbours, map.parameters().shared_min);
     for (std::uint32_t i = 0; i < out.neighbours; ++i) {
         if (!database_.has(neighbours[i])) continue;
         const std::uint32_t score = database_.score(slot, neighbours[i]);

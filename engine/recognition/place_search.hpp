@@ -15,7 +15,6 @@ class PlaceSearch {
 public:
     enum class User : std::uint8_t { kNone, kLoopClosing, kRelocalisation };
 
-    static constexpr std::uint32_t kSharedMin = 15;   // points: neighbours in the covisibility graph
     static constexpr std::uint32_t kNeighbours = 10;  // whose scores say what alike means
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {

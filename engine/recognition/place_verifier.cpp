@@ -136,7 +136,7 @@ std::uint32_t PlaceVerifier::gather(const Map& map) noexcept {
         refuse(Refusal::kFewMatches);
         return units;
     }
-    iterations_wanted_ = configuration_->loop.iterations_max;
+    iterations_wanted_ = ransac_options(*configuration_, configuration_->pose.coarse_factor).iterations_max;
     stage_ = Stage::kSample;
     return units;
 }
@@ -156,15 +156,16 @@ std::uint32_t PlaceVerifier::sample() noexcept {
         const SE3 camera_from_world = hypothesis.inverse();
         std::uint32_t agreeing = 0;
         for (const Correspondence& c : pairs_) {
-            agreeing += chi2_of(c, camera_from_world) <= configuration_->loop.chi2_max ? 1U : 0U;
+            agreeing += chi2_of(c, camera_from_world) <= configuration_->region.point_chi2_max ? 1U : 0U;
         }
         if (static_cast<double>(agreeing) <= best_votes_) continue;
         best_votes_ = agreeing;
         best_ = hypothesis;
         const double share = std::max(best_votes_ / static_cast<double>(count), 0.05);
-        iterations_wanted_ = std::min(
-            configuration_->loop.iterations_max,
-            3 * ransac_iterations(configuration_->pose.confidence, share, configuration_->loop.iterations_max));
+        const RansacOptions options = ransac_options(*configuration_, configuration_->pose.coarse_factor);
+        iterations_wanted_ =
+            std::min(options.iterations_max,
+                     options.factor * ransac_iterations(options.confidence, share, options.iterations_max));
     }
     if (iterations_ < iterations_wanted_) return units;
     if (best_votes_ < configuration_->loop.first_inliers_min) {
@@ -186,7 +187,7 @@ std::uint32_t PlaceVerifier::choose_agreeing(const SE3& world_from_camera, doubl
 }
 
 std::uint32_t PlaceVerifier::refine() noexcept {
-    const double chi2_max = configuration_->loop.chi2_max;
+    const double chi2_max = configuration_->region.point_chi2_max;
     static_cast<void>(choose_agreeing(best_, 2.0 * chi2_max));
     const auto units = static_cast<std::uint32_t>(11 * chosen_.size()) + 1;
     fit_ = optimise_pose(pairs_.span(), chosen_.span(), best_, chi2_max, 10);
@@ -226,7 +227,7 @@ std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
 
 std::uint32_t PlaceVerifier::judge(const Map& map) noexcept {
     collect(map);
-    const double chi2_max = configuration_->loop.chi2_max;
+    const double chi2_max = configuration_->region.point_chi2_max;
     static_cast<void>(choose_agreeing(fit_.world_from_camera, 2.0 * chi2_max));
     const std::uint32_t units =
         static_cast<std::uint32_t>(11 * chosen_.size()) + 1 +
@@ -260,14 +261,15 @@ std::uint32_t PlaceVerifier::judge(const Map& map) noexcept {
 }
 
 std::uint64_t PlaceVerifier::likeness(const Map& map) const noexcept {
-    const std::uint32_t bits_max = configuration_->loop.hamming_guided_max;
+    const std::uint32_t bits_max = configuration_->matching.hamming_max;
     const SE3 camera_from_world = fit_.world_from_camera.inverse();
     std::uint64_t sum = 0;
     for (std::size_t i = 0; i < matcher_.query().size(); ++i) {
         const PlaceMatcher::Claim& claim = matcher_.claim(i);
         const MapPoint* const point = map.points().find(claim.point);
         if (point == nullptr || claim.distance_bits > bits_max) continue;
-        if (chi2_of(matcher_.pair_of(i, *point, noise_), camera_from_world) > configuration_->loop.chi2_max) continue;
+        if (chi2_of(matcher_.pair_of(i, *point, noise_), camera_from_world) > configuration_->region.point_chi2_max)
+            continue;
         sum += bits_max + 1 - claim.distance_bits;
     }
     return sum * sum / std::max(matcher_.points_in_view(), 1U);

@@ -37,8 +37,8 @@ bool propose_recovery(std::span<const Correspondence> correspondences, std::span
     const RecoveryParameters& r = configuration.recovery;
     if (chosen.size() < r.matches_min) return false;
     RansacOptions options = ransac_options(configuration, configuration.pose.final_factor);
-    options.iterations_max = configuration.pose.coarse_iterations_max;
-    options.inlier_ratio_start = r.inliers_start;
+    options.iterations_max = ransac_options(configuration, configuration.pose.coarse_factor).iterations_max;
+    options.inlier_ratio_start = configuration.pose.inlier_ratio_min;
     const RansacResult result = ransac_pose(correspondences, chosen, nullptr, options, random);
     // Descriptors alone found these, so that many which agree are no accident.
     if (!result.is_valid || result.inliers < configuration.pose.inliers_min) return false;

@@ -13,7 +13,6 @@ namespace stillmesh {
 #define STILLMESH_TUNING_recovery(KEY) \
     KEY(recovery, std::uint32_t, keyframes_max, 16, 1.0, 1000.0, "", "recent ones tried in turn") \
     KEY(recovery, std::uint32_t, matches_min, 8, 3.0, 4000.0, "", "fewer matches recover nothing") \
-    KEY(recovery, double, inliers_start, 0.3, 0.05, 1.0, "", "share of inliers expected") \
     KEY(recovery, double, inlier_share_min, 0.5, 0.0, 1.0, "", "of the matches that must agree") \
     KEY(recovery, double, reach_m, 0.1, 0.0, 1000.0, "m", "how far a camera gets at once") \
     KEY(recovery, double, reach_rad, 0.2, 0.0, 10.0, "rad", "how far a camera turns at once") \

@@ -24,7 +24,7 @@ std::uint32_t GroupMotions::fit(const RegionInput& input, Random& random) noexce
         }
         if (input.scratch.size() < input.configuration.region.group_points_min) continue;
         const std::uint32_t left = pose.coarse_total_max - iterations;
-        iterations += fit_one(input, std::min(pose.coarse_iterations_max, left), random, motions_[count_]);
+        iterations += fit_one(input, left, random, motions_[count_]);
     }
     return iterations;
 }
@@ -35,7 +35,7 @@ std::uint32_t GroupMotions::fit_one(const RegionInput& input, std::uint32_t iter
     const RegionParameters& region = input.configuration.region;
     RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
     options.inlier_ratio_start = region.group_inliers_start;
-    options.iterations_max = iterations_max;
+    options.iterations_max = std::min(options.iterations_max, iterations_max);
     const RansacResult result = ransac_pose(input.correspondences, members, nullptr, options, random);
     if (!result.is_valid) return result.iterations;
     const PoseFit fit = optimise_pose(input.correspondences, members, result.world_from_camera, region.point_chi2_max,

@@ -58,7 +58,6 @@ void Hypotheses::propose_expected(const RegionInput& input) noexcept {
 
 void Hypotheses::propose_over_all(const RegionInput& input, Random& random) noexcept {
     RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
-    options.iterations_max = input.configuration.pose.coarse_iterations_max;
     options.inlier_ratio_start = input.context.inlier_ratio;
     const RansacResult result = ransac_pose(input.correspondences, input.voters, nullptr, options, random);
     iterations_ += result.iterations;
@@ -79,14 +78,15 @@ void Hypotheses::propose_left_over(const RegionInput& input, Random& random) noe
     const PoseParameters& pose = input.configuration.pose;
     RansacOptions options = ransac_options(input.configuration, pose.coarse_factor);
     options.inlier_ratio_start = region.left_over_inliers_start;
+    const std::uint32_t round_iterations = options.iterations_max;
     for (std::uint32_t round = 0; round < region.left_over_rounds; ++round) {
         if (hypotheses_.size() == kHypothesesMax || iterations_ >= pose.coarse_total_max) return;
         input.scratch.clear();
         for (const std::uint16_t i : input.voters) {
             if (explained_by_[i] == 0) STILLMESH_CHECK(input.scratch.push(i));
         }
-        if (input.scratch.size() < region.left_over_min) return;
-        options.iterations_max = std::min(pose.coarse_iterations_max, pose.coarse_total_max - iterations_);
+        if (input.scratch.size() < 2 * region.group_points_min) return;
+        options.iterations_max = std::min(round_iterations, pose.coarse_total_max - iterations_);
         const RansacResult result = ransac_pose(input.correspondences, input.scratch.span(), nullptr, options, random);
         iterations_ += result.iterations;
         if (!result.is_valid || result.inliers < region.group_points_min) return;

@@ -16,7 +16,6 @@ namespace stillmesh {
     KEY(region, double, score_area, 1.0, 0.0, 100.0, "", "W2 of Eq. 1") \
     KEY(region, double, point_chi2_max, 11.34, 0.1, 1000.0, "", "largest squared residual of a static point") \
     KEY(region, std::uint32_t, group_points_min, 6, 3.0, 1000.0, "", "smaller groups get no pose of their own") \
-    KEY(region, double, margin_min, 0.0, -1.0, 1.0, "", "smaller margin of the choice makes a pose unsure") \
     KEY(region, double, step_m, 0.1, 0.0, 10.0, "m", "a larger step in depth, if steep, parts groups") \
     KEY(region, double, step_slope, 2.0, 0.0, 100.0, "", "steeper than any surface seen for long") \
     KEY(region, double, anchor_chi2_share, 0.5, 0.0, 10.0, "", "of the anchor's squared residual in a point's badness") \
@@ -26,7 +25,6 @@ namespace stillmesh {
     KEY(region, double, agreement_share, 0.1, 0.01, 10.0, "", "and as much of each of its points") \
     KEY(region, double, reach_factor, 4.0, 1.0, 100.0, "", "chi2 threshold from which a hypothesis is refined, times") \
     KEY(region, double, group_inliers_start, 0.7, 0.05, 1.0, "", "share of inliers expected in a rigid group") \
-    KEY(region, std::uint32_t, left_over_min, 12, 3.0, 4000.0, "", "fewer points that agree with nobody propose no motion") \
     KEY(region, double, left_over_inliers_start, 0.4, 0.05, 1.0, "", "share of inliers expected among them") \
     KEY(region, std::uint32_t, left_over_rounds, 3, 0.0, 14.0, "", "motions sought among them") \
     KEY(region, double, prior_weight, 0.25, 0.0, 100.0, "", "of the expected motion beside Eq. 1") \

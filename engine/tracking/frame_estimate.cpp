@@ -65,14 +65,14 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
-    out.is_clear = choice.margin >= c.region.margin_min && choice.score >= c.region.score_min;
+    out.is_clear = choice.margin >= 0 && choice.score >= c.region.score_min;
     out.is_sure = is_sure(out);
     return out;
 }
 
 bool FrameEstimator::is_sure(const Estimate& estimate) const noexcept {
     const PoseParameters& p = world_->parameters.pose;
-    return estimate.is_clear && estimate.fit.inliers >= p.sure_inliers_factor * p.inliers_min;
+    return estimate.is_clear && estimate.fit.inliers >= p.sure_inliers();
 }
 
 void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexcept {
@@ -148,7 +148,6 @@ PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& esti
     observe(Stage::kPose, true);
     const PoseParameters& p = world_->parameters.pose;
     RansacOptions options = ransac_options(world_->parameters, p.final_factor);
-    options.iterations_max = p.final_iterations_max;
     options.inlier_ratio_start = camera.inlier_ratio;
     const RansacResult final =
         ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);

@@ -10,6 +10,7 @@ void KeyframeInserter::create(const Parameters& configuration) noexcept {
     parameters_ = configuration.keyframes;
     tracked_urgent_ = parameters_.tracked_urgent_permille * configuration.features.count / 1000;
     weights_ = configuration.weights;
+    near_px_ = configuration.matching.radius_wide_px;
     is_region_enabled_ = configuration.region.is_enabled;
     is_mapping_ = configuration.mapping.is_enabled;
 }
@@ -38,7 +39,7 @@ bool KeyframeInserter::wants(std::uint64_t number, std::uint32_t static_count,
     const KeyframeParameters& k = parameters_;
     const double share = tracked_ > 0 ? static_cast<double>(static_count) / static_cast<double>(tracked_) : 0.0;
     if (new_points_possible < k.new_points_min) return false;
-    if (share < k.tracked_share_urgent || static_count < tracked_urgent_) return number - frame_ >= k.gap_urgent;
+    if (share < 0.5 * k.tracked_share_max || static_count < tracked_urgent_) return number - frame_ >= k.gap_urgent;
     return share < k.tracked_share_max && number - frame_ >= k.gap_min;
 }
 
@@ -113,7 +114,7 @@ bool KeyframeInserter::lies_among_moving(const Source& source, std::size_t featu
     const double z = frame[feature].z_m;
     std::uint32_t moving = 0;
     std::uint32_t still = 0;
-    source.matcher.grid().visit_near(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y), weights_.near_px,
+    source.matcher.grid().visit_near(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y), near_px_,
                                      [&](std::uint32_t i) {
                                          const Verdict verdict = source.judge.verdict(i);
                                          if (verdict == Verdict::kNone || !frame[i].has_depth()) return;

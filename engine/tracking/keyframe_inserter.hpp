@@ -59,6 +59,7 @@ private:
     KeyframeParameters parameters_;
     std::uint32_t tracked_urgent_ = 0;
     WeightParameters weights_;
+    double near_px_ = 0;  // as far as a feature is looked for
     bool is_region_enabled_ = true;
     bool is_mapping_ = true;
     std::uint64_t frame_ = 0;    // of the last keyframe

@@ -40,7 +40,7 @@ MotionModel::Prediction MotionModel::predict(std::int64_t time_ns, const Predict
         out.world_from_camera = world_from_camera_ * se3_exp(xi);
     }
     out.sigma_m = has_velocity_ ? p.sigma_m + p.sigma_m_s * dt : p.still_sigma_m + p.still_sigma_m_s * dt;
-    out.sigma_rad = has_velocity_ ? p.sigma_rad + p.sigma_rad_s * dt : p.still_sigma_rad + p.still_sigma_rad_s * dt;
+    out.sigma_rad = has_velocity_ ? p.sigma_rad + p.sigma_rad_s * dt : p.sigma_rad + p.still_sigma_rad_s * dt;
     return out;
 }
 

@@ -29,15 +29,15 @@ void Odometry::split(const SE3& world_from_camera, PoseEstimate& pose) const noe
 }
 
 void Odometry::gather_drift(PoseState state, const MotionModel& motion, std::int64_t time_ns,
-                            const LoopParameters& parameters) noexcept {
+                            const Parameters& parameters) noexcept {
     if (state >= PoseState::kUnsure) {
         const SE3 step = motion.world_from_camera_previous().inverse() * motion.world_from_camera();
         const double step_m = std::sqrt(step.translation.squaredNorm());
         const double share = state == PoseState::kTracked ? 1.0 : 3.0;
-        drift_m_ += share * parameters.drift_share * step_m;
+        drift_m_ += share * parameters.loop.drift_share * step_m;
         way_m_ += step_m + rotation_angle(step.rotation);
     } else {
-        drift_m_ += parameters.drift_lost_m_s * static_cast<double>(time_ns - motion.time_ns()) * 1e-9;
+        drift_m_ += parameters.recovery.reach_m_s * static_cast<double>(time_ns - motion.time_ns()) * 1e-9;
     }
 }
 

@@ -25,7 +25,7 @@ public:
     // Of the frame that `motion` has just moved to, judged as `state`: a share of the way, more when unsure, and as far
     // as a camera gets until `time_ns` while nothing is measured.
     void gather_drift(PoseState state, const MotionModel& motion, std::int64_t time_ns,
-                      const LoopParameters& parameters) noexcept;
+                      const Parameters& parameters) noexcept;
     [[nodiscard]] double drift_m() const noexcept { return drift_m_; }
     // Found again in the map: no farther off than the keyframe there, however long the camera was lost.
     void set_drift(double drift_m) noexcept { drift_m_ = drift_m; }

@@ -61,17 +61,16 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
 void PointJudge::move_weight(const Correspondence& c, bool is_still, bool is_moving, std::int64_t time_ns,
                              MapPoint& point) const noexcept {
     if (is_still) {
-        if (c.is_dynamic && point.weight_tenths + weights_.step >= weights_.eligible) {
+        if (c.is_dynamic && point.weight_tenths + 1U >= weights_.eligible) {
             // Votes again, like a new point: it has stood still since its anchor.
             point.created_ns = time_ns;
             point.is_suspect = false;
         }
-        point.weight_tenths = static_cast<std::uint8_t>(std::min(point.weight_tenths + weights_.step, weights_.max));
+        point.weight_tenths = static_cast<std::uint8_t>(std::min(point.weight_tenths + 1U, weights_.max));
     } else if (is_moving) {
-        point.weight_tenths =
-            static_cast<std::uint8_t>(point.weight_tenths > weights_.step ? point.weight_tenths - weights_.step : 0U);
+        if (point.weight_tenths > 0) --point.weight_tenths;
         // One bad frame is blur, some are motion.
-        if (point.weight_tenths + weights_.suspect_steps * weights_.step <= weights_.eligible) point.is_suspect = true;
+        if (point.weight_tenths + weights_.suspect_steps <= weights_.eligible) point.is_suspect = true;
     }
 }
 

@@ -127,7 +127,7 @@ void Tracking::start_map() noexcept {
     estimator_.forget();
     const PoseParameters& p = world_->parameters.pose;
     const std::uint32_t usable = measured_.with_depth_count();
-    if (usable < p.start_inliers_factor * p.inliers_min) {  // nothing to start from: say so, try the next frame
+    if (usable < p.sure_inliers()) {  // nothing to start from: say so, try the next frame
         give_out(PoseState::kNone, Matrix6::Zero());
         return;
     }
@@ -284,7 +284,7 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
 void Tracking::end_frame() noexcept {
     if (!lost_.keeps_map()) shutter_.adopt(world_->map, camera_.motion);
     if (has_map_ && world_->clock.frame > 0) {
-        camera_.odometry.gather_drift(world_->pose.state, camera_.motion, time_ns_, world_->parameters.loop);
+        camera_.odometry.gather_drift(world_->pose.state, camera_.motion, time_ns_, world_->parameters);
     }
     camera_.motion.end_frame(time_ns_);
     world_->clock.time_ns = time_ns_;

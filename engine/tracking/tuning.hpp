@@ -11,7 +11,6 @@ namespace stillmesh {
 // clang-format off
 #define STILLMESH_TUNING_weights(KEY) \
     KEY(weights, std::uint32_t, suspicious, 9, 0.0, 200.0, "1/10", "the same inside a rejected group") \
-    KEY(weights, std::uint32_t, step, 1, 1.0, 100.0, "1/10", "theta, added or taken per frame") \
     KEY(weights, double, proven_s, 0.7, 0.01, 100.0, "s", "a point is fully believed after standing still so long") \
     KEY(weights, double, unproven, 0.03, 0.0, 1.0, "", "vote of a new point beside a proven one") \
     KEY(weights, std::uint32_t, suspect_steps, 3, 0.0, 200.0, "", "bad frames from the static threshold that take a vote") \
@@ -23,7 +22,6 @@ namespace stillmesh {
     KEY(weights, double, drift_share, 0.001, 0.0, 1.0, "", "and, for a point out of sight, by this share of the way (a radian counts as a metre)") \
     KEY(weights, double, gain_min, 0.03, 0.0, 1.0, "", "least share of a measurement in a point's place") \
     KEY(weights, double, variance_min, 0.1, 0.0, 1.0, "", "least variance of a point over one measurement's") \
-    KEY(weights, double, near_px, 40.0, 1.0, 400.0, "px", "a new feature is judged by its neighbours within") \
     KEY(weights, double, near_m, 0.2, 0.0, 10.0, "m", "in depth, too, beside noise") \
     KEY(weights, double, near_sigmas, 3.0, 0.0, 100.0, "", "of depth noise between such neighbours")
 struct WeightTuning { STILLMESH_TUNING_weights(STILLMESH_FIELD) };
@@ -58,7 +56,6 @@ struct NoiseParameters { STILLMESH_TUNING_noise(STILLMESH_FIELD) };
     KEY(prediction, double, sigma_rad_s, 0.5, 0.0, 100.0, "rad/s", "its growth with the time between frames") \
     KEY(prediction, double, still_sigma_m, 0.01, 1e-5, 10.0, "m", "deviation without a known velocity") \
     KEY(prediction, double, still_sigma_m_s, 0.8, 0.0, 100.0, "m/s", "its growth with the time between frames") \
-    KEY(prediction, double, still_sigma_rad, 0.01, 1e-5, 3.0, "rad", "deviation of the turn without a known velocity") \
     KEY(prediction, double, still_sigma_rad_s, 1.2, 0.0, 100.0, "rad/s", "its growth with the time between frames") \
     KEY(prediction, double, retry_sigma_factor, 3.0, 1.0, 100.0, "", "less certain when the search had to be widened") \
     KEY(prediction, double, turn_max_rad_s, 4.0, 0.0, 100.0, "rad/s", "largest turn that is believed of the last frames") \
@@ -82,7 +79,6 @@ struct PredictionParameters : PredictionKeys, PredictionTuning {};
 struct EmptinessParameters { STILLMESH_TUNING_emptiness(STILLMESH_FIELD) };
 
 #define STILLMESH_TUNING_keyframes(KEY) \
-    KEY(keyframes, double, tracked_share_urgent, 0.4, 0.0, 1.0, "", "below: the gap is ignored") \
     KEY(keyframes, std::uint32_t, tracked_urgent_permille, 120, 0.0, 1000.0, "", "static points, of features.count; below: the gap is ignored") \
     KEY(keyframes, std::uint32_t, gap_urgent, 2, 1.0, 300.0, "frames", "the gap when it is ignored") \
     KEY(keyframes, std::uint32_t, new_per_tracked, 2, 1.0, 100.0, "", "new points that count as one tracked")

@@ -168,7 +168,7 @@ int rerun_command(const RerunOptions& options) {
 #ifdef STILLMESH_HAS_OPENCV
     std::unique_ptr<CvOrbExtractor> orb;
     if (header.extractor == 1) {
-        const FeatureKeys& features = header.configuration.features;
+        const FeatureParameters& features = header.configuration.features;
         orb = std::make_unique<CvOrbExtractor>(static_cast<int>(features.count), features.scale_factor,
                                                static_cast<int>(features.levels));
         extractor = orb.get();

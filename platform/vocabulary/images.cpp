@@ -50,7 +50,7 @@ public:
 private:
     TrainingSet& set_;
     Limits limits_;
-    FeatureKeys parameters_;
+    FeatureParameters parameters_;
     MemoryBlock block_;
     OwnExtractor own_;
 };

@@ -139,7 +139,7 @@ TEST(LocalWindow, TheWorldIsHeld) {
 // Promise: a keyframe that sees too few points of the map is not adjusted, nor is any when it is switched off.
 TEST(LocalWindow, FewPointsAreNotEnough) {
     Parameters configuration = test::configuration_of_ring();
-    configuration.mapping.adjusted_points_min = 1000;
+    configuration.pose.inliers_min = 1000;
     Rig few(configuration);
     EXPECT_GT(few.choose(), 0U);
     EXPECT_FALSE(few.window.is_chosen());

@@ -119,7 +119,8 @@ TEST(Mapping, AnySlicingGivesTheSameBits) {
 TEST(Mapping, AFewPointsMoveNoCamera) {
     const Limits limits = limits_of(8, 300);
     Parameters configuration = fitting(limits);
-    configuration.mapping.adjusted_points_min = 15;
+    configuration.pose.sure_inliers_factor = 1;
+    configuration.pose.inliers_min = 15;
     Rig rig(sequence().camera, limits, configuration);
     Map& map = rig.world().map;
     const auto adjustments = [&rig] {
@@ -142,7 +143,7 @@ TEST(Mapping, AFewPointsMoveNoCamera) {
         const Vector3 camera_at = rig.tracking().world_from_camera().translation;
         const std::uint64_t before = adjustments();
         rig.work(1'000'000);
-        const bool is_enough = shared >= configuration.mapping.adjusted_points_min;
+        const bool is_enough = shared >= configuration.pose.sure_inliers();
         ASSERT_EQ(adjustments() - before, is_enough ? 1U : 0U) << shared << " points";
         if (is_enough) {
             ++adjusted;

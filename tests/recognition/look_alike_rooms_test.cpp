@@ -15,7 +15,7 @@ constexpr std::uint32_t kFeatures = 160;
 constexpr std::uint32_t kOwn = 50;       // of them, that the other room has not
 constexpr std::uint32_t kKeyframes = 2;  // of each room
 constexpr double kApart_m = 6;
-constexpr std::uint32_t kBits = LoopParameters{}.hamming_guided_max + 1;  // what a feature that is the same counts
+constexpr std::uint32_t kBits = MatchingParameters{}.hamming_max + 1;  // what a feature that is the same counts
 
 Limits limits_of_test() {
     Limits out = Limits::tiny();

@@ -11,7 +11,7 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kSeen = 20;  // points that neighbours share: more than PlaceSearch::kSharedMin
+constexpr std::uint32_t kSeen = 20;  // points that neighbours share: more than map.shared_min
 constexpr std::uint32_t kFewSeen = 5;
 
 Limits limits_of_test() {

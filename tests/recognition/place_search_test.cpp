@@ -185,7 +185,7 @@ TEST_F(Places, OneSearchesAtATime) {
     EXPECT_FALSE(places_.query().is_running());
 }
 
-// Promise: "alike" is the least score among the keyframes that share at least kSharedMin points and are in the
+// Promise: "alike" is the least score among the keyframes that share at least map.shared_min points and are in the
 // database; those that share fewer, or are not in, are not asked.
 TEST_F(Places, AlikeIsWhatNeighboursAre) {
     const std::vector<Handle<MapPoint>> points = add_points(100);
@@ -198,8 +198,8 @@ TEST_F(Places, AlikeIsWhatNeighboursAre) {
     EXPECT_EQ(alone.scored, 0U);
     enter(keyframe);
     const Handle<Keyframe> much = add_keyframe(2, 90, first(50)),
-                           enough = add_keyframe(3, 60, first(PlaceSearch::kSharedMin)),
-                           little = add_keyframe(4, 20, first(PlaceSearch::kSharedMin - 1)),
+                           enough = add_keyframe(3, 60, first(MapParameters{}.shared_min)),
+                           little = add_keyframe(4, 20, first(MapParameters{}.shared_min - 1)),
                            absent = add_keyframe(5, 40, first(30));
     for (const Handle<Keyframe> other : {much, enough, little}) enter(other);
     const auto score = [&](Handle<Keyframe> other) { return places_.database().score(keyframe.slot(), other.slot()); };

@@ -150,8 +150,8 @@ TEST(Recovery, WithinReach) {
     }
 }
 
-// Promise: how long is searched follows the share of matches expected to be right (inliers_start), the confidence, and
-// pose.final_factor, and ends at pose.coarse_iterations_max: a poor share needs a long search.
+// Promise: how long is searched follows the share of matches expected to be right (pose.inlier_ratio_min), the confidence, and
+// pose.final_factor, and ends where pose.coarse_factor says: a poor share needs a long search.
 TEST(Recovery, SearchesAsLongAsConfigured) {
     const auto found = [](const Parameters& parameters) {
         int count = 0;
@@ -162,12 +162,14 @@ TEST(Recovery, SearchesAsLongAsConfigured) {
     usual.recovery.inlier_share_min = 0.2;
     EXPECT_GE(found(usual), 38);
     Parameters hopeful = usual;
-    hopeful.recovery.inliers_start = 1;
+    hopeful.pose.inlier_ratio_min = 1;
+    hopeful.pose.coarse_factor = 100;
     EXPECT_LE(found(hopeful), 12);
     hopeful.pose.final_factor = 100;
     EXPECT_GE(found(hopeful), 20);
     Parameters brief = usual;
-    brief.pose.coarse_iterations_max = 5;
+    brief.pose.confidence = 0.5;  // 26 samples
+    brief.pose.coarse_factor = 1;
     EXPECT_LE(found(brief), 10);
     Parameters careless = usual;
     careless.pose.confidence = 0.5;

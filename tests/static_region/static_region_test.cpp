@@ -1,4 +1,5 @@
 #include "engine/static_region/static_region.hpp"
+#include "engine/pose/ransac.hpp"
 
 #include <gtest/gtest.h>
 
@@ -185,14 +186,16 @@ TEST(StaticRegion, IterationsAreBounded) {
         Region region(limits_of(300));
         Parameters configuration;
         configuration.pose.coarse_total_max = 1 + random.below(seed < 20 ? 10 : 300);
-        configuration.pose.coarse_iterations_max = 30 + random.below(seed < 20 ? 30 : 300);
+        configuration.pose.coarse_factor = 1 + random.below(3);
         if (seed % 4 < 2) {  // chaos in one group
             configuration.region.edge_change_max_m = 5;
             configuration.region.edge_chi2_max = 1000;
         }
         region->build(scene.correspondences, scene.keypoints, configuration.region, context_at(SE3{}));
         const RegionChoice choice = region->choose(scene.correspondences, configuration, context_at(SE3{}), random);
-        EXPECT_LE(choice.iterations, configuration.pose.coarse_total_max + configuration.pose.coarse_iterations_max);
+        EXPECT_LE(choice.iterations,
+                  configuration.pose.coarse_total_max +
+                      ransac_options(configuration, configuration.pose.coarse_factor).iterations_max);
     }
 }
 

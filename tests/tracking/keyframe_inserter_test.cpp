@@ -104,7 +104,6 @@ protected:
 TEST_F(Inserter, WantedAtTheThresholds) {
     for (const bool is_other : {false, true}) {
         Parameters p = test::small_parameters();
-        p.keyframes.tracked_share_urgent = 0;
         p.keyframes.tracked_urgent_permille = 0;
         p.keyframes.tracked_share_max = is_other ? 0.5 : 0.75;
         p.keyframes.new_points_min = is_other ? 7 : 40;
@@ -122,12 +121,12 @@ TEST_F(Inserter, WantedAtTheThresholds) {
     }
 }
 
-// Promise: where less than tracked_share_urgent of the last keyframe is tracked, or less than tracked_urgent_permille
+// Promise: where less than half of tracked_share_max of the last keyframe is tracked, or less than tracked_urgent_permille
 // of the features, gap_urgent frames suffice; likewise while nothing is known of what was tracked.
 TEST_F(Inserter, UrgentlyWantedSooner) {
     for (const bool is_other : {false, true}) {
         Parameters p = test::small_parameters();
-        p.keyframes.tracked_share_urgent = is_other ? 0.25 : 0.5;
+        p.keyframes.tracked_share_max = is_other ? 0.5 : 1.0;
         p.keyframes.tracked_urgent_permille = is_other ? 200 : 120;
         p.keyframes.gap_urgent = is_other ? 4 : 2;
         p.features.count = is_other ? 50 : 100;
@@ -275,7 +274,6 @@ TEST_F(Inserter, SharesAndWhatIsComparedWith) {
         Parameters p = test::small_parameters();
         p.keyframes.new_per_tracked = new_per_tracked;
         p.keyframes.tracked_share_max = 1;
-        p.keyframes.tracked_share_urgent = 0;
         p.keyframes.tracked_urgent_permille = 0;
         p.keyframes.gap_min = 1;
         p.keyframes.new_points_min = 1;
@@ -341,7 +339,7 @@ TEST_F(Inserter, NewAmongMovingIsSuspicious) {
     }
 }
 
-// Promise: "near" is near_px in the picture, up to a cell of the grid, and in depth near_m beside near_sigmas
+// Promise: "near" is matching.radius_wide_px in the picture, up to a cell of the grid, and in depth near_m beside near_sigmas
 // deviations, exactly; weights.suspicious at the static threshold or above is no suspicion.
 TEST_F(Inserter, NearIsConfigured) {
     const auto is_suspicious = [&](Parameters parameters, std::uint32_t px, double dz_m) {
@@ -356,7 +354,7 @@ TEST_F(Inserter, NearIsConfigured) {
     };
     for (const double near_px : {20.0, 70.0}) {
         Parameters p = test::small_parameters();
-        p.weights.near_px = near_px;
+        p.matching.radius_wide_px = near_px;
         EXPECT_TRUE(is_suspicious(p, static_cast<std::uint32_t>(near_px), 0));
         EXPECT_FALSE(is_suspicious(p, static_cast<std::uint32_t>(near_px) + FeatureGrid::kCellSide_px, 0));
         p.weights.suspicious = p.weights.eligible;

@@ -109,7 +109,6 @@ TEST(MotionModel, DeviationsGrowWithTheTime) {
     p.sigma_rad_s = 0.7;
     p.still_sigma_m = 0.011;
     p.still_sigma_m_s = 1.3;
-    p.still_sigma_rad = 0.017;
     p.still_sigma_rad_s = 1.9;
     const SE3 pose = se3_exp(twist(1, 2, 3, 0.4, -0.2, 0.7));
     MotionModel motion = moving(pose, twist(0.03, 0, 0, 0.05, 0, 0));
@@ -122,7 +121,7 @@ TEST(MotionModel, DeviationsGrowWithTheTime) {
             for (const std::uint32_t lost : {0U, 5U}) {
                 const MotionModel::Prediction predicted = motion.predict(time_ns, p, lost, lost == 0);
                 EXPECT_NEAR(predicted.sigma_m, has_velocity ? 0.002 + 0.3 * dt : 0.011 + 1.3 * dt, 1e-12);
-                EXPECT_NEAR(predicted.sigma_rad, has_velocity ? 0.005 + 0.7 * dt : 0.017 + 1.9 * dt, 1e-12);
+                EXPECT_NEAR(predicted.sigma_rad, has_velocity ? 0.005 + 0.7 * dt : 0.005 + 1.9 * dt, 1e-12);
                 if (!has_velocity) {
                     expect_same(predicted.world_from_camera, pose);
                     EXPECT_EQ(predicted.rotation_speed_rad_s, 0);

@@ -112,7 +112,7 @@ MotionModel moved(const SE3& from, const SE3& to) {
 // Promise: a tracked frame adds drift_share of its step to the drift, an unsure one three times that; both add step and
 // turn to the way. A frame that measures nothing adds what a camera gets in the time to the drift, nothing to the way.
 TEST(Odometry, GathersDriftByState) {
-    LoopParameters p;
+    Parameters p;
     const SE3 from = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
     SE3 step;
     step.rotation = so3_exp(Vector3(0, 0.3, 0.4));  // half a radian
@@ -120,8 +120,8 @@ TEST(Odometry, GathersDriftByState) {
     const MotionModel motion = moved(from, from * step);
     for (const double share : {0.0, 0.05, 0.5}) {
         for (const double lost_m_s : {0.0, 1.5, 4.0}) {
-            p.drift_share = share;
-            p.drift_lost_m_s = lost_m_s;
+            p.loop.drift_share = share;
+            p.recovery.reach_m_s = lost_m_s;
             const auto gathered = [&](PoseState state) {
                 Odometry odometry;
                 odometry.set_drift(2);
@@ -142,7 +142,7 @@ TEST(Odometry, GathersDriftByState) {
 // jumps.
 TEST(Odometry, AddsUpAndForgets) {
     Random random(4);
-    const LoopParameters p;
+    const Parameters p;
     Odometry odometry;
     SE3 pose;
     double way_m = 0, drift_m = 0;
@@ -153,7 +153,7 @@ TEST(Odometry, AddsUpAndForgets) {
         next.rotation = pose.rotation * so3_exp(turn);
         odometry.gather_drift(PoseState::kTracked, moved(pose, next), 1'100'000'000, p);
         way_m += std::sqrt(step_m.squaredNorm()) + std::sqrt(turn.squaredNorm());
-        drift_m += p.drift_share * std::sqrt(step_m.squaredNorm());
+        drift_m += p.loop.drift_share * std::sqrt(step_m.squaredNorm());
         const SE3 correction = test::random_motion(random, 1, 1);
         odometry.jump(correction);
         pose = correction * next;

@@ -153,39 +153,37 @@ TEST_F(Judge, WhatDriftExplainsIsNotMoved) {
     EXPECT_EQ(point(near).agreed_way_m, 12.5F);
 }
 
-// Promise: a still point's weight rises by step and is clamped at max, a moving one's falls by step and is clamped at
-// 0 (Algorithm 2), in sure frames, with depth, in a map that learns, with the region enabled: otherwise it stays.
+// Promise: a still point's weight rises by a tenth and is clamped at max, a moving one's falls by a tenth and is
+// clamped at 0 (Algorithm 2), in sure frames, with depth, in a map that learns, with the region enabled: otherwise it
+// stays.
 TEST_F(Judge, WeightsMoveByTheta) {
     struct Condition {
         bool is_sure, is_frozen, has_depth, is_region_enabled;
     };
-    for (const std::uint32_t step : {1U, 3U}) {
-        for (const std::uint32_t max : {20U, 40U}) {
-            for (const Condition condition : {Condition{true, false, true, true}, Condition{false, false, true, true},
-                                              Condition{true, true, true, true}, Condition{true, false, false, true},
-                                              Condition{true, false, true, false}}) {
-                Parameters parameters = test::small_parameters();
-                parameters.weights.step = step;
-                parameters.weights.max = max;
-                parameters.weights.suspect_steps = 0;
-                parameters.weights.eligible = 0;
-                parameters.region.is_enabled = condition.is_region_enabled;
-                start(parameters);
-                const bool moves =
-                    condition.is_sure && !condition.is_frozen && condition.has_depth && condition.is_region_enabled;
-                is_sure_ = condition.is_sure;
-                is_frozen_ = condition.is_frozen;
-                const std::size_t still = add(), moving = add(2, 0.5);
-                correspondences_[still].has_depth = correspondences_[moving].has_depth = condition.has_depth;
-                if (!condition.has_depth) correspondences_[moving].normalised.x() += 0.5;
-                for (std::uint32_t i = 1; i <= 50; ++i) {
-                    judge();
-                    const std::uint32_t rises = moves ? i * step : 0, falls = rises;
-                    EXPECT_EQ(point(still).weight_tenths, std::min(15 + rises, max));
-                    EXPECT_EQ(point(moving).weight_tenths, falls < 15 ? 15 - falls : 0);
-                    ASSERT_EQ(verdict(moving), Verdict::kMoving);
-                    correspondences_[still].p_world = correspondences_[still].p_anchor;
-                }
+    for (const std::uint32_t max : {20U, 40U}) {
+        for (const Condition condition : {Condition{true, false, true, true}, Condition{false, false, true, true},
+                                          Condition{true, true, true, true}, Condition{true, false, false, true},
+                                          Condition{true, false, true, false}}) {
+            Parameters parameters = test::small_parameters();
+            parameters.weights.max = max;
+            parameters.weights.suspect_steps = 0;
+            parameters.weights.eligible = 0;
+            parameters.region.is_enabled = condition.is_region_enabled;
+            start(parameters);
+            const bool moves =
+                condition.is_sure && !condition.is_frozen && condition.has_depth && condition.is_region_enabled;
+            is_sure_ = condition.is_sure;
+            is_frozen_ = condition.is_frozen;
+            const std::size_t still = add(), moving = add(2, 0.5);
+            correspondences_[still].has_depth = correspondences_[moving].has_depth = condition.has_depth;
+            if (!condition.has_depth) correspondences_[moving].normalised.x() += 0.5;
+            for (std::uint32_t i = 1; i <= 50; ++i) {
+                judge();
+                const std::uint32_t rises = moves ? i : 0, falls = rises;
+                EXPECT_EQ(point(still).weight_tenths, std::min(15 + rises, max));
+                EXPECT_EQ(point(moving).weight_tenths, falls < 15 ? 15 - falls : 0);
+                ASSERT_EQ(verdict(moving), Verdict::kMoving);
+                correspondences_[still].p_world = correspondences_[still].p_anchor;
             }
         }
     }
@@ -220,7 +218,6 @@ TEST_F(Judge, StandingStillEarnsTheVoteBack) {
             Parameters parameters = test::small_parameters();
             parameters.weights.anchor_age_s = age_s;
             parameters.weights.anchor_proven_share = share;
-            parameters.weights.step = 2;
             start(parameters);
             const std::size_t soon = add(), late = add(), weak = add(), off = add(2, 0.5), off_soon = add(2, 0.5);
             const std::size_t a_little_off = add(2, off_of_chi2(1.5 * parameters.region.point_chi2_max));

@@ -78,10 +78,9 @@ std::map<std::uint32_t, Seen> weights_of(const Map& map) {
 // Promise: static weights (Algorithm 2): new points start at 1 (0.9 beside what moves), a frame adds or takes theta at
 // most, within [0, 2]; what stands still rises, what moves falls and loses its vote.
 TEST(Tracking, WeightsRiseAndFall) {
-    for (const auto& [step, max] : {std::pair{1U, 20U}, std::pair{3U, 16U}}) {
+    for (const std::uint32_t max : {20U, 16U}) {
         const DrawnScene scene;
         Parameters configuration = fitting();
-        configuration.weights.step = step;
         configuration.weights.max = max;
         configuration.keyframes.tracked_urgent_permille = 300;  // what comes into view is followed soon
         Rig rig(scene.camera(), configuration);
@@ -102,7 +101,7 @@ TEST(Tracking, WeightsRiseAndFall) {
                 }
                 const auto change =
                     static_cast<std::int32_t>(seen.weight) - static_cast<std::int32_t>(known->second.weight);
-                ASSERT_LE(std::abs(change), static_cast<std::int32_t>(step));
+                ASSERT_LE(std::abs(change), 1);
                 if (rig.pose().state != PoseState::kTracked) {
                     ASSERT_EQ(change, 0);
                 }
@@ -125,7 +124,7 @@ TEST(Tracking, WeightsRiseAndFall) {
                 moving_mute += point.is_suspect;
             } else {
                 ++still;
-                still_high += point.weight_tenths >= max - 2 * step;
+                still_high += point.weight_tenths >= max - 2;
             }
         }
         ASSERT_GT(still, 50U);
@@ -312,7 +311,6 @@ TEST(Tracking, KeyframesKeepTheirConditions) {
     scene.wall_px_per_frame = 4;  // new wall comes into view quickly
     scene.has_board = false;
     Parameters configuration = fitting();
-    configuration.keyframes.tracked_share_urgent = 0;
     configuration.keyframes.tracked_urgent_permille = 0;
     configuration.keyframes.tracked_share_max = 1.0;
     configuration.keyframes.new_points_min = 1;
@@ -441,7 +439,7 @@ TEST(Tracking, WhoIsFoundHasTheDriftOfThePlace) {
     const Keyframe& last = *rig.map().keyframes().find(rig.map().recent_keyframe(0));
     ASSERT_GT(last.frame, 120U);
     ASSERT_LT(frame_before, 60U);
-    const double lost_m = configuration.loop.drift_lost_m_s * 2.0;  // room that the darkness would have made
+    const double lost_m = configuration.recovery.reach_m_s * 2.0;  // room that the darkness would have made
     ASSERT_GT(lost_m, 2);
     EXPECT_LT(last.drift_m, 0.2);
 }
