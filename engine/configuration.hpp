@@ -30,8 +30,14 @@ struct FeatureParameters { STILLMESH_KEYS_features(STILLMESH_FIELD) };
     KEY(depth, double, sigma_max_m, 0.15, 0.001, 5.0, "m", "features with a larger depth deviation are isolated")
 struct DepthParameters { STILLMESH_KEYS_depth(STILLMESH_FIELD) };
 
+// How the static region is extracted: region.method.
+enum class RegionMethod : std::uint32_t {
+    kOurs = 0,   // hypotheses of groups, prediction and past, weighed by what the past knows of each point
+    kPaper = 1,  // the paper to the letter (engine/static_region/paper_choice.hpp), to measure what we left it for
+};
 #define STILLMESH_KEYS_region(KEY) \
     KEY(region, bool, is_enabled, true, 0.0, 1.0, "", "extract the static region; off: all matches vote") \
+    KEY(region, std::uint32_t, method, 0, 0.0, 1.0, "", "0: ours; 1: the paper to the letter") \
     KEY(region, double, edge_change_max_m, 0.1, 0.001, 5.0, "m", "largest change of a kept edge (tau)") \
     KEY(region, double, colour_depth_lag_s, 0.010, 0.0, 0.1, "s", "between colour and depth images") \
     KEY(region, double, score_min, 0.2, 0.0, 1.0, "", "smaller score of the choice makes a pose unsure")

@@ -33,7 +33,11 @@ void MeshGroups::build(std::span<const Correspondence> correspondences, std::spa
                        const RegionParameters& parameters, const RegionContext& context) noexcept {
     triangulate(correspondences, keypoints);
     cut_edges(correspondences, parameters, context);
-    connect_triangles(correspondences, parameters);
+    if (parameters.is_paper()) {
+        connect_edges();
+    } else {
+        connect_triangles(correspondences, parameters);
+    }
     group_correspondences();
 }
 
@@ -109,8 +113,32 @@ void MeshGroups::connect_triangles(std::span<const Correspondence> correspondenc
         const std::uint16_t group = components_.of(i);
         // A vertex that several groups share belongs to the largest.
         for (const std::uint32_t vertex : triangles[i].vertex) {
-            group_of_vertex(vertex) = std::min(group_of_vertex(vertex), group);
+            std::uint16_t& group_now = group_of_correspondence_[first_of_vertex_[vertex]];
+            group_now = std::min(group_now, group);
         }
+    }
+}
+
+// The paper (2.1.2): what the kept edges connect is a group; a vertex that lost all its edges is in none.
+void MeshGroups::connect_edges() noexcept {
+    components_.begin(mesh().vertices.size());
+    for (std::size_t i = 0; i < mesh().edges.size(); ++i) {
+        if (!is_kept(i)) continue;
+        const MeshEdge& edge = mesh().edges[i];
+        for (const std::uint32_t vertex : {edge.a, edge.b}) {
+            if (!components_.has(vertex)) components_.add(vertex);
+        }
+        components_.join(edge.a, edge.b);
+    }
+    count_ = components_.number(groups_max_);
+    for (std::size_t i = 0; i < mesh().vertices.size(); ++i) {
+        group_of_correspondence_[first_of_vertex_[i]] = components_.of(i);
+    }
+}
+
+void MeshGroups::merge(std::uint16_t into, std::uint16_t from) noexcept {
+    for (const std::uint16_t i : correspondence_of_pixel_) {
+        if (group_of_correspondence_[i] == from) group_of_correspondence_[i] = into;
     }
 }
 

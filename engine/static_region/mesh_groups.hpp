@@ -1,6 +1,7 @@
 // A frame's mesh in groups (paper 2.1.1 and 2.1.2, method.md 3 to 5): a Delaunay mesh over the matched features, whose
-// edges are cut where their 3D length changed; what stays connected is a group. Limits: features_max matches,
-// groups_max groups, smaller ones beyond stay without a number. Cost: that of the mesh, and one pass over it.
+// edges are cut where their 3D length changed; what stays connected is a group: through whole triangles, or through
+// single edges as in the paper (region.method). Limits: features_max matches, groups_max groups, smaller ones beyond
+// stay without a number. Cost: that of the mesh, and one pass over it.
 #pragma once
 
 #include <cstdint>
@@ -50,6 +51,12 @@ public:
         return group_of_correspondence_[correspondence];
     }
     [[nodiscard]] std::uint32_t count() const noexcept { return count_; }
+    // By index of mesh().vertices.
+    [[nodiscard]] std::uint16_t group_of_vertex(std::size_t vertex) const noexcept {
+        return group_of_correspondence_[first_of_vertex_[vertex]];
+    }
+    // The members of group `from` are those of group `into`; nothing is numbered anew.
+    void merge(std::uint16_t into, std::uint16_t from) noexcept;
 
 private:
     void triangulate(std::span<const Correspondence> correspondences, std::span<const Keypoint> keypoints) noexcept;
@@ -59,10 +66,8 @@ private:
                            const RegionParameters& parameters) noexcept;
     [[nodiscard]] bool is_whole(const MeshTriangle& triangle, std::span<const Correspondence> correspondences,
                                 const RegionParameters& parameters) const noexcept;
+    void connect_edges() noexcept;
     void group_correspondences() noexcept;
-    [[nodiscard]] std::uint16_t& group_of_vertex(std::size_t vertex) noexcept {
-        return group_of_correspondence_[first_of_vertex_[vertex]];
-    }
 
     Delaunay delaunay_;
     FixedVector<PixelPoint> pixels_;                      // of the correspondences with depth
@@ -70,7 +75,7 @@ private:
     std::span<std::uint16_t> first_of_vertex_;            // correspondence that stands for a vertex
     std::span<std::uint16_t> group_of_correspondence_;
     std::span<std::uint8_t> edge_kept_;
-    Components components_;  // of the triangles
+    Components components_;  // of the triangles; in the paper of the vertices, which from five on are no more
     std::uint32_t groups_max_ = 0;
     std::uint32_t count_ = 0;
     std::uint32_t kept_count_ = 0;

@@ -1,6 +1,8 @@
 // What is known before a frame is looked at.
 #pragma once
 
+#include <cstdint>
+
 #include "engine/geometry/se3.hpp"
 
 namespace stillmesh {
@@ -13,6 +15,7 @@ struct RegionContext {
     double colour_depth_lag_s = 0;
     double inlier_ratio = 0.5;  // of the last frame
     double way_m = 0;           // the odometer's
+    std::uint32_t image_width_px = 640;
     bool has_prediction = false;
 };
 

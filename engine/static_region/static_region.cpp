@@ -1,6 +1,7 @@
 #include "engine/static_region/static_region.hpp"
 
 #include "engine/pose/agreeing.hpp"
+#include "engine/static_region/paper_choice.hpp"
 
 namespace stillmesh {
 
@@ -18,12 +19,18 @@ void StaticRegion::build(std::span<const Correspondence> correspondences, std::s
     hypotheses_.clear();
     voters_.clear();
     chosen_.clear();
+    only_group_ = kNoGroup;
 }
 
 RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondences, const Parameters& parameters,
                                   const RegionContext& context, Random& random) noexcept {
     choose_voters(correspondences, voters_);
     const RegionInput input{correspondences, voters_.span(), groups_, parameters, context, scratch_};
+    if (parameters.region.is_paper()) {
+        const RegionChoice choice = choose_as_in_paper(input, groups_, chosen_, random);
+        if (choice.is_valid) only_group_ = groups_.group_of(chosen_[0]);
+        return choice;
+    }
     hypotheses_.propose(input, random);
     return choose_best(input, hypotheses_, chosen_);
 }

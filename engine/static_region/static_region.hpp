@@ -2,7 +2,8 @@
 // edges whose 3D length changed are cut, what stays connected through whole triangles is a group, each group proposes a
 // pose, and the proposal that explains the most of what the past knows to stand still, spread over the most of the
 // image, names the static region. Here is what a frame asks for; the steps are mesh_groups, group_motions, hypotheses
-// and choice. Limits: features_max matches, groups_max groups, the iteration caps of the configuration.
+// and choice; paper_choice is the paper to the letter (region.method). Limits: features_max matches, groups_max groups,
+// the iteration caps of the configuration.
 #pragma once
 
 #include <cstdint>
@@ -48,8 +49,10 @@ public:
         return groups_.group_of(correspondence);
     }
     [[nodiscard]] std::uint32_t groups_count() const noexcept { return groups_.count(); }
-    // Of a group with the choice, [0, 1]; 1 where there is no group, or none with a motion of its own.
+    // Of a group with the choice, [0, 1]; 1 where there is no group, or none with a motion of its own. In the paper the
+    // chosen group alone has a say: 0 for all others.
     [[nodiscard]] double agreement_of(std::uint16_t group) const noexcept {
+        if (only_group_ != kNoGroup) return group == only_group_ ? 1.0 : 0.0;
         return hypotheses_.motions().agreement_of(group);
     }
     // Those that vote, and for each the best motion of its own group; null when it has none.
@@ -66,6 +69,7 @@ private:
     FixedVector<std::uint16_t> voters_;
     FixedVector<std::uint16_t> chosen_;
     FixedVector<std::uint16_t> scratch_;
+    std::uint16_t only_group_ = kNoGroup;  // of which the choice consists, as in the paper
 };
 
 }  // namespace stillmesh

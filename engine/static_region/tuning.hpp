@@ -36,9 +36,13 @@ namespace stillmesh {
     KEY(region, double, anchor_inlier_factor, 2.0, 0.1, 100.0, "", "chi2 threshold at a point's anchor, times") \
     KEY(region, double, more_factor, 2.0, 0.1, 100.0, "", "chi2 threshold once more of the map is matched, times") \
     KEY(region, double, more_anchor_factor, 3.0, 0.1, 100.0, "", "the same at a point's anchor") \
-    KEY(region, double, more_radius_share, 0.5, 0.01, 10.0, "", "of matching.radius_px to look for more of the map in")
+    KEY(region, double, more_radius_share, 0.5, 0.0, 10.0, "", "of matching.radius_px to look for more of the map in")
 struct RegionTuning { STILLMESH_TUNING_region(STILLMESH_FIELD) };
-struct RegionParameters : RegionKeys, RegionTuning {};
+struct RegionParameters : RegionKeys, RegionTuning {
+    [[nodiscard]] constexpr bool is_paper() const noexcept {
+        return is_enabled && method == static_cast<std::uint32_t>(RegionMethod::kPaper);
+    }
+};
 
 // clang-format on
 

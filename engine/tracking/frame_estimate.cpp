@@ -58,6 +58,7 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     const Parameters& c = world_->parameters;
     Estimate out;
     out.expected = expected;
+    out.expected.image_width_px = world_->camera.width;
     out.noise = camera.noise;
     out.noise.begin_frame();
     match(camera, out);

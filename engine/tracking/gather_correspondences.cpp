@@ -10,7 +10,8 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
                             const NoiseFactors& noise, const RegionContext& context, std::int64_t time_ns,
                             const Parameters& configuration, FixedVector<Correspondence>& out) noexcept {
     out.clear();
-    const bool is_plain = !configuration.region.is_enabled;
+    // The paper knows one place of a point and no vote; without the region's extraction neither is asked for.
+    const bool is_plain = !configuration.region.is_enabled || configuration.region.is_paper();
     const WeightParameters& weights = configuration.weights;
     for (std::size_t i = 0; i < frame.size(); ++i) {
         if (matcher.claim(i).is_free()) continue;

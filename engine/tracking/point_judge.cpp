@@ -29,11 +29,12 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
         MapPoint& point = map.points().at(c.point_slot);
         point.last_seen_frame = witness.number;
         if (point.seen < 0xffffU && !witness.is_frozen) ++point.seen;
+        const bool is_member = !region_.is_paper() || c.vote > 0;  // Algorithm 2: of the chosen group
         const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
         const bool is_still = c.is_dynamic
                                   ? chi2_anchor <= chi2_max && seconds_between(point.anchor_ns, witness.time_ns) >
                                                                    weights_.anchor_proven_share * weights_.anchor_age_s
-                                  : chi2_with_drift(c, camera_from_world) <= chi2_max &&
+                                  : is_member && chi2_with_drift(c, camera_from_world) <= chi2_max &&
                                         chi2_anchor <= region_.anchor_inlier_factor * chi2_max;
         const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
         const bool may_learn = c.has_depth && !witness.is_frozen;

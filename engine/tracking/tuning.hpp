@@ -81,7 +81,7 @@ struct EmptinessParameters { STILLMESH_TUNING_emptiness(STILLMESH_FIELD) };
 #define STILLMESH_TUNING_keyframes(KEY) \
     KEY(keyframes, std::uint32_t, tracked_urgent_permille, 120, 0.0, 1000.0, "", "static points, of features.count; below: the gap is ignored") \
     KEY(keyframes, std::uint32_t, gap_urgent, 2, 1.0, 300.0, "frames", "the gap when it is ignored") \
-    KEY(keyframes, std::uint32_t, new_per_tracked, 2, 1.0, 100.0, "", "new points that count as one tracked")
+    KEY(keyframes, std::uint32_t, new_per_tracked, 2, 1.0, 10000.0, "", "new points that count as one tracked")
 struct KeyframeTuning { STILLMESH_TUNING_keyframes(STILLMESH_FIELD) };
 struct KeyframeParameters : KeyframeKeys, KeyframeTuning {};
 

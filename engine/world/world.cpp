@@ -1,6 +1,7 @@
 #include "engine/world/world.hpp"
 
 #include "engine/geometry/camera.hpp"
+#include "engine/static_region/paper_choice.hpp"
 
 namespace stillmesh {
 namespace {
@@ -15,7 +16,7 @@ void compose(const SE3& correction, bool& is_any, SE3& all) noexcept {
 
 void World::create(Arena& arena, const Limits& limits_max, const Parameters& all, const CameraModel& model) noexcept {
     limits = limits_max;
-    parameters = all;
+    parameters = all.region.is_paper() ? as_in_paper(all) : all;
     camera = model;
     pixel_noise.create(parameters, model);
     map.create(arena, limits_max, parameters.map);

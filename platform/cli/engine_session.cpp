@@ -60,13 +60,14 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
     return Status::kOk;
 }
 
-// What the options give: the preset's limits, the scene's defaults, fitted into them, and what the camera knows of
-// itself, then the file, then single assignments.
+// What the options give: the preset's limits, the scene's and the method's defaults, fitted into them, and what the
+// camera knows of itself, then the file, then single assignments.
 [[nodiscard]] Status configuration_of(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
                                       Configuration& configuration, std::string& message) {
     message.clear();
     limits = limits_of(options.limits);
     configuration = options.scene == "outdoor" ? Configuration::outdoor() : Configuration::indoor();
+    if (options.method == "paper") configuration.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
     configuration.camera.readout_s = camera.readout_s;
     std::string note;
     if (configuration.features.count > limits.features_max) {

@@ -14,6 +14,7 @@ namespace stillmesh {
 struct SessionOptions {
     std::string limits = "room";           // room, pocket
     std::string scene = "indoor";          // indoor, outdoor
+    std::string method = "ours";           // ours, paper
     std::string features = "native";       // native, opencv
     std::string configuration;             // TOML file; empty: defaults
     std::vector<std::string> assignments;  // "key=value", applied after the file

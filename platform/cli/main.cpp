@@ -152,6 +152,10 @@ int program(int argc, char** argv) {
         ->check(CLI::IsMember({"indoor", "outdoor"}).description(""))
         ->type_name("NAME")
         ->group("Engine");
+    run_app->add_option("--method", arguments.session.method, "ours (default) or paper (the paper to the letter)")
+        ->check(CLI::IsMember({"ours", "paper"}).description(""))
+        ->type_name("NAME")
+        ->group("Engine");
     run_app->add_option("--limits", arguments.session.limits, "memory: room (default) or pocket (a small board)")
         ->check(CLI::IsMember({"room", "pocket"}).description(""))
         ->type_name("NAME")

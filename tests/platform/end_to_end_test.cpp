@@ -472,6 +472,11 @@ TEST(EndToEnd, TakesParameters) {
     EXPECT_NE(off, usual);
     test::write_text(recording.output("off.toml"), "region.is_enabled = false\n");
     EXPECT_EQ(hash("--config " + recording.output("off.toml")), off);
+    const std::string paper = hash("--method paper");
+    EXPECT_NE(paper, usual);
+    EXPECT_NE(paper, off);
+    EXPECT_EQ(hash("--set region.method=1"), paper);
+    EXPECT_EQ(hash("--method ours"), usual);
     // What --print-config prints is what is used, and reads back.
     const Answer printed = stillmesh_says("run --print-config --set region.is_enabled=false");
     ASSERT_EQ(printed.code, 0);

@@ -113,6 +113,39 @@ TEST(FrameEstimator, AWideSearchIsNotRepeated) {
     EXPECT_EQ(young.expected.prediction_sigma_m, expected.prediction_sigma_m);
 }
 
+// Promise: an estimate that is accepted is completed by more matches; with the method of the paper, which matches once,
+// it is not, and only members of the chosen group are left with weight. The region is told how wide the image is.
+TEST(FrameEstimator, CompletesByMoreMatchesButNotInThePaper) {
+    for (const auto method : {RegionMethod::kOurs, RegionMethod::kPaper}) {
+        Parameters configuration = fitting();
+        configuration.region.method = static_cast<std::uint32_t>(method);
+        configuration.matching.radius_px = 3;  // so that the first search misses some
+        EstimatorRig rig(configuration);
+        CameraState camera = rig.camera();
+        RegionContext expected = camera.expect(rig.frame().time_ns, 0, configuration.prediction);
+        expected.world_from_camera_predicted.translation.x() += 0.028;
+        Estimate found = rig.estimator().estimate(camera, expected);
+        ASSERT_TRUE(found.is_valid);
+        EXPECT_EQ(found.expected.image_width_px, 320U);
+        const std::size_t before = rig.estimator().correspondences().size();
+        rig.estimator().complete(camera, found);
+        const std::span<const Correspondence> after = rig.estimator().correspondences();
+        EXPECT_NEAR(found.fit.world_from_camera.translation.x(), rig.travelled_m(), 0.01);
+        if (method == RegionMethod::kOurs) {
+            EXPECT_GT(after.size(), before);
+            continue;
+        }
+        EXPECT_EQ(after.size(), before);
+        std::size_t members = 0;
+        for (const Correspondence& c : after) {
+            const std::uint16_t group = rig.estimator().groups()[c.feature];
+            EXPECT_EQ(c.vote, group != kNoGroup && rig.estimator().region().agreement_of(group) == 1.0 ? 1.0 : 0.0);
+            members += c.vote > 0 ? 1U : 0U;
+        }
+        EXPECT_GT(members, 50U);
+    }
+}
+
 // Promise: a picture without features gives no estimate.
 TEST(FrameEstimator, NothingSeenIsNoEstimate) {
     EstimatorRig rig(fitting());
