@@ -3,6 +3,7 @@
 //   accuracy --scenes walking_xyz --seeds 1-2 --frames 150 --region on --set keyframes.gap_min=6
 //   accuracy --variant gap6:keyframes.gap_min=6    a further engine on the same frames, beside the default one
 //   accuracy --variant alone:mapping.is_enabled=false   what mapping earns over tracking alone
+//   accuracy --method paper                        a further engine that does what the paper says to the letter
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
 //   accuracy --gate static,walking                 exit 1 with the names of what misses its bar, or had no run
 //   accuracy --scenes all --test-data --variant alone:mapping.is_enabled=false --gate   all bars, and all they need
@@ -35,7 +36,7 @@ int refuse(const std::string& sentence) {
 }
 
 struct Arguments {
-    std::string scenes = "all", seeds = "1-10", region = "both", json, gate;
+    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate;
     std::vector<std::string> recordings, settings, variants, results;
     std::uint32_t frames = 0;
     std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
@@ -99,6 +100,11 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
         variants.back().name = "off";
         variants.back().configuration.region.is_enabled = false;
     }
+    if (arguments.method == "paper") {
+        variants.push_back(base);
+        variants.back().name = "paper";
+        variants.back().configuration.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
+    }
     for (const std::string& text : arguments.variants) {
         const std::size_t colon = text.find(':');
         if (colon == std::string::npos) return refuse("--variant: give NAME:key=value[,key=value].");
@@ -147,6 +153,9 @@ int main(int argc, char** argv) {
     app.add_option("--variant", arguments.variants, "NAME:key=value[,key=value]: one more engine on the same frames");
     app.add_option("--region", arguments.region, "region extraction")
         ->check(CLI::IsMember({"on", "off", "both"}))
+        ->capture_default_str();
+    app.add_option("--method", arguments.method, "paper: one more engine on the same frames, the paper to the letter")
+        ->check(CLI::IsMember({"ours", "paper"}))
         ->capture_default_str();
     app.add_option("--jobs", arguments.jobs, "runs at a time")->check(CLI::Range(1, 256))->capture_default_str();
     app.add_option("--recording", arguments.recordings, "TUM folders with groundtruth.txt");
