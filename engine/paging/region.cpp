@@ -9,18 +9,17 @@ namespace {
 
 using namespace map_records;
 
-void write_head(ByteWriter& out, const Keyframe& keyframe, std::uint32_t features, double readout_s,
-                std::uint64_t left_at) noexcept {
-    out.u32(kRegionVersion);
-    out.u32(features);
-    out.f64(readout_s);
-    out.u64(left_at);
-    out.f32(keyframe.drift_m);
-    out.u32(0);
-    out.u64(0);
-    Keyframe copy = keyframe;
-    copy.observations = features;
-    write_keyframe(out, copy, 0);
+// What comes before the features, behind the version, for a ByteWriter and a ByteReader alike. False: it has a parent,
+// which a region's keyframe has not, or says two numbers of features.
+template <typename Bytes>
+bool head_fields(Bytes& bytes, RegionInfo& info, std::uint32_t features) noexcept {
+    Keyframe& keyframe = info.keyframe;
+    std::uint32_t parent = 0;
+    keyframe.observations = features;
+    bytes.fields(features, info.map_readout_s, info.left_at, keyframe.drift_m);
+    bytes.zeros(12);
+    keyframe_fields(bytes, keyframe, parent);
+    return parent == 0 && keyframe.observations == features;
 }
 
 }  // namespace
@@ -45,12 +44,14 @@ std::size_t encode_region(const Map& map, Handle<Keyframe> handle, std::uint32_t
     for (std::size_t i = 0; i < seen.size() && body.remaining() >= kRegionFeatureBytes; ++i) {
         const MapPoint* const point = map.points().find(seen[i].point);
         if (!is_static(point, weight_min)) continue;
-        write_feature(body, seen[i], descriptors[i]);
-        write_point(body, *point, 0);
+        feature_fields(body, seen[i], descriptors[i]);
+        point_fields(body, *point, std::uint32_t{0});
         ++count;
     }
     ByteWriter head(out.first(kRegionHeadBytes));
-    write_head(head, *keyframe, count, map.readout_s(), left_at);
+    head.u32(kRegionVersion);
+    RegionInfo info{*keyframe, map.readout_s(), left_at};
+    STILLMESH_CHECK(head_fields(head, info, count));
     STILLMESH_CHECK(head.is_ok() && head.remaining() == 0 && body.is_ok());
     return kRegionHeadBytes + body.position();
 }
@@ -60,26 +61,16 @@ Status check_region(std::span<const std::byte> bytes, const RegionBounds& bounds
     ByteReader reader(bytes);
     const std::uint32_t version = reader.u32();
     if (reader.is_ok() && version != kRegionVersion) return Status::kInvalid;
-    const std::uint32_t features = reader.u32();
-    info.map_readout_s = reader.f64();
-    info.left_at = reader.u64();
-    const float drift_m = reader.f32();
-    const std::uint32_t zero = reader.u32();
-    const std::uint64_t zeros = reader.u64();
-    std::uint32_t parent = 0;
     Keyframe& k = info.keyframe;
     k = Keyframe{};
-    read_keyframe(reader, k, parent);
-    k.drift_m = drift_m;
-    if (!reader.is_ok() || zero != 0 || zeros != 0 || parent != 0 || k.observations != features) {
-        return Status::kCorrupt;
-    }
+    if (!head_fields(reader, info, 0) || !reader.is_ok()) return Status::kCorrupt;
+    const std::uint32_t features = k.observations;
     if (features > bounds.features_max) return Status::kFull;
     if (bytes.size() != region_bytes_max(features)) return Status::kCorrupt;
     const bool is_possible =
         is_pose(k.world_from_camera) && is_slow(k.speed) && is_slow(k.pose_by_readout) &&
         is_in(k.readout_s, -kReadoutMax_s, kReadoutMax_s) && is_in(info.map_readout_s, -kReadoutMax_s, kReadoutMax_s) &&
-        is_in(drift_m, 0.0F, static_cast<float>(kFar_m)) && is_in(k.time_ns, std::int64_t{0}, kTimeMax_ns) &&
+        is_in(k.drift_m, 0.0F, static_cast<float>(kFar_m)) && is_in(k.time_ns, std::int64_t{0}, kTimeMax_ns) &&
         k.frame < kFramesMax && k.last_useful_frame < kFramesMax;
     if (!is_possible) return Status::kCorrupt;
     MapBounds map_bounds;
@@ -87,12 +78,14 @@ Status check_region(std::span<const std::byte> bytes, const RegionBounds& bounds
     for (std::uint32_t i = 0; i < features; ++i) {
         Observation observation;
         Descriptor descriptor;
-        if (!read_feature(reader, observation, descriptor)) return Status::kCorrupt;
-        if (!is_feature(observation, map_bounds, bounds.width, bounds.height)) return Status::kCorrupt;
         MapPoint point;
         std::uint32_t reference = 0;
-        if (!read_point(reader, point, reference) || reference != 0 || point.is_suspect) return Status::kCorrupt;
-        if (!is_point(point, map_bounds)) return Status::kCorrupt;
+        feature_fields(reader, observation, descriptor);
+        point_fields(reader, point, reference);
+        if (!reader.is_ok() || reference != 0 || point.is_suspect || !is_point(point, map_bounds) ||
+            !is_feature(observation, map_bounds, bounds.width, bounds.height)) {
+            return Status::kCorrupt;
+        }
     }
     STILLMESH_CHECK(reader.is_ok() && reader.remaining() == 0);
     return Status::kOk;
@@ -102,8 +95,9 @@ void read_region_feature(std::span<const std::byte> bytes, std::uint32_t index, 
                          Descriptor& descriptor, MapPoint& point) noexcept {
     ByteReader reader(bytes.subspan(kRegionHeadBytes + kRegionFeatureBytes * index, kRegionFeatureBytes));
     std::uint32_t reference = 0;
-    const bool is_read = read_feature(reader, observation, descriptor) && read_point(reader, point, reference);
-    STILLMESH_CHECK(is_read);
+    feature_fields(reader, observation, descriptor);
+    point_fields(reader, point, reference);
+    STILLMESH_CHECK(reader.is_ok());
 }
 
 }  // namespace stillmesh

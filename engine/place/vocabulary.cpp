@@ -1,5 +1,6 @@
 #include "engine/place/vocabulary.hpp"
 
+#include <array>
 #include <bit>
 #include <cstring>
 
@@ -10,8 +11,7 @@
 namespace stillmesh {
 namespace {
 
-constexpr char kMagic[] = "STILLVOC";
-constexpr std::size_t kFileBytesAt = 16;  // in the header
+constexpr std::array<char, 8> kMagic = {'S', 'T', 'I', 'L', 'L', 'V', 'O', 'C'};
 constexpr std::size_t kHeaderCrcAt = kVocabularyHeaderBytes - 4;
 
 // Unaligned little-endian numbers; one load where the processor can.
@@ -51,6 +51,25 @@ bool is_possible(const VocabularyInfo& info) noexcept {
            info.blocks <= kVocabularyWordsMax && is_name(info.name);
 }
 
+// What the header says behind magic letters and version, up to its own CRC, for a ByteWriter and a ByteReader alike.
+// False: the sizes are not those of such a tree.
+template <typename Bytes, typename Info>
+bool header_fields(Bytes& bytes, Info& info, std::uint64_t& file_bytes, std::uint32_t& body_crc) noexcept {
+    std::uint32_t header_bytes = kVocabularyHeaderBytes;
+    auto block_bytes = static_cast<std::uint32_t>(Vocabulary::block_bytes(info.branching));
+    bytes.fields(header_bytes, file_bytes, body_crc);
+    bytes.template field_as<std::uint16_t>(info.branching);
+    bytes.template field_as<std::uint16_t>(info.levels);
+    bytes.template field_as<std::uint16_t>(info.direct_level);
+    bytes.zeros(2);
+    bytes.fields(info.blocks, info.words, block_bytes, info.seed, info.images, info.pattern_crc, info.descriptors);
+    bytes.fields(info.name);
+    bytes.zeros(4);
+    return bytes.is_ok() && header_bytes == kVocabularyHeaderBytes && is_possible(info) &&
+           block_bytes == Vocabulary::block_bytes(info.branching) &&
+           file_bytes == Vocabulary::file_bytes(info.branching, info.blocks, info.words);
+}
+
 }  // namespace
 
 Status Vocabulary::open(std::span<const std::byte> bytes, std::uint32_t words_max, const char*& sentence) noexcept {
@@ -59,37 +78,18 @@ Status Vocabulary::open(std::span<const std::byte> bytes, std::uint32_t words_ma
         sentence = why;
         return status;
     };
-    for (std::size_t i = 0; i < 8 && i < bytes.size(); ++i) {
-        if (bytes[i] != static_cast<std::byte>(kMagic[i])) return refuse(Status::kNotFound, "is no vocabulary");
-    }
+    if (!begins_with(bytes, kMagic)) return refuse(Status::kNotFound, "is no vocabulary");
     if (bytes.size() < kVocabularyHeaderBytes) return refuse(Status::kEnd, "ends within its header");
     ByteReader reader(bytes.first(kVocabularyHeaderBytes));
-    static_cast<void>(reader.bytes(8));
+    static_cast<void>(reader.bytes(kMagic.size()));
     if (reader.u32() != kVocabularyVersion) return refuse(Status::kInvalid, "is a vocabulary of another version");
     if (crc32(bytes.first(kHeaderCrcAt)) != u32_at(bytes.data() + kHeaderCrcAt)) {
         return refuse(Status::kCorrupt, "has a damaged header");
     }
     VocabularyInfo info;
-    const std::uint32_t header_bytes = reader.u32();
-    const std::uint64_t file_bytes_told = reader.u64();
-    const std::uint32_t body_crc = reader.u32();
-    info.branching = reader.u16();
-    info.levels = reader.u16();
-    info.direct_level = reader.u16();
-    const std::uint32_t reserved = reader.u16();
-    info.blocks = reader.u32();
-    info.words = reader.u32();
-    const std::uint32_t block_bytes_told = reader.u32();
-    info.seed = reader.u64();
-    info.images = reader.u32();
-    info.pattern_crc = reader.u32();
-    info.descriptors = reader.u64();
-    const std::span<const std::byte> name = reader.bytes(kVocabularyNameBytes);
-    std::memcpy(info.name, name.data(), kVocabularyNameBytes);
-    const std::uint32_t reserved_end = reader.u32();
-    if (header_bytes != kVocabularyHeaderBytes || reserved != 0 || reserved_end != 0 || !is_possible(info) ||
-        block_bytes_told != block_bytes(info.branching) ||
-        file_bytes_told != file_bytes(info.branching, info.blocks, info.words)) {
+    std::uint64_t file_bytes_told = 0;
+    std::uint32_t body_crc = 0;
+    if (!header_fields(reader, info, file_bytes_told, body_crc)) {
         return refuse(Status::kCorrupt, "has a header that contradicts itself");
     }
     if (info.words > words_max) return refuse(Status::kFull, "has more words than limits.vocabulary_words_max");
@@ -215,28 +215,12 @@ std::uint32_t Vocabulary::first_word(std::uint32_t block, std::uint32_t child) c
 }
 
 Status write_vocabulary_header(const VocabularyInfo& info, std::span<std::byte> bytes) noexcept {
-    STILLMESH_CHECK(is_possible(info));
     if (bytes.size() != Vocabulary::file_bytes(info.branching, info.blocks, info.words)) return Status::kFull;
     ByteWriter writer(bytes.first(kVocabularyHeaderBytes));
-    for (std::size_t i = 0; i < 8; ++i) writer.u8(static_cast<std::uint8_t>(kMagic[i]));
-    writer.u32(kVocabularyVersion);
-    writer.u32(kVocabularyHeaderBytes);
-    STILLMESH_CHECK(writer.position() == kFileBytesAt);
-    writer.u64(bytes.size());
-    writer.u32(crc32(bytes.subspan(kVocabularyHeaderBytes)));
-    writer.u16(static_cast<std::uint16_t>(info.branching));
-    writer.u16(static_cast<std::uint16_t>(info.levels));
-    writer.u16(static_cast<std::uint16_t>(info.direct_level));
-    writer.u16(0);
-    writer.u32(info.blocks);
-    writer.u32(info.words);
-    writer.u32(static_cast<std::uint32_t>(Vocabulary::block_bytes(info.branching)));
-    writer.u64(info.seed);
-    writer.u32(info.images);
-    writer.u32(info.pattern_crc);
-    writer.u64(info.descriptors);
-    for (const char letter : info.name) writer.u8(static_cast<std::uint8_t>(letter));
-    writer.u32(0);
+    writer.fields(kMagic, kVocabularyVersion);
+    std::uint64_t file_bytes = bytes.size();
+    std::uint32_t body_crc = crc32(bytes.subspan(kVocabularyHeaderBytes));
+    STILLMESH_CHECK(header_fields(writer, info, file_bytes, body_crc));
     STILLMESH_CHECK(writer.position() == kHeaderCrcAt);
     writer.u32(crc32(bytes.first(kHeaderCrcAt)));
     return Status::kOk;

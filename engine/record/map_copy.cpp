@@ -65,16 +65,19 @@ std::size_t write_record(const Parts& parts, std::uint32_t section, std::uint32_
                          std::span<std::byte> out) noexcept {
     ByteWriter writer(out);
     switch (static_cast<Section>(section)) {
-        case Section::kCamera: write_camera(writer, parts.head->camera, parts.head->readout_s); break;
+        case Section::kCamera:
+            camera_fields(writer, parts.head->camera);
+            writer.f64(parts.head->readout_s);
+            break;
         case Section::kKeyframes: writer.bytes(parts.keyframes[parts.order[record]].record); break;
         case Section::kPoints:
-            write_point(writer, parts.points[record], place_of(parts, parts.points[record].reference));
+            point_fields(writer, parts.points[record], place_of(parts, parts.points[record].reference));
             break;
         case Section::kFeatures:
         case Section::kLinks: {
             const std::size_t at = std::size_t{parts.order[record]} * parts.head->limits.features_max + feature;
             if (static_cast<Section>(section) == Section::kFeatures) {
-                write_feature(writer, parts.observations[at], parts.descriptors[at]);
+                feature_fields(writer, parts.observations[at], parts.descriptors[at]);
             } else {
                 writer.u32(place_of(parts, parts.observations[at].point));
             }
@@ -91,22 +94,8 @@ constexpr bool is_by_feature(std::uint32_t section) noexcept {
 
 void write_header(const MapFileInfo& info, std::span<std::byte> out) noexcept {
     ByteWriter writer(out);
-    for (const char letter : kMapMagic) writer.u8(static_cast<std::uint8_t>(letter));
-    writer.u32(kMapVersion);
-    writer.u32(static_cast<std::uint32_t>(kMapHeaderBytes));
-    writer.u64(info.size_bytes);
-    writer.u32(info.keyframes);
-    writer.u32(info.points);
-    writer.u32(info.features);
-    writer.u32(info.features_of_keyframe);
-    writer.u32(info.pyramid_levels);
-    writer.u32(info.extractor);
-    writer.f64(info.scale_factor);
-    writer.i64(info.time_ns);
-    writer.u64(info.frames);
-    writer.u64(info.hash);
-    writer.u64(0);
-    writer.u32(0);
+    writer.fields(kMapMagic, kMapVersion, static_cast<std::uint32_t>(kMapHeaderBytes));
+    header_fields(writer, info);
     writer.u32(crc32(writer.written()));
     STILLMESH_CHECK(writer.position() == kMapHeaderBytes);
 }
@@ -205,7 +194,7 @@ bool MapCopy::take_instant(const Map& map, const MapMoment& moment, WorkBudget& 
     for (std::uint32_t i = 0; i < info.keyframes; ++i) {
         const Keyframe& keyframe = keyframes.at(parts_.order[i]);
         ByteWriter writer(parts_.keyframes[parts_.order[i]].record);
-        write_keyframe(writer, keyframe, place_of(parts_, keyframe.parent));
+        keyframe_fields(writer, keyframe, place_of(parts_, keyframe.parent));
         STILLMESH_CHECK(writer.is_ok());
     }
     const Pool<MapPoint>& points = map.points();
@@ -265,9 +254,7 @@ std::size_t MapFileWriter::next(std::span<std::byte> out) noexcept {
                 continue;
             case Part::kBegin: {
                 ByteWriter writer(rest);
-                for (const char letter : kTags[section_]) writer.u8(static_cast<std::uint8_t>(letter));
-                writer.u32(records_of(info_, section_));
-                writer.u64(section_bytes(info_, section_));
+                writer.fields(kTags[section_], records_of(info_, section_), section_bytes(info_, section_));
                 size = writer.position();
                 crc_ = Crc32();
                 record_ = keyframe_ = feature_ = 0;
@@ -334,22 +321,25 @@ std::uint64_t map_hash(Map& map, const CameraModel& camera) noexcept {
             if (keyframes.is_taken(slot)) visit(keyframes.handle_of(slot));
         }
     };
-    add(Section::kCamera, [&](ByteWriter& out) { write_camera(out, camera, map.readout_s()); });
+    add(Section::kCamera, [&](ByteWriter& out) {
+        camera_fields(out, camera);
+        out.f64(map.readout_s());
+    });
     each_keyframe([&](Handle<Keyframe> handle) {
         const Keyframe& keyframe = *keyframes.find(handle);
         add(Section::kKeyframes,
-            [&](ByteWriter& out) { write_keyframe(out, keyframe, keyframe_place(keyframe.parent)); });
+            [&](ByteWriter& out) { keyframe_fields(out, keyframe, keyframe_place(keyframe.parent)); });
     });
     for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
         if (places[slot] == 0) continue;
         const MapPoint& point = map.points().at(slot);
-        add(Section::kPoints, [&](ByteWriter& out) { write_point(out, point, keyframe_place(point.reference)); });
+        add(Section::kPoints, [&](ByteWriter& out) { point_fields(out, point, keyframe_place(point.reference)); });
     }
     each_keyframe([&](Handle<Keyframe> handle) {
         const std::span<const Observation> observations = map.observations(handle);
         for (std::size_t i = 0; i < observations.size(); ++i) {
             add(Section::kFeatures,
-                [&](ByteWriter& out) { write_feature(out, observations[i], map.descriptors(handle)[i]); });
+                [&](ByteWriter& out) { feature_fields(out, observations[i], map.descriptors(handle)[i]); });
         }
     });
     each_keyframe([&](Handle<Keyframe> handle) {

@@ -11,69 +11,101 @@ namespace {
 using namespace map_checks;
 using namespace map_records;
 
-Status fail(MapFileProblem& problem, Status status, MapFault fault, const char* part, double value = 0,
-            double limit = 0) noexcept {
+constexpr Status status_of(MapFault fault) noexcept {
+    switch (fault) {
+        case MapFault::kNone: return Status::kOk;
+        case MapFault::kNoMap: return Status::kNotFound;
+        case MapFault::kCutOff: return Status::kEnd;
+        case MapFault::kTooManyFor: return Status::kFull;
+        case MapFault::kOtherVersion:
+        case MapFault::kOtherFeatures:
+        case MapFault::kOtherExtractor:
+        case MapFault::kOtherCamera: return Status::kInvalid;
+        case MapFault::kTooLong:
+        case MapFault::kDamaged:
+        case MapFault::kImpossible: break;
+    }
+    return Status::kCorrupt;
+}
+
+Status fail(MapFileProblem& problem, MapFault fault, const char* part, double value = 0, double limit = 0) noexcept {
     problem = {fault, part, value, limit};
-    return status;
+    return status_of(fault);
 }
 
 MapBounds bounds_of(const MapFileInfo& info) noexcept {
     return {info.time_ns, info.frames, info.pyramid_levels};
 }
 
-// The n-th record of a section.
-std::span<const std::byte> record_of(std::span<const std::byte> bytes, const MapFileInfo& info, Section section,
-                                     std::uint32_t index) noexcept {
-    const auto s = static_cast<std::uint32_t>(section);
-    return bytes.subspan(static_cast<std::size_t>(records_at(info, s)) + index * kRecordBytes[s], kRecordBytes[s]);
-}
-Keyframe keyframe_at(std::span<const std::byte> bytes, const MapFileInfo& info, std::uint32_t index,
-                     std::uint32_t& parent_plus_one) noexcept {
-    ByteReader reader(record_of(bytes, info, Section::kKeyframes, index));
-    Keyframe keyframe;
-    read_keyframe(reader, keyframe, parent_plus_one);
-    return keyframe;
-}
-// Single fields, for loops within loops.
-std::uint32_t parent_at(std::span<const std::byte> bytes, const MapFileInfo& info, std::uint32_t index) noexcept {
-    return ByteReader(record_of(bytes, info, Section::kKeyframes, index).subspan(kKeyframeParentAt)).u32();
-}
-std::uint64_t frame_at(std::span<const std::byte> bytes, const MapFileInfo& info, std::uint32_t index) noexcept {
-    return ByteReader(record_of(bytes, info, Section::kKeyframes, index).subspan(kKeyframeFrameAt)).u64();
-}
-bool point_at(std::span<const std::byte> bytes, const MapFileInfo& info, std::uint32_t index, MapPoint& point,
-              std::uint32_t& reference_plus_one) noexcept {
-    ByteReader reader(record_of(bytes, info, Section::kPoints, index));
-    return read_point(reader, point, reference_plus_one);
-}
-std::uint32_t link_at(std::span<const std::byte> bytes, const MapFileInfo& info, std::uint32_t index) noexcept {
-    return ByteReader(record_of(bytes, info, Section::kLinks, index)).u32();
-}
+// A file, record by record.
+struct MapFile {
+    std::span<const std::byte> bytes;
+    const MapFileInfo& info;
 
-Status check_sections(std::span<const std::byte> bytes, const MapFileInfo& info, MapFileProblem& problem) noexcept {
+    // The n-th record of a section, from the byte `at` of it on.
+    [[nodiscard]] ByteReader record(Section section, std::uint32_t index, std::size_t at = 0) const noexcept {
+        const auto s = static_cast<std::uint32_t>(section);
+        const std::size_t begin = static_cast<std::size_t>(records_at(info, s)) + index * kRecordBytes[s];
+        return ByteReader(bytes.subspan(begin + at, kRecordBytes[s] - at));
+    }
+    [[nodiscard]] Keyframe keyframe(std::uint32_t index, std::uint32_t& parent_plus_one) const noexcept {
+        ByteReader reader = record(Section::kKeyframes, index);
+        Keyframe keyframe;
+        keyframe_fields(reader, keyframe, parent_plus_one);
+        return keyframe;
+    }
+    // Single fields, for loops within loops.
+    [[nodiscard]] std::uint32_t parent(std::uint32_t index) const noexcept {
+        return record(Section::kKeyframes, index, kKeyframeParentAt).u32();
+    }
+    [[nodiscard]] std::uint64_t frame(std::uint32_t index) const noexcept {
+        return record(Section::kKeyframes, index, kKeyframeFrameAt).u64();
+    }
+    [[nodiscard]] std::uint32_t link(std::uint32_t index) const noexcept {
+        return record(Section::kLinks, index).u32();
+    }
+    // False: a byte of it cannot be.
+    [[nodiscard]] bool point(std::uint32_t index, MapPoint& point, std::uint32_t& reference_plus_one) const noexcept {
+        ByteReader reader = record(Section::kPoints, index);
+        point_fields(reader, point, reference_plus_one);
+        return reader.is_ok();
+    }
+    [[nodiscard]] bool feature(std::uint32_t index, Observation& observation, Descriptor& descriptor) const noexcept {
+        ByteReader reader = record(Section::kFeatures, index);
+        feature_fields(reader, observation, descriptor);
+        return reader.is_ok();
+    }
+    [[nodiscard]] CameraModel camera(double& readout_s) const noexcept {
+        ByteReader reader = record(Section::kCamera, 0);
+        CameraModel camera;
+        camera_fields(reader, camera);
+        readout_s = reader.f64();
+        return camera;
+    }
+};
+
+Status check_sections(const MapFile& file, MapFileProblem& problem) noexcept {
     for (std::uint32_t s = 0; s < kSections; ++s) {
-        const auto begin = static_cast<std::size_t>(records_at(info, s)) - kSectionHeadBytes;
-        const std::size_t size = kSectionHeadBytes + static_cast<std::size_t>(section_bytes(info, s));
-        ByteReader reader(bytes.subspan(begin, size + kCrcBytes));
-        bool is_right = true;
-        for (const char letter : kTags[s]) is_right = reader.u8() == static_cast<std::uint8_t>(letter) && is_right;
-        is_right = reader.u32() == records_of(info, s) && is_right;
-        is_right = reader.u64() == section_bytes(info, s) && is_right;
-        ByteReader crc(bytes.subspan(begin + size, kCrcBytes));
-        if (!is_right || crc.u32() != crc32(bytes.subspan(begin, size))) {
-            return fail(problem, Status::kCorrupt, MapFault::kDamaged, kNames[s]);
+        const auto begin = static_cast<std::size_t>(records_at(file.info, s)) - kSectionHeadBytes;
+        const std::size_t size = kSectionHeadBytes + static_cast<std::size_t>(section_bytes(file.info, s));
+        ByteReader reader(file.bytes.subspan(begin, size));
+        std::array<char, 4> tag{};
+        reader.fields(tag);
+        const bool is_head =
+            tag == kTags[s] && reader.u32() == records_of(file.info, s) && reader.u64() == section_bytes(file.info, s);
+        ByteReader crc(file.bytes.subspan(begin + size, kCrcBytes));
+        if (!is_head || crc.u32() != crc32(file.bytes.subspan(begin, size))) {
+            return fail(problem, MapFault::kDamaged, kNames[s]);
         }
     }
     return Status::kOk;
 }
 
-Status check_camera(std::span<const std::byte> bytes, const MapFileInfo& info, const CameraModel& ours,
-                    MapFileProblem& problem) noexcept {
-    ByteReader reader(record_of(bytes, info, Section::kCamera, 0));
+Status check_camera(const MapFile& file, const CameraModel& ours, MapFileProblem& problem) noexcept {
     double readout_s = 0;
-    const CameraModel c = read_camera(reader, readout_s);
+    const CameraModel c = file.camera(readout_s);
     if (!is_in(readout_s, -kReadoutMax_s, kReadoutMax_s)) {
-        return fail(problem, Status::kCorrupt, MapFault::kImpossible, "the readout of the camera");
+        return fail(problem, MapFault::kImpossible, "the readout of the camera");
     }
     const struct {
         const char* name;
@@ -91,130 +123,121 @@ Status check_camera(std::span<const std::byte> bytes, const MapFileInfo& info, c
                    {"k3", c.k3, ours.k3}};
     for (const auto& number : numbers) {
         if (number.value == number.ours) continue;
-        return fail(problem, Status::kInvalid, MapFault::kOtherCamera, number.name, number.value, number.ours);
+        return fail(problem, MapFault::kOtherCamera, number.name, number.value, number.ours);
     }
     return Status::kOk;
 }
 
-Status check_keyframes(std::span<const std::byte> bytes, const MapFileInfo& info, const CameraModel& camera,
-                       std::span<std::uint64_t> marks, MapFileProblem& problem) noexcept {
-    const auto impossible = [&](const char* what) {
-        return fail(problem, Status::kCorrupt, MapFault::kImpossible, what);
-    };
-    // Which of a point's observers is its reference, in the upper half of its mark; its last observer in the lower.
+// What is wrong with the n-th keyframe but for its features; nullptr: nothing.
+const char* fault_of(const MapFile& file, std::uint32_t index, const Keyframe& keyframe,
+                     std::uint32_t parent) noexcept {
+    const MapFileInfo& info = file.info;
+    if (!is_pose(keyframe.world_from_camera)) return "the pose of a keyframe";
+    if (!is_slow(keyframe.speed) || !is_slow(keyframe.pose_by_readout)) return "the speed of a keyframe";
+    if (!is_in(keyframe.readout_s, -kReadoutMax_s, kReadoutMax_s)) return "the readout of a keyframe";
+    if (!is_in(keyframe.time_ns, std::int64_t{0}, info.time_ns) || keyframe.frame >= info.frames ||
+        keyframe.last_useful_frame >= info.frames) {
+        return "the time of a keyframe";
+    }
+    // Up to the root, in as many steps as there are keyframes at most.
+    for (std::uint32_t above = parent, steps = 0; above != 0; above = file.parent(above - 1), ++steps) {
+        if (above > info.keyframes || steps > info.keyframes) return "the parent of a keyframe";
+    }
+    for (std::uint32_t other = 0; other < index; ++other) {
+        if (file.frame(other) == keyframe.frame) return "two keyframes of one frame";
+    }
+    return nullptr;
+}
+
+// Which of a point's observers is its reference, in the upper half of its mark; its last observer in the lower.
+constexpr std::uint64_t kObserver = 0xffffffffU;
+constexpr std::uint64_t kReferenceSeen = std::uint64_t{1} << 63U;
+
+// Features [first, end) of the k-th keyframe. What is wrong with one; nullptr: nothing.
+const char* check_features(const MapFile& file, std::uint32_t k, std::uint32_t first, std::uint32_t end,
+                           std::span<std::uint64_t> marks) noexcept {
+    double readout_s = 0;
+    const CameraModel camera = file.camera(readout_s);
+    for (std::uint32_t i = first; i < end; ++i) {
+        Observation observation;
+        Descriptor descriptor;
+        if (!file.feature(i, observation, descriptor) ||
+            !is_feature(observation, bounds_of(file.info), camera.width, camera.height)) {
+            return "a feature";
+        }
+        const std::uint32_t link = file.link(i);
+        if (link == 0) continue;
+        if (link > file.info.points) return "a link";
+        std::uint64_t& mark = marks[link - 1];
+        if ((mark & kObserver) == k + 1) return "a keyframe that shows a point twice";
+        mark = (mark & ~kObserver) | (k + 1);
+        if ((mark >> 32U & 0x7fffffffU) == k + 1) mark |= kReferenceSeen;
+    }
+    return nullptr;
+}
+
+// What is wrong with points, keyframes and features; nullptr: nothing.
+const char* check_records(const MapFile& file, std::span<std::uint64_t> marks) noexcept {
+    const MapFileInfo& info = file.info;
     for (std::uint32_t i = 0; i < info.points; ++i) {
         MapPoint point;
         std::uint32_t reference = 0;
-        if (!point_at(bytes, info, i, point, reference) || !is_point(point, bounds_of(info)) ||
-            reference > info.keyframes) {
-            return impossible("a point");
+        if (!file.point(i, point, reference) || !is_point(point, bounds_of(info)) || reference > info.keyframes) {
+            return "a point";
         }
         marks[i] = std::uint64_t{reference} << 32U;
     }
-    constexpr std::uint64_t kReferenceSeen = std::uint64_t{1} << 63U;
     std::uint32_t roots = 0;
     std::uint32_t first = 0;  // feature of the keyframe, in the section
     std::uint32_t most = 0;
     for (std::uint32_t k = 0; k < info.keyframes; ++k) {
         std::uint32_t parent = 0;
-        const Keyframe keyframe = keyframe_at(bytes, info, k, parent);
-        if (!is_pose(keyframe.world_from_camera)) return impossible("the pose of a keyframe");
-        if (!is_slow(keyframe.speed) || !is_slow(keyframe.pose_by_readout)) {
-            return impossible("the speed of a keyframe");
-        }
-        if (!is_in(keyframe.readout_s, -kReadoutMax_s, kReadoutMax_s)) return impossible("the readout of a keyframe");
-        if (!is_in(keyframe.time_ns, std::int64_t{0}, info.time_ns) || keyframe.frame >= info.frames ||
-            keyframe.last_useful_frame >= info.frames) {
-            return impossible("the time of a keyframe");
-        }
-        if (parent > info.keyframes) return impossible("the parent of a keyframe");
+        const Keyframe keyframe = file.keyframe(k, parent);
+        if (const char* const fault = fault_of(file, k, keyframe, parent); fault != nullptr) return fault;
         roots += parent == 0 ? 1U : 0U;
-        // Up to the root, in as many steps as there are keyframes at most.
-        std::uint32_t above = parent;
-        for (std::uint32_t steps = 0; above != 0; ++steps) {
-            const std::uint32_t next = parent_at(bytes, info, above - 1);
-            if (next > info.keyframes || steps > info.keyframes) return impossible("the parent of a keyframe");
-            above = next;
-        }
-        for (std::uint32_t other = 0; other < k; ++other) {
-            if (frame_at(bytes, info, other) == keyframe.frame) return impossible("two keyframes of one frame");
-        }
-        if (keyframe.observations > info.features - first || keyframe.observations > info.features_of_keyframe) {
-            return impossible("the number of a keyframe's features");
-        }
+        if (keyframe.observations > info.features - first) return "the number of a keyframe's features";
         most = std::max(most, keyframe.observations);
-        for (std::uint32_t i = first; i < first + keyframe.observations; ++i) {
-            ByteReader reader(record_of(bytes, info, Section::kFeatures, i));
-            Observation observation;
-            Descriptor descriptor;
-            if (!read_feature(reader, observation, descriptor) ||
-                !is_feature(observation, bounds_of(info), camera.width, camera.height)) {
-                return impossible("a feature");
-            }
-            const std::uint32_t link = link_at(bytes, info, i);
-            if (link == 0) continue;
-            if (link > info.points) return impossible("a link");
-            std::uint64_t& mark = marks[link - 1];
-            if ((mark & 0xffffffffU) == k + 1) return impossible("a keyframe that shows a point twice");
-            mark = (mark & ~std::uint64_t{0xffffffffU}) | (k + 1);
-            if ((mark >> 32U & 0x7fffffffU) == k + 1) mark |= kReferenceSeen;
+        const std::uint32_t end = first + keyframe.observations;
+        if (const char* const fault = check_features(file, k, first, end, marks); fault != nullptr) {
+            return fault;
         }
-        first += keyframe.observations;
+        first = end;
     }
-    if (first != info.features || most != info.features_of_keyframe) {
-        return impossible("the number of a keyframe's features");
-    }
-    if (roots != (info.keyframes > 0 ? 1U : 0U)) return impossible("the root of the keyframes");
+    if (first != info.features || most != info.features_of_keyframe) return "the number of a keyframe's features";
+    if (roots != 1) return "the root of the keyframes";
     for (std::uint32_t i = 0; i < info.points; ++i) {
-        const bool has_observers = (marks[i] & 0xffffffffU) != 0;
+        const bool has_observers = (marks[i] & kObserver) != 0;
         const bool has_reference = (marks[i] >> 32U) != 0;
         if (has_observers != has_reference || (has_reference && (marks[i] & kReferenceSeen) == 0)) {
-            return impossible("the reference of a point");
+            return "the reference of a point";
         }
     }
-    return Status::kOk;
+    return nullptr;
 }
 
 }  // namespace
 
 Status read_map_header(std::span<const std::byte> bytes, MapFileInfo& info, MapFileProblem& problem) noexcept {
+    if (bytes.empty() || !begins_with(bytes, kMapMagic)) return fail(problem, MapFault::kNoMap, "");
     ByteReader reader(bytes);
-    for (std::size_t i = 0; i < kMapMagic.size(); ++i) {
-        if (i == bytes.size() && i > 0) break;  // cut off inside the letters
-        if (reader.u8() != static_cast<std::uint8_t>(kMapMagic[i])) {
-            return fail(problem, Status::kNotFound, MapFault::kNoMap, "");
-        }
-    }
+    static_cast<void>(reader.bytes(kMapMagic.size()));
     const std::uint32_t version = reader.u32();
     if (reader.is_ok() && version != kMapVersion) {
-        return fail(problem, Status::kInvalid, MapFault::kOtherVersion, "", static_cast<double>(version),
-                    static_cast<double>(kMapVersion));
+        return fail(problem, MapFault::kOtherVersion, "", version, kMapVersion);
     }
     if (bytes.size() < kMapHeaderBytes) {
-        return fail(problem, Status::kEnd, MapFault::kCutOff, "", static_cast<double>(bytes.size()),
+        return fail(problem, MapFault::kCutOff, "", static_cast<double>(bytes.size()),
                     static_cast<double>(kMapHeaderBytes));
     }
+    ByteReader crc(bytes.subspan(kMapHeaderBytes - kCrcBytes));
+    if (crc.u32() != crc32(bytes.first(kMapHeaderBytes - kCrcBytes))) {
+        return fail(problem, MapFault::kDamaged, "header");
+    }
     const std::uint32_t header_bytes = reader.u32();
-    info.size_bytes = reader.u64();
-    info.keyframes = reader.u32();
-    info.points = reader.u32();
-    info.features = reader.u32();
-    info.features_of_keyframe = reader.u32();
-    info.pyramid_levels = reader.u32();
-    const std::uint32_t extractor = reader.u32();
-    info.extractor = static_cast<std::uint8_t>(extractor);
-    info.scale_factor = reader.f64();
-    info.time_ns = reader.i64();
-    info.frames = reader.u64();
-    info.hash = reader.u64();
-    const std::uint64_t zero = reader.u64();
-    const std::uint32_t zeros = reader.u32();
-    const std::uint32_t wanted = crc32(bytes.first(reader.position()));
-    if (reader.u32() != wanted) return fail(problem, Status::kCorrupt, MapFault::kDamaged, "header");
-    if (header_bytes != kMapHeaderBytes || zero != 0 || zeros != 0 || extractor > 255 ||
-        info.size_bytes != records_at(info, kSections) || !is_in(info.time_ns, std::int64_t{0}, kTimeMax_ns) ||
-        info.frames > kFramesMax) {
-        return fail(problem, Status::kCorrupt, MapFault::kImpossible, "the header");
+    header_fields(reader, info);
+    if (!reader.is_ok() || header_bytes != kMapHeaderBytes || info.size_bytes != records_at(info, kSections) ||
+        !is_in(info.time_ns, std::int64_t{0}, kTimeMax_ns) || info.frames > kFramesMax) {
+        return fail(problem, MapFault::kImpossible, "the header");
     }
     return Status::kOk;
 }
@@ -230,42 +253,38 @@ Status check_map_file(std::span<const std::byte> bytes, const Limits& limits, co
                   {"limits.features_max", info.features_of_keyframe, limits.features_max}};
     for (const auto& count : counts) {
         if (count.value > count.limit) {
-            return fail(problem, Status::kFull, MapFault::kTooManyFor, count.key, static_cast<double>(count.value),
-                        static_cast<double>(count.limit));
+            return fail(problem, MapFault::kTooManyFor, count.key, count.value, count.limit);
         }
     }
     if (bytes.size() != info.size_bytes) {
-        const bool is_short = bytes.size() < info.size_bytes;
-        return fail(problem, is_short ? Status::kEnd : Status::kCorrupt,
-                    is_short ? MapFault::kCutOff : MapFault::kTooLong, "", static_cast<double>(bytes.size()),
-                    static_cast<double>(info.size_bytes));
+        return fail(problem, bytes.size() < info.size_bytes ? MapFault::kCutOff : MapFault::kTooLong, "",
+                    static_cast<double>(bytes.size()), static_cast<double>(info.size_bytes));
     }
-    STILLMESH_TRY(check_sections(bytes, info, problem));
+    const MapFile file{bytes, info};
+    STILLMESH_TRY(check_sections(file, problem));
     if (info.extractor != origin.extractor) {
-        return fail(problem, Status::kInvalid, MapFault::kOtherExtractor, "", static_cast<double>(info.extractor),
-                    static_cast<double>(origin.extractor));
+        return fail(problem, MapFault::kOtherExtractor, "", info.extractor, origin.extractor);
     }
     if (info.pyramid_levels != origin.pyramid_levels) {
-        return fail(problem, Status::kInvalid, MapFault::kOtherFeatures, "features.levels",
-                    static_cast<double>(info.pyramid_levels), static_cast<double>(origin.pyramid_levels));
+        return fail(problem, MapFault::kOtherFeatures, "features.levels", info.pyramid_levels, origin.pyramid_levels);
     }
     if (info.scale_factor != origin.scale_factor) {
-        return fail(problem, Status::kInvalid, MapFault::kOtherFeatures, "features.scale_factor", info.scale_factor,
-                    origin.scale_factor);
+        return fail(problem, MapFault::kOtherFeatures, "features.scale_factor", info.scale_factor, origin.scale_factor);
     }
-    STILLMESH_TRY(check_camera(bytes, info, origin.camera, problem));
-    if (info.keyframes == 0) return fail(problem, Status::kCorrupt, MapFault::kImpossible, "a map without keyframes");
-    return check_keyframes(bytes, info, origin.camera, map.scratch(), problem);
+    STILLMESH_TRY(check_camera(file, origin.camera, problem));
+    const char* const fault = info.keyframes == 0 ? "a map without keyframes" : check_records(file, map.scratch());
+    return fault == nullptr ? Status::kOk : fail(problem, MapFault::kImpossible, fault);
 }
 
 void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map& map) noexcept {
+    const MapFile file{bytes, info};
     map.reset();
     // A pool that was just reset gives its slots in order: the n-th of the file gets slot n.
     for (std::uint32_t i = 0; i < info.points; ++i) {
         const Result<Handle<MapPoint>> taken = map.add_point();
         STILLMESH_CHECK(taken.is_ok() && taken.value().slot() == i);
         std::uint32_t reference = 0;
-        STILLMESH_CHECK(point_at(bytes, info, i, map.points().at(i), reference));
+        STILLMESH_CHECK(file.point(i, map.points().at(i), reference));
     }
     for (std::uint32_t k = 0; k < info.keyframes; ++k) {
         const Handle<Keyframe> handle = map.add_keyframe();
@@ -275,17 +294,15 @@ void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map&
     for (std::uint32_t k = 0; k < info.keyframes; ++k) {
         std::uint32_t parent = 0;
         Keyframe& keyframe = map.keyframes().at(k);
-        const Keyframe read = keyframe_at(bytes, info, k, parent);
-        const std::uint32_t end = at + read.observations;
-        keyframe = read;
+        keyframe = file.keyframe(k, parent);
+        const std::uint32_t end = at + keyframe.observations;
         keyframe.observations = 0;
         if (parent != 0) keyframe.parent = map.keyframes().handle_of(parent - 1);
         for (; at < end; ++at) {
-            ByteReader reader(record_of(bytes, info, Section::kFeatures, at));
             Observation observation;
             Descriptor descriptor;
-            STILLMESH_CHECK(read_feature(reader, observation, descriptor));
-            const std::uint32_t link = link_at(bytes, info, at);
+            STILLMESH_CHECK(file.feature(at, observation, descriptor));
+            const std::uint32_t link = file.link(at);
             if (link != 0) observation.point = map.points().handle_of(link - 1);
             map.add_observation(map.keyframes().handle_of(k), observation, descriptor);
         }
@@ -293,12 +310,11 @@ void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map&
     for (std::uint32_t i = 0; i < info.points; ++i) {
         MapPoint point;
         std::uint32_t reference = 0;
-        STILLMESH_CHECK(point_at(bytes, info, i, point, reference));
+        STILLMESH_CHECK(file.point(i, point, reference));
         map.points().at(i).reference = reference == 0 ? Handle<Keyframe>{} : map.keyframes().handle_of(reference - 1);
     }
-    ByteReader camera(record_of(bytes, info, Section::kCamera, 0));
     double readout_s = 0;
-    static_cast<void>(read_camera(camera, readout_s));
+    static_cast<void>(file.camera(readout_s));
     map.begin_with_readout(readout_s);
     map.note_change(info.hash);
 }

@@ -8,6 +8,7 @@
 #include "engine/base/bytes.hpp"
 #include "engine/base/crc.hpp"
 #include "engine/base/hash.hpp"
+#include "engine/record/map_records.hpp"
 
 namespace stillmesh {
 namespace {
@@ -131,19 +132,6 @@ Status read_values(ByteReader& reader, RecordingHeader& header, RecordingProblem
     return Status::kOk;
 }
 
-void write_camera(ByteWriter& writer, const CameraModel& c) noexcept {
-    writer.u32(c.width);
-    writer.u32(c.height);
-    for (const double number : {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3}) writer.f64(number);
-}
-CameraModel read_camera(ByteReader& reader) noexcept {
-    CameraModel c;
-    c.width = reader.u32();
-    c.height = reader.u32();
-    for (double* number : {&c.fx, &c.fy, &c.cx, &c.cy, &c.k1, &c.k2, &c.p1, &c.p2, &c.k3}) *number = reader.f64();
-    return c;
-}
-
 // A record: length of the body, body, CRC of both. The body was written behind 4 bytes left free.
 Result<std::size_t> finish_entry(std::span<std::byte> out, const ByteWriter& body) noexcept {
     const std::size_t size = 4 + body.position() + kCrcBytes;
@@ -157,39 +145,37 @@ std::span<std::byte> behind(std::span<std::byte> out, std::size_t count) noexcep
     return out.size() < count ? std::span<std::byte>{} : out.subspan(count);
 }
 
+// What a header says behind limits and configuration, for a ByteWriter and a ByteReader alike.
+template <typename Bytes, typename Header>
+void header_fields(Bytes& bytes, Header& header) noexcept {
+    map_records::camera_fields(bytes, header.camera);
+    bytes.fields(header.depth_units_per_m, header.extractor, header.vocabulary_crc);
+    if (header.limits.store_features_max == 0) return;
+    bytes.fields(header.store_regions, header.store_sequence, header.store_checksum);
+}
+
+// A frame up to what it says of a store, likewise. Of more grants than there is room for only those.
+template <typename Bytes, typename F>
+void frame_fields(Bytes& bytes, F& frame) noexcept {
+    bytes.fields(frame.index, frame.time_ns, frame.digest, frame.status, frame.pose_state, frame.is_keyframe);
+    bytes.fields(frame.features, frame.matches, frame.static_matches, frame.groups);
+    bytes.fields(frame.hash_tracked, frame.hash, frame.grant_runs);
+    for (std::uint32_t i = 0; i < frame.grant_runs && i < kGrantRunsMax; ++i) {
+        bytes.fields(frame.grants[i].units, frame.grants[i].calls);
+    }
+}
+
 bool read_frame(ByteReader& reader, RecordedFrame& frame) noexcept {
-    frame.index = reader.u64();
-    frame.time_ns = reader.i64();
-    frame.digest = reader.u64();
-    const std::uint8_t status = reader.u8();
-    frame.status = static_cast<Status>(status);
-    frame.pose_state = reader.u8();
-    const std::uint8_t is_keyframe = reader.u8();
-    frame.is_keyframe = is_keyframe == 1;
-    frame.features = reader.u32();
-    frame.matches = reader.u32();
-    frame.static_matches = reader.u32();
-    frame.groups = reader.u32();
-    frame.hash_tracked = reader.u64();
-    frame.hash = reader.u64();
-    frame.grant_runs = reader.count(kGrantRunsMax, 8);
+    frame_fields(reader, frame);
+    if (frame.grant_runs > kGrantRunsMax) return false;
     std::uint64_t calls = 0;
-    frame.has_store = false;
     for (std::uint32_t i = 0; i < frame.grant_runs; ++i) {
-        frame.grants[i].units = reader.u32();
-        frame.grants[i].calls = reader.u32();
         calls += frame.grants[i].calls;
         if (frame.grants[i].calls == 0) return false;
     }
-    std::uint8_t is_accepting = 1;
-    if (reader.is_ok() && reader.remaining() > 0) {
-        frame.has_store = true;
-        frame.store_answered = reader.u64();
-        is_accepting = reader.u8();
-        frame.is_store_accepting = is_accepting == 1;
-    }
-    return calls <= kGrantCallsMax && is_accepting <= 1 && reader.is_ok() &&
-           status <= static_cast<std::uint8_t>(Status::kEnd) && frame.pose_state <= 3 && is_keyframe <= 1;
+    frame.has_store = reader.remaining() > 0;
+    if (frame.has_store) reader.fields(frame.store_answered, frame.is_store_accepting);
+    return reader.is_ok() && calls <= kGrantCallsMax && frame.status <= Status::kEnd && frame.pose_state <= 3;
 }
 
 // 8 bytes of a row, the first byte or value lowest, whatever the processor's order.
@@ -258,21 +244,11 @@ Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::
     write_values(body, [&limits](auto&& visitor) { visit_limits(limits, visitor); });
     Configuration configuration = header.configuration;
     write_values(body, [&configuration](auto&& visitor) { visit_parameters(configuration, visitor); });
-    write_camera(body, header.camera);
-    body.f64(header.depth_units_per_m);
-    body.u8(header.extractor);
-    body.u32(header.vocabulary_crc);
-    if (header.limits.store_features_max > 0) {
-        body.u64(header.store_regions);
-        body.u64(header.store_sequence);
-        body.u64(header.store_checksum);
-    }
+    header_fields(body, header);
     const std::size_t size = kPrefixBytes + body.position() + kCrcBytes;
     if (!body.is_ok() || out.size() < size || size > kRecordingHeaderBytesMax) return Status::kFull;
     ByteWriter prefix(out.first(kPrefixBytes));
-    for (const char letter : kMagic) prefix.u8(static_cast<std::uint8_t>(letter));
-    prefix.u32(kRecordingVersion);
-    prefix.u32(static_cast<std::uint32_t>(body.position()));
+    prefix.fields(kMagic, kRecordingVersion, static_cast<std::uint32_t>(body.position()));
     write_u32_at(out, size - kCrcBytes, crc32(out.first(size - kCrcBytes)));
     return size;
 }
@@ -280,46 +256,22 @@ Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::
 Result<std::size_t> encode_frame(const RecordedFrame& frame, std::span<std::byte> out) noexcept {
     STILLMESH_CHECK(frame.grant_runs <= kGrantRunsMax);
     ByteWriter body(behind(out, 4));
-    body.u8(static_cast<std::uint8_t>(EntryKind::kFrame));
-    body.u64(frame.index);
-    body.i64(frame.time_ns);
-    body.u64(frame.digest);
-    body.u8(static_cast<std::uint8_t>(frame.status));
-    body.u8(frame.pose_state);
-    body.u8(frame.is_keyframe ? 1 : 0);
-    body.u32(frame.features);
-    body.u32(frame.matches);
-    body.u32(frame.static_matches);
-    body.u32(frame.groups);
-    body.u64(frame.hash_tracked);
-    body.u64(frame.hash);
-    body.u32(frame.grant_runs);
-    for (std::uint32_t i = 0; i < frame.grant_runs; ++i) {
-        body.u32(frame.grants[i].units);
-        body.u32(frame.grants[i].calls);
-    }
-    if (frame.has_store) {
-        body.u64(frame.store_answered);
-        body.u8(frame.is_store_accepting ? 1 : 0);
-    }
+    body.fields(EntryKind::kFrame);
+    frame_fields(body, frame);
+    if (frame.has_store) body.fields(frame.store_answered, frame.is_store_accepting);
     return finish_entry(out, body);
 }
 
 Result<std::size_t> encode_end(RecordingEnd end, std::uint64_t frames, std::span<std::byte> out) noexcept {
     ByteWriter body(behind(out, 4));
-    body.u8(static_cast<std::uint8_t>(EntryKind::kEnd));
-    body.u8(static_cast<std::uint8_t>(end));
-    body.u64(frames);
+    body.fields(EntryKind::kEnd, end, frames);
     return finish_entry(out, body);
 }
 
 Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHeader& header,
                                   RecordingProblem& problem) noexcept {
     problem = {};
-    for (std::size_t i = 0; i < kMagic.size(); ++i) {
-        if (i == bytes.size()) return Status::kEnd;
-        if (bytes[i] != static_cast<std::byte>(kMagic[i])) return Status::kNotFound;
-    }
+    if (!begins_with(bytes, kMagic)) return Status::kNotFound;
     if (bytes.size() < kPrefixBytes) return Status::kEnd;
     ByteReader prefix(bytes.subspan(kMagic.size(), kPrefixBytes - kMagic.size()));
     if (prefix.u32() != kRecordingVersion) {
@@ -338,16 +290,8 @@ Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHea
         read_values(body, header, problem, [&header](auto&& visitor) { visit_limits(header.limits, visitor); }));
     STILLMESH_TRY(read_values(body, header, problem,
                               [&header](auto&& visitor) { visit_parameters(header.configuration, visitor); }));
-    header.camera = read_camera(body);
-    header.depth_units_per_m = body.f64();
-    header.extractor = body.u8();
-    header.vocabulary_crc = body.u32();
     header.store_regions = header.store_sequence = header.store_checksum = 0;
-    if (header.limits.store_features_max > 0) {
-        header.store_regions = body.u64();
-        header.store_sequence = body.u64();
-        header.store_checksum = body.u64();
-    }
+    header_fields(body, header);
     if (!body.is_ok() || body.remaining() != 0) return Status::kCorrupt;
     return size;
 }
@@ -362,14 +306,13 @@ Result<std::size_t> decode_entry(std::span<const std::byte> bytes, RecordingEntr
     ByteReader crc(bytes.subspan(size - kCrcBytes, kCrcBytes));
     if (crc.u32() != crc32(bytes.first(size - kCrcBytes))) return Status::kCorrupt;
     ByteReader body(bytes.subspan(4, body_bytes));
-    const std::uint8_t kind = body.u8();
-    entry.is_end = kind == static_cast<std::uint8_t>(EntryKind::kEnd);
+    EntryKind kind{};
+    body.fields(kind);
+    entry.is_end = kind == EntryKind::kEnd;
     if (entry.is_end) {
-        const std::uint8_t end = body.u8();
-        entry.end = static_cast<RecordingEnd>(end);
-        entry.end_frames = body.u64();
-        if (end > static_cast<std::uint8_t>(RecordingEnd::kOverflow)) return Status::kCorrupt;
-    } else if (kind != static_cast<std::uint8_t>(EntryKind::kFrame) || !read_frame(body, entry.frame)) {
+        body.fields(entry.end, entry.end_frames);
+        if (entry.end > RecordingEnd::kOverflow) return Status::kCorrupt;
+    } else if (kind != EntryKind::kFrame || !read_frame(body, entry.frame)) {
         return Status::kCorrupt;
     }
     if (!body.is_ok() || body.remaining() != 0) return Status::kCorrupt;
