@@ -108,47 +108,25 @@ public:
         PixelPoint at_left = at_origin(left), at_right = at_origin(right);
         std::uint32_t candidate_left = next(twin(base)), candidate_right = previous(base);
         for (;;) {
-            PixelPoint tip_left = at_destination(candidate_left);
-            PixelPoint tip_right = at_destination(candidate_right);
-            Sight sight_left = sight(at_left, at_right, tip_left);
-            Sight sight_right = sight(at_left, at_right, tip_right);
-            const bool is_left = sight_left.area > 0;
-            const bool is_right = sight_right.area > 0;
-            if (is_left) {
+            Sight tip_left = sight(at_left, at_right, at_destination(candidate_left));
+            Sight tip_right = sight(at_left, at_right, at_destination(candidate_right));
+            const bool is_left = tip_left.area > 0;
+            const bool is_right = tip_right.area > 0;
+            const auto clear_way = [&](std::uint32_t& candidate, Sight& tip, auto&& follower_of) noexcept {
                 for (;;) {
-                    const std::uint32_t follower = next(candidate_left);
-                    const PixelPoint tip = at_destination(follower);
-                    const Sight of_tip = sight(at_left, at_right, tip);
-                    const std::int64_t determinant = circle_determinant(sight_left, of_tip);
-                    if (determinant < 0) break;
-                    if (determinant == 0 && !is_inside_by_rule(at_left, at_right, tip_left, tip)) break;
-                    remove(candidate_left);
-                    candidate_left = follower;
-                    tip_left = tip;
-                    sight_left = of_tip;
+                    const std::uint32_t follower = follower_of(candidate);
+                    const Sight beyond = sight(at_left, at_right, at_destination(follower));
+                    if (!is_inside(at_left, at_right, tip, beyond)) break;
+                    remove(candidate);
+                    candidate = follower;
+                    tip = beyond;
                 }
-            }
-            if (is_right) {
-                for (;;) {
-                    const std::uint32_t follower = previous(candidate_right);
-                    const PixelPoint tip = at_destination(follower);
-                    const Sight of_tip = sight(at_left, at_right, tip);
-                    const std::int64_t determinant = circle_determinant(sight_right, of_tip);
-                    if (determinant < 0) break;
-                    if (determinant == 0 && !is_inside_by_rule(at_left, at_right, tip_right, tip)) break;
-                    remove(candidate_right);
-                    candidate_right = follower;
-                    tip_right = tip;
-                    sight_right = of_tip;
-                }
-            }
+            };
+            if (is_left) clear_way(candidate_left, tip_left, [this](std::uint32_t e) { return next(e); });
+            if (is_right) clear_way(candidate_right, tip_right, [this](std::uint32_t e) { return previous(e); });
             bool takes_right = is_right;
             if (is_left && is_right) [[likely]] {
-                const std::int64_t determinant = circle_determinant(sight_left, sight_right);
-                takes_right = determinant > 0;
-                if (determinant == 0) [[unlikely]] {
-                    takes_right = is_inside_by_rule(at_left, at_right, tip_left, tip_right);
-                }
+                takes_right = is_inside(at_left, at_right, tip_left, tip_right);
             } else if (!is_left && !is_right) {
                 break;  // the base is the upper common tangent
             }
@@ -156,8 +134,8 @@ public:
             const std::uint32_t from = takes_right ? candidate_right : twin(base);
             const std::uint32_t to = takes_right ? twin(base) : twin(candidate_left);
             const std::uint32_t beyond = takes_right ? previous(twin(candidate_right)) : next(twin(candidate_left));
-            at_left = takes_right ? at_left : tip_left;
-            at_right = takes_right ? tip_right : at_right;
+            at_left = takes_right ? at_left : tip_left.from;
+            at_right = takes_right ? tip_right.from : at_right;
             candidate_left = takes_right ? candidate_left : beyond;
             candidate_right = takes_right ? beyond : candidate_right;
             base = connect(from, to);

@@ -20,33 +20,24 @@ namespace stillmesh {
     return (area > 0) - (area < 0);
 }
 
-// How a segment a, b is seen from a point p: twice the area of the triangle, and the scalar product of the two arms.
-// arms / area is the cotangent of the angle at p, so comparing two points by it says which of them the growing circle
+// How a segment a, b is seen from a point: twice the area of the triangle, and the scalar product of the two arms.
+// arms / area is the cotangent of the angle at the point, so comparing two by it says which of them the growing circle
 // through a and b meets first. Both are sums of two products < 2^28: int32 is exact.
 struct Sight {
+    PixelPoint from;
     std::int32_t area = 0;
     std::int32_t arms = 0;
 };
 [[nodiscard]] constexpr Sight sight(PixelPoint a, PixelPoint b, PixelPoint p) noexcept {
     const std::int32_t ax = p.x - a.x, ay = p.y - a.y;
-    return {(b.x - a.x) * ay - (b.y - a.y) * ax, ax * (p.x - b.x) + ay * (p.y - b.y)};
+    return {p, (b.x - a.x) * ay - (b.y - a.y) * ax, ax * (p.x - b.x) + ay * (p.y - b.y)};
 }
 
 // For a counter-clockwise a, b, c it is positive when d is inside their circle, 0: on it. It equals the lifted 4 x 4
 // determinant: with r, c, d relative to a, that is c^2 (r x d) - r^2 (c x d) - d^2 (r x c), and for any vectors of the
 // plane r^2 (c x d) = (c . r)(r x d) - (d . r)(r x c). Two products of numbers < 2^29: below 2^59, int64 is exact.
-[[nodiscard]] constexpr std::int64_t circle_determinant(Sight of_c, Sight of_d) noexcept {
+[[nodiscard]] constexpr std::int64_t circle_determinant(const Sight& of_c, const Sight& of_d) noexcept {
     return static_cast<std::int64_t>(of_c.arms) * of_d.area - static_cast<std::int64_t>(of_d.arms) * of_c.area;
-}
-[[nodiscard]] constexpr std::int64_t circle_determinant(PixelPoint a, PixelPoint b, PixelPoint c,
-                                                        PixelPoint d) noexcept {
-    return circle_determinant(sight(a, b, c), sight(a, b, d));
-}
-
-// +1: d inside the circle a, b, c (counter-clockwise), 0: on it, -1: outside.
-[[nodiscard]] constexpr int in_circle(PixelPoint a, PixelPoint b, PixelPoint c, PixelPoint d) noexcept {
-    const std::int64_t determinant = circle_determinant(a, b, c, d);
-    return (determinant > 0) - (determinant < 0);
 }
 
 // The order that breaks ties: by x, then by y.
@@ -66,12 +57,12 @@ struct Sight {
     return facing < 0;
 }
 
-// in_circle without ties: the predicate the triangulation is built on.
-[[nodiscard]] constexpr bool is_inside(PixelPoint a, PixelPoint b, PixelPoint c, PixelPoint d) noexcept {
-    const std::int64_t determinant = circle_determinant(a, b, c, d);
+// Is d inside the circle a, b, c (counter-clockwise)? Without ties: what the triangulation is built on.
+[[nodiscard]] constexpr bool is_inside(PixelPoint a, PixelPoint b, const Sight& c, const Sight& d) noexcept {
+    const std::int64_t determinant = circle_determinant(c, d);
     if (determinant != 0) [[likely]]
         return determinant > 0;
-    return is_inside_by_rule(a, b, c, d);
+    return is_inside_by_rule(a, b, c.from, d.from);
 }
 
 }  // namespace stillmesh

@@ -26,10 +26,18 @@ Wide lifted(PixelPoint a, PixelPoint b, PixelPoint c, PixelPoint d) {
            lift(c) * (x(a) * y(b) - y(a) * x(b));
 }
 
+// +1: inside the circle a, b, c, 0: on it, -1: outside.
+int in_circle(PixelPoint a, PixelPoint b, PixelPoint c, PixelPoint d) {
+    return sign(circle_determinant(sight(a, b, c), sight(a, b, d)));
+}
+bool is_inside(PixelPoint a, PixelPoint b, PixelPoint c, PixelPoint d) {
+    return is_inside(a, b, sight(a, b, c), sight(a, b, d));
+}
+
 void expect_exact(PixelPoint a, PixelPoint b, PixelPoint c, PixelPoint d) {
     ASSERT_EQ(Wide(twice_area(a, b, c)), area2(point_of(a), point_of(b), point_of(c)));
     ASSERT_EQ(orient2d(a, b, c), sign(area2(point_of(a), point_of(b), point_of(c))));
-    ASSERT_TRUE(Wide(circle_determinant(a, b, c, d)) == lifted(a, b, c, d));
+    ASSERT_TRUE(Wide(circle_determinant(sight(a, b, c), sight(a, b, d))) == lifted(a, b, c, d));
     ASSERT_EQ(in_circle(a, b, c, d), circle(point_of(a), point_of(b), point_of(c), point_of(d)));
 }
 
