@@ -77,7 +77,6 @@ TEST(FixedVector, BehavesLikeAVectorWithAnEnd) {
         ASSERT_EQ(plan.used_bytes(), arena.used_bytes());
 
         std::vector<std::uint32_t> model;
-        std::size_t high_water = 0;
         Random random(capacity);
         for (int step = 0; step < 5000; ++step) {
             const std::uint32_t dice = random.below(100);
@@ -87,16 +86,14 @@ TEST(FixedVector, BehavesLikeAVectorWithAnEnd) {
                 if (model.size() < capacity) model.push_back(value);
             } else if (dice < 98) {
                 if (!model.empty()) {
-                    vector.pop();
+                    vector.set_size(vector.size() - 1);
                     model.pop_back();
                 }
             } else {
                 vector.clear();
                 model.clear();
             }
-            high_water = std::max(high_water, model.size());
             ASSERT_EQ(vector.size(), model.size());
-            ASSERT_EQ(vector.high_water(), high_water);
             ASSERT_EQ(vector.is_empty(), model.empty());
             ASSERT_EQ(vector.is_full(), model.size() == capacity);
             ASSERT_TRUE(std::equal(vector.begin(), vector.end(), model.begin(), model.end()));
@@ -106,24 +103,10 @@ TEST(FixedVector, BehavesLikeAVectorWithAnEnd) {
                 ASSERT_EQ(std::as_const(vector)[i], model[i]);
             }
         }
-        EXPECT_EQ(high_water, capacity);
     }
 }
 
-// Promise: what a caller writes into the storage is there after set_size.
-TEST(FixedVector, StorageCanBeFilledFromOutside) {
-    const auto block = std::make_unique<Block>();
-    Arena arena(block->bytes);
-    FixedVector<int> vector;
-    vector.create(arena, 4);
-    for (std::size_t i = 0; i < 4; ++i) vector.storage()[i] = static_cast<int>(i) * 10;
-    vector.set_size(3);
-    EXPECT_EQ(vector.size(), 3U);
-    EXPECT_EQ(vector.high_water(), 3U);
-    EXPECT_EQ(vector[2], 20);
-}
-
-// Promise: reading beyond the end, popping nothing and growing beyond the capacity are our bugs.
+// Promise: reading beyond the end and growing beyond the capacity are our bugs.
 TEST(FixedVectorDeathTest, MisuseIsChecked) {
     const auto block = std::make_unique<Block>();
     Arena arena(block->bytes);
@@ -132,8 +115,6 @@ TEST(FixedVectorDeathTest, MisuseIsChecked) {
     ASSERT_TRUE(vector.push(1));
     EXPECT_DEATH(static_cast<void>(vector[1]), "i < size_");
     EXPECT_DEATH(vector.set_size(5), "storage_.size");
-    vector.pop();
-    EXPECT_DEATH(vector.pop(), "size_ > 0");
 }
 
 // Promise: an inline vector stops at its capacity and checks its indices.
