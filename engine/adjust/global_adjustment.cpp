@@ -8,17 +8,6 @@
 #include "engine/geometry/cholesky.hpp"
 
 namespace stillmesh {
-namespace {
-
-constexpr std::uint32_t kKeyframesOfPiece = 8;
-// The least of the diagonal that damping scales.
-constexpr double kDiagonalMin = 1e-6;
-// Fewer, and a keyframe holds still: six unknowns, two residuals each.
-constexpr std::uint32_t kObservationsMin = 3;
-// Per observation, in squared sigmas: a problem fitted this well is solved exactly.
-constexpr double kCostExact = 1e-20;
-
-}  // namespace
 
 // Of one observation's residuals, and what weighs them.
 struct GlobalAdjustment::Derivatives {
@@ -78,7 +67,7 @@ Result<std::uint32_t> GlobalAdjustment::add_point(const Vector3& world) noexcept
     if (point_count_ == points_.size()) return Status::kFull;
     Point& point = points_[point_count_];
     point = Point{};
-    for (int k = 0; k < 3; ++k) point.world[0][k] = point.world[1][k] = world(k);
+    point.place(world);
     return point_count_++;
 }
 
@@ -86,7 +75,7 @@ Status GlobalAdjustment::reserve(std::uint32_t point) noexcept {
     STILLMESH_CHECK(state_ == State::kCollecting && point < point_count_);
     if (observation_count_ == observations_.size()) return Status::kFull;
     ++observation_count_;
-    ++points_[point].reserved;
+    ++points_[point].given;
     return Status::kOk;
 }
 
@@ -95,15 +84,15 @@ void GlobalAdjustment::fill() noexcept {
     std::uint32_t at = 0;
     for (std::uint32_t i = 0; i < point_count_; ++i) {
         points_[i].begin = points_[i].end = at;
-        at += points_[i].reserved;
+        at += points_[i].given;
     }
     state_ = State::kFilling;
 }
 
-Status GlobalAdjustment::add_observation(const GlobalObservation& given) noexcept {
+Status GlobalAdjustment::add_observation(const AdjustmentObservation& given) noexcept {
     STILLMESH_CHECK(state_ == State::kFilling && given.keyframe < keyframe_count_ && given.point < point_count_);
     Point& point = points_[given.point];
-    if (point.end - point.begin == point.reserved) return Status::kFull;
+    if (point.end - point.begin == point.given) return Status::kFull;
     Observation o;
     o.x = static_cast<float>(given.x);
     o.y = static_cast<float>(given.y);
@@ -123,26 +112,16 @@ Status GlobalAdjustment::add_observation(const GlobalObservation& given) noexcep
 }
 
 void GlobalAdjustment::start(const GlobalOptions& options) noexcept {
-    STILLMESH_CHECK(state_ == State::kFilling || state_ == State::kCollecting);
-    options_ = options;
     const std::uint32_t observations = summary_.observations;
-    summary_ = GlobalSummary{};
+    run(options);
     summary_.observations = observations;
-    state_ = State::kRunning;
-    current_ = 0;
-    descent_.begin(options.damping_initial);
-    descent_.cost = 0.0;
     if (fixed_count_ == 0 && keyframe_count_ > 0) keyframes_[0].is_fixed = true;
     for (std::uint32_t i = 0; i < keyframe_count_; ++i) {
-        keyframes_[i].moves = !keyframes_[i].is_fixed && keyframes_[i].used >= kObservationsMin;
+        keyframes_[i].moves = !keyframes_[i].is_fixed && keyframes_[i].used >= kKeyframeObservationsMin;
     }
     next_iteration();
 }
 
-const GlobalSummary& GlobalAdjustment::summary() const noexcept {
-    STILLMESH_CHECK(is_done());
-    return summary_;
-}
 const SE3& GlobalAdjustment::pose(std::uint32_t keyframe) const noexcept {
     STILLMESH_CHECK(is_done() && keyframe < keyframe_count_);
     return keyframes_[keyframe].pose[current_];
@@ -157,37 +136,20 @@ bool GlobalAdjustment::is_point_used(std::uint32_t point) const noexcept {
     return points_[point].is_used;
 }
 
-Progress GlobalAdjustment::step(WorkBudget& budget) noexcept {
-    if (state_ != State::kRunning) return Progress::kIdle;
-    return work_in_pieces(
-        budget, summary_.units, [this] { return next_piece(); }, [this] { return is_done(); });
-}
-
 std::uint32_t GlobalAdjustment::next_piece() noexcept {
     switch (phase_) {
-        case Phase::kClear: return clear_sums();
-        case Phase::kLinearise: return linearise();
-        case Phase::kPrepare: return prepare();
+        case Phase::kClear: summary_.points_used = 0; return clear_sums();
+        case Phase::kLinearise: return linearise_terms();
+        case Phase::kFactorise: return factorise();
         case Phase::kDirect: return direct();
-        case Phase::kMultiply: return multiply();
+        case Phase::kMultiply: return multiply_terms();
         case Phase::kMeasure: return measure();
         case Phase::kAdvance: return advance();
         case Phase::kCandidate: return make_candidate();
-        case Phase::kEvaluate: return evaluate();
+        case Phase::kEvaluate: return evaluate_terms(kBundleCostExact * summary_.observations);
     }
     STILLMESH_CHECK(false);
     return 0;
-}
-
-void GlobalAdjustment::enter(Phase phase) noexcept {
-    phase_ = phase;
-    cursor_ = 0;
-}
-
-template <typename Visit>
-bool GlobalAdjustment::each_keyframe(Visit&& visit) noexcept {
-    for (std::uint32_t n = 0; n < kKeyframesOfPiece && cursor_ < keyframe_count_; ++n) visit(keyframes_[cursor_++]);
-    return cursor_ == keyframe_count_;
 }
 
 template <typename Visit>
@@ -208,45 +170,15 @@ GlobalAdjustment::Derivatives GlobalAdjustment::derivatives_of(const Observation
             weight * static_cast<double>(o.info_z)};
 }
 
-void GlobalAdjustment::next_iteration() noexcept {
-    if (descent_.is_over() || summary_.iterations >= options_.iterations_max || point_count_ == 0 ||
-        keyframe_count_ == 0) {
-        summary_.has_converged = descent_.has_converged();
-        summary_.final_cost = descent_.cost;
-        state_ = State::kDone;
-        return;
-    }
-    ++summary_.iterations;
-    enter(Phase::kClear);
-}
-
-std::uint32_t GlobalAdjustment::clear_sums() noexcept {
-    if (each_keyframe([](Keyframe& keyframe) {
-            keyframe.diagonal.setZero();
-            keyframe.hessian.setZero();
-            keyframe.gradient.setZero();
-            keyframe.reduced.setZero();
-        })) {
-        descent_.cost = 0.0;
-        summary_.points_used = 0;
-        enter(Phase::kLinearise);
-    }
-    return kKeyframesOfPiece;
-}
-
-std::uint32_t GlobalAdjustment::linearise() noexcept {
-    const std::uint32_t units = linearise_point(points_[cursor_++]);
-    if (cursor_ == point_count_) {
-        if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
-        is_singular_ = false;
-        inner_.begin(options_.inner_iterations_max, options_.inner_residual_max);
-        enter(Phase::kPrepare);
-    }
-    return units;
+void GlobalAdjustment::clear(Keyframe& keyframe) noexcept {
+    keyframe.diagonal.setZero();
+    keyframe.hessian.setZero();
+    keyframe.gradient.setZero();
+    keyframe.reduced.setZero();
 }
 
 // Sums of the point and of its keyframes, its factor, and what its elimination takes from the keyframes.
-std::uint32_t GlobalAdjustment::linearise_point(Point& p) noexcept {
+std::uint32_t GlobalAdjustment::linearise(Point& p) noexcept {
     p.is_used = p.can_move = false;
     const std::uint32_t seen = p.end - p.begin;
     bool has_depth = false;
@@ -291,7 +223,7 @@ void GlobalAdjustment::sum_up(Point& p) noexcept {
     }
     for (int k = 0; k < 3; ++k) {
         double& diagonal = v[kPointDiagonal[k]];
-        p.damping[k] = descent_.damping_of(diagonal, kDiagonalMin);
+        p.damping[k] = descent_.damping_of(diagonal, kBundleDiagonalMin);
         diagonal += p.damping[k];
         p.gradient[k] = g[k];
     }
@@ -317,23 +249,18 @@ void GlobalAdjustment::eliminate(const Point& p) noexcept {
     });
 }
 
-std::uint32_t GlobalAdjustment::prepare() noexcept {
-    if (each_keyframe([this](Keyframe& keyframe) {
-            if (keyframe.moves && !is_singular_) is_singular_ = !prepare_keyframe(keyframe);
-        })) {
-        if (is_singular_) {
-            refuse();
-        } else {
-            go_on_inner();
-        }
-    }
-    return kKeyframesOfPiece;
+std::uint32_t GlobalAdjustment::factorise() noexcept {
+    return each_moving_block(
+        [this](Keyframe& keyframe) {
+            if (!is_singular_) is_singular_ = !factorise_keyframe(keyframe);
+        },
+        [this] { is_singular_ ? refuse() : go_on(); });
 }
 
 // Damping, the block's factor, the right-hand side: -(gradient - what the points explain of it).
-bool GlobalAdjustment::prepare_keyframe(Keyframe& keyframe) noexcept {
+bool GlobalAdjustment::factorise_keyframe(Keyframe& keyframe) noexcept {
     for (int i = 0; i < 6; ++i) {
-        keyframe.damping[i] = descent_.damping_of(keyframe.hessian[i], kDiagonalMin);
+        keyframe.damping[i] = descent_.damping_of(keyframe.hessian[i], kBundleDiagonalMin);
         keyframe.diagonal(i, i) += keyframe.damping[i];
         keyframe.reduced[i] -= keyframe.gradient[i];
     }
@@ -350,33 +277,8 @@ void GlobalAdjustment::precondition(Keyframe& keyframe) noexcept {
     inner_.add_energy(keyframe);
 }
 
-void GlobalAdjustment::go_on_inner() noexcept {
-    if (inner_.continues()) {
-        enter(Phase::kDirect);
-    } else {
-        end_inner();
-    }
-}
-
-std::uint32_t GlobalAdjustment::direct() noexcept {
-    if (each_keyframe([this](Keyframe& keyframe) {
-            if (!keyframe.moves) return;
-            inner_.update_direction(keyframe);
-            for (int i = 0; i < 6; ++i) keyframe.product[i] = keyframe.damping[i] * keyframe.direction[i];
-        })) {
-        enter(Phase::kMultiply);
-    }
-    return kKeyframesOfPiece;
-}
-
-std::uint32_t GlobalAdjustment::multiply() noexcept {
-    const std::uint32_t units = multiply_point(points_[cursor_++]);
-    if (cursor_ == point_count_) enter(Phase::kMeasure);
-    return units;
-}
-
 // product += (Jpose^T W Jpose - Jpose^T W Jpoint V^-1 Jpoint^T W Jpose) direction, over the point's observations.
-std::uint32_t GlobalAdjustment::multiply_point(const Point& p) noexcept {
+std::uint32_t GlobalAdjustment::multiply(const Point& p) noexcept {
     if (!p.is_used) return 1;
     double pulled[3] = {};
     if (p.can_move) {
@@ -399,74 +301,25 @@ std::uint32_t GlobalAdjustment::multiply_point(const Point& p) noexcept {
     return 1 + 2 * (p.end - p.begin);
 }
 
-std::uint32_t GlobalAdjustment::measure() noexcept {
-    if (each_keyframe([this](const Keyframe& keyframe) {
-            if (keyframe.moves) inner_.add_curvature(keyframe);
-        })) {
-        if (inner_.has_step()) {
-            enter(Phase::kAdvance);
-        } else {
-            end_inner();
-        }
-    }
-    return kKeyframesOfPiece;
-}
-
 std::uint32_t GlobalAdjustment::advance() noexcept {
-    if (each_keyframe([this](Keyframe& keyframe) {
-            if (!keyframe.moves) return;
+    return each_moving_block(
+        [this](Keyframe& keyframe) {
             inner_.update_solution(keyframe);
             precondition(keyframe);
-        })) {
-        go_on_inner();
+        },
+        [this] { go_on(); });
+}
+
+void GlobalAdjustment::move(Keyframe& keyframe) noexcept {
+    keyframe.TwinPose::move(current_, keyframe.solution);
+    for (int i = 0; i < 6; ++i) {
+        const double x = keyframe.solution[i];
+        // Of the reduced model: -2 r x - x S x with S x = r - residual, damping included.
+        descent_.predicted += x * (keyframe.reduced[i] + keyframe.residual[i] + keyframe.damping[i] * x);
     }
-    return kKeyframesOfPiece;
 }
 
-void GlobalAdjustment::end_inner() noexcept {
-    summary_.inner_iterations += inner_.iterations();
-    descent_.predicted = 0.0;
-    is_singular_ = false;
-    enter(Phase::kCandidate);
-}
-
-std::uint32_t GlobalAdjustment::make_candidate() noexcept {
-    if (each_keyframe([this](Keyframe& keyframe) {
-            if (!keyframe.moves) return keyframe.stay(current_);
-            for (int i = 0; i < 6; ++i) {
-                const double x = keyframe.solution[i];
-                // Of the reduced model: -2 r x - x S x with S x = r - residual, damping included.
-                descent_.predicted += x * (keyframe.reduced[i] + keyframe.residual[i] + keyframe.damping[i] * x);
-            }
-            if (is_sane_step(keyframe.solution)) {
-                keyframe.move(current_, keyframe.solution);
-            } else {
-                is_singular_ = true;
-            }
-        })) {
-        descent_.candidate_cost = 0.0;
-        if (is_singular_) {
-            refuse();
-        } else {
-            enter(Phase::kEvaluate);
-        }
-    }
-    return kKeyframesOfPiece;
-}
-
-std::uint32_t GlobalAdjustment::evaluate() noexcept {
-    const std::uint32_t units = evaluate_point(points_[cursor_++]);
-    if (cursor_ == point_count_) {
-        if (descent_.judge(options_.cost_change_min, kCostExact * summary_.observations)) {
-            current_ = 1 - current_;
-            ++summary_.steps_accepted;
-        }
-        next_iteration();
-    }
-    return units;
-}
-
-std::uint32_t GlobalAdjustment::evaluate_point(Point& p) noexcept {
+std::uint32_t GlobalAdjustment::evaluate(Point& p) noexcept {
     double* const candidate = p.world[1 - current_];
     for (int k = 0; k < 3; ++k) candidate[k] = p.world[current_][k];
     if (!p.is_used) return 1;
@@ -498,11 +351,6 @@ void GlobalAdjustment::move_point(Point& p) noexcept {
         p.world[1 - current_][k] -= g[k];
         descent_.predicted += p.damping[k] * g[k] * g[k];
     }
-}
-
-void GlobalAdjustment::refuse() noexcept {
-    descent_.refuse();
-    next_iteration();
 }
 
 }  // namespace stillmesh

@@ -13,14 +13,11 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/adjust/conjugate_gradients.hpp"
-#include "engine/adjust/descent.hpp"
-#include "engine/adjust/linearisation.hpp"
-#include "engine/adjust/twin_pose.hpp"
+#include "engine/adjust/adjustment_job.hpp"
+#include "engine/adjust/bundle.hpp"
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
 #include "engine/geometry/se3.hpp"
-#include "engine/schedule/task.hpp"
 
 namespace stillmesh {
 
@@ -28,14 +25,6 @@ struct GlobalSizes {
     std::uint32_t keyframes_max = 0;  // at most 65535
     std::uint32_t points_max = 0;
     std::uint32_t observations_max = 0;
-};
-
-struct GlobalObservation {
-    std::uint32_t keyframe = 0, point = 0;
-    double x = 0, y = 0;   // undistorted, normalised
-    double var_pixel = 0;  // > 0
-    double z_m = 0;
-    double var_z = 0;  // 0: no depth was measured
 };
 
 struct GlobalOptions {
@@ -56,7 +45,20 @@ struct GlobalSummary {
     std::uint64_t units = 0;
 };
 
-class GlobalAdjustment {
+// The pieces of a job, in order. The inner iterations are kDirect to kAdvance.
+enum class GlobalPhase : std::uint8_t {
+    kClear,      // keyframe by keyframe: zero sums
+    kLinearise,  // point by point: derivatives, elimination, diagonal blocks
+    kFactorise,  // keyframe by keyframe: damping, the preconditioner's factor, the first residual
+    kDirect,     // keyframe by keyframe: the next direction
+    kMultiply,   // point by point: the reduced system times the direction
+    kMeasure,    // keyframe by keyframe: direction times that
+    kAdvance,    // keyframe by keyframe: step and residual
+    kCandidate,  // keyframe by keyframe: candidate poses
+    kEvaluate,   // point by point: the point's step, cost there
+};
+
+class GlobalAdjustment : public MatrixFreeJob<GlobalAdjustment, GlobalPhase, GlobalOptions, GlobalSummary> {
 public:
     static constexpr void plan(ArenaPlan& arena, const GlobalSizes& sizes) noexcept {
         arena.array<Keyframe>(sizes.keyframes_max);
@@ -74,14 +76,10 @@ public:
     [[nodiscard]] Status reserve(std::uint32_t point) noexcept;
     void fill() noexcept;
     // kFull: more than were reserved for the point. kInvalid: a number that is not finite, or no variance.
-    [[nodiscard]] Status add_observation(const GlobalObservation& given) noexcept;
+    [[nodiscard]] Status add_observation(const AdjustmentObservation& given) noexcept;
     // If no keyframe is fixed the first one is.
     void start(const GlobalOptions& options) noexcept;
 
-    // kDone: this call finished the job. kIdle: no job is running.
-    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
-    [[nodiscard]] bool is_done() const noexcept { return state_ == State::kDone; }
-    [[nodiscard]] bool is_running() const noexcept { return state_ == State::kRunning; }
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept {
         return 4 * static_cast<std::uint32_t>(keyframes_.size()) + 32;
     }
@@ -89,44 +87,24 @@ public:
     [[nodiscard]] std::uint32_t points() const noexcept { return point_count_; }
 
     // Only when is_done() (CHECK).
-    [[nodiscard]] const GlobalSummary& summary() const noexcept;
     [[nodiscard]] const SE3& pose(std::uint32_t keyframe) const noexcept;
     [[nodiscard]] Vector3 point(std::uint32_t point) const noexcept;
     [[nodiscard]] bool is_point_used(std::uint32_t point) const noexcept;
 
 private:
-    enum class State : std::uint8_t { kCollecting, kFilling, kRunning, kDone };
-    // The pieces of a job, in order. The inner iterations are kDirect to kAdvance.
-    enum class Phase : std::uint8_t {
-        kClear,      // keyframe by keyframe: zero sums
-        kLinearise,  // point by point: derivatives, elimination, diagonal blocks
-        kPrepare,    // keyframe by keyframe: damping, the preconditioner's factor, the first residual
-        kDirect,     // keyframe by keyframe: the next direction
-        kMultiply,   // point by point: the reduced system times the direction
-        kMeasure,    // keyframe by keyframe: direction times that
-        kAdvance,    // keyframe by keyframe: step and residual
-        kCandidate,  // keyframe by keyframe: candidate poses
-        kEvaluate,   // point by point: the point's step, cost there
+    friend MatrixFreeJob;
+    friend AdjustmentJob;
+    using Phase = GlobalPhase;
+    static constexpr std::uint32_t kBlocksOfPiece = 8;
+    static constexpr std::uint32_t kBlockUnits = 8;
+    static constexpr std::uint32_t kTermsOfPiece = 1;
+
+    // `diagonal`: of the reduced system.
+    struct Keyframe : DescentBlock, BundleKeyframe {
+        Vector6 hessian;  // diagonal of the poses' own Hessian: what damping scales with
+        Vector6 reduced;  // right-hand side of the reduced system
     };
-    // `solution`: the step. The vectors of one that does not move are not read.
-    struct Keyframe : TwinPose, ConjugateBlock {
-        Matrix6 diagonal;  // of the reduced system; then its Cholesky factor
-        Vector6 hessian;   // diagonal of the poses' own Hessian: what damping scales with
-        Vector6 damping;
-        Vector6 gradient, reduced;  // of the cost; of the reduced system
-        std::uint32_t used = 0;
-        bool is_fixed = false;
-        bool moves = false;
-    };
-    struct Point {
-        double world[2][3] = {};
-        double factor[6] = {};  // of its damped Hessian by rows, diagonal inverted
-        double gradient[3] = {};
-        double damping[3] = {};
-        std::uint32_t begin = 0, end = 0;
-        std::uint32_t reserved = 0;
-        bool is_used = false, can_move = false;
-    };
+    using Point = BundlePoint;
     struct Observation {
         float x = 0, y = 0, z_m = 0, info = 0, info_z = 0;
         std::uint16_t keyframe = 0;
@@ -134,22 +112,13 @@ private:
 
     struct Derivatives;
 
-    // One piece each; they return the units it took.
-    std::uint32_t clear_sums() noexcept;
-    std::uint32_t linearise() noexcept;
-    std::uint32_t prepare() noexcept;
-    std::uint32_t direct() noexcept;
-    std::uint32_t multiply() noexcept;
-    std::uint32_t measure() noexcept;
-    std::uint32_t advance() noexcept;
-    std::uint32_t make_candidate() noexcept;
-    std::uint32_t evaluate() noexcept;
+    [[nodiscard]] std::span<Keyframe> blocks() noexcept { return keyframes_.first(keyframe_count_); }
+    [[nodiscard]] std::span<Point> terms() noexcept { return points_.first(point_count_); }
     std::uint32_t next_piece() noexcept;
+    // One piece each; they return the units it took.
+    std::uint32_t factorise() noexcept;
+    std::uint32_t advance() noexcept;
 
-    void enter(Phase phase) noexcept;
-    // A piece of a phase over keyframes. True: the phase is through.
-    template <typename Visit>
-    [[nodiscard]] bool each_keyframe(Visit&& visit) noexcept;
     // Calls visit(keyframe, derivatives) for each observation of the point by a keyframe that moves.
     template <typename Visit>
     void each_moving(const Point& p, Visit&& visit) noexcept;
@@ -161,32 +130,21 @@ private:
         return o.info_z > 0 ? options_.chi2_max_depth : options_.chi2_max_pixel;
     }
     [[nodiscard]] Derivatives derivatives_of(const Observation& o, const SightingResidual& r) const noexcept;
-    std::uint32_t linearise_point(Point& p) noexcept;
+    void clear(Keyframe& keyframe) noexcept;
+    std::uint32_t linearise(Point& p) noexcept;
     void sum_up(Point& p) noexcept;
     void eliminate(const Point& p) noexcept;
-    std::uint32_t multiply_point(const Point& p) noexcept;
-    std::uint32_t evaluate_point(Point& p) noexcept;
-    void move_point(Point& p) noexcept;
-    [[nodiscard]] bool prepare_keyframe(Keyframe& keyframe) noexcept;
+    [[nodiscard]] bool factorise_keyframe(Keyframe& keyframe) noexcept;
     void precondition(Keyframe& keyframe) noexcept;
-    void go_on_inner() noexcept;
-    void end_inner() noexcept;
-    void refuse() noexcept;
-    void next_iteration() noexcept;
+    std::uint32_t multiply(const Point& p) noexcept;
+    void move(Keyframe& keyframe) noexcept;
+    std::uint32_t evaluate(Point& p) noexcept;
+    void move_point(Point& p) noexcept;
 
     std::span<Keyframe> keyframes_;
     std::span<Point> points_;
     std::span<Observation> observations_;
-    GlobalOptions options_;
-    GlobalSummary summary_;
-    State state_ = State::kCollecting;
-    Phase phase_ = Phase::kClear;
-    std::uint32_t cursor_ = 0;
     std::uint32_t keyframe_count_ = 0, point_count_ = 0, observation_count_ = 0, fixed_count_ = 0;
-    std::uint32_t current_ = 0;
-    Descent descent_;
-    ConjugateGradients inner_;
-    bool is_singular_ = false;
 };
 
 }  // namespace stillmesh

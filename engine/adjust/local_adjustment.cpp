@@ -12,25 +12,6 @@ namespace {
 constexpr std::uint32_t kChunk = 64;        // elements sorted in one piece
 constexpr std::uint32_t kUnitsOfChunk = 8;  // moving an element costs about an eighth of a residual
 
-// The diagonal that damping scales is at least this: an unknown nobody constrains stays where it is.
-constexpr double kDiagonalMin = 1e-6;
-// Per observation, in squared sigmas: a problem fitted this well is solved exactly.
-constexpr double kCostExact = 1e-20;
-// Within 1e-6 of a rotation: what is stored in single precision passes, a reflection does not.
-[[nodiscard]] bool is_rotation(const Matrix3& r) noexcept {
-    constexpr double kTolerance = 1e-6;
-    for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j <= i; ++j) {
-            const double dot = r(i, 0) * r(j, 0) + r(i, 1) * r(j, 1) + r(i, 2) * r(j, 2);
-            const double off = dot - (i == j ? 1.0 : 0.0);
-            if (!(off <= kTolerance && off >= -kTolerance)) return false;  // NaN too
-        }
-    }
-    const Vector3 r0 = r.row(0);
-    const Vector3 r1 = r.row(1);
-    return r0.cross(r1).dot(Vector3(r.row(2))) > 0.0;
-}
-
 // Adds J^T W J of one observation to the lower triangle; the rows' zeros are known (linearisation.hpp).
 void add_hessian(const PoseRows& j, double a, double b, double h[36]) noexcept {
     const double ax0 = a * j.x[0], ax2 = a * j.x[2], ax3 = a * j.x[3], ax4 = a * j.x[4], ax5 = a * j.x[5];
@@ -116,7 +97,7 @@ Result<std::uint32_t> LocalAdjustment::add_point(const Vector3& world) noexcept 
     if (!is_finite(world.x()) || !is_finite(world.y()) || !is_finite(world.z())) return Status::kInvalid;
     Point& point = points_[point_count_];
     point = Point{};
-    for (int k = 0; k < 3; ++k) point.world[0][k] = point.world[1][k] = world(k);
+    point.place(world);
     return point_count_++;
 }
 
@@ -145,12 +126,8 @@ Status LocalAdjustment::add_observation(const AdjustmentObservation& given) noex
 }
 
 void LocalAdjustment::start(const AdjustmentOptions& options) noexcept {
-    STILLMESH_CHECK(state_ == State::kCollecting);
     STILLMESH_CHECK(options.chi2_max_pixel > 0 && options.chi2_max_depth > 0);
-    STILLMESH_CHECK(options.cost_change_min >= 0 && options.damping_initial > 0);
-    options_ = options;
-    summary_ = AdjustmentSummary{};
-    state_ = State::kRunning;
+    run(options);
     if (fixed_count_ == 0 && keyframe_count_ > 0) {
         keyframes_[0].is_fixed = true;
         fixed_count_ = 1;
@@ -161,19 +138,11 @@ void LocalAdjustment::start(const AdjustmentOptions& options) noexcept {
         keyframes_[i].observations = at;
         at += count;
     }
-    current_ = 0;
     round_ = 0;
-    descent_.cost = 0.0;
     enter(Phase::kSortByKeyframe);
 }
 
-Progress LocalAdjustment::step(WorkBudget& budget) noexcept {
-    if (state_ != State::kRunning) return Progress::kIdle;
-    return work_in_pieces(
-        budget, summary_.units, [this] { return advance(); }, [this] { return is_done(); });
-}
-
-std::uint32_t LocalAdjustment::advance() noexcept {
+std::uint32_t LocalAdjustment::next_piece() noexcept {
     switch (phase_) {
         case Phase::kSortByKeyframe: return sort_by_keyframe();
         case Phase::kPlacePoints: return place_points();
@@ -189,11 +158,6 @@ std::uint32_t LocalAdjustment::advance() noexcept {
     }
     STILLMESH_CHECK(false);
     return 0;
-}
-
-void LocalAdjustment::enter(Phase phase) noexcept {
-    phase_ = phase;
-    cursor_ = 0;
 }
 
 // Two stable counting sorts, by keyframe and then by point: the observations of a point lie together, by keyframe.
@@ -381,7 +345,7 @@ std::uint32_t LocalAdjustment::linearise_point(Point& p) noexcept {
     for (int k = 0; k < 6; ++k) damped[k] = v[k];
     for (int k = 0; k < 3; ++k) {
         p.gradient[k] = g[k];
-        p.damping[k] = descent_.damping_of(v[kPointDiagonal[k]], kDiagonalMin);
+        p.damping[k] = descent_.damping_of(v[kPointDiagonal[k]], kBundleDiagonalMin);
         damped[kPointDiagonal[k]] += p.damping[k];
     }
     p.can_move = factor_point(damped, p.factor);
@@ -415,7 +379,7 @@ void LocalAdjustment::assemble() noexcept {
         double* const right = system_.vector(i);
         for (std::uint32_t r = 0; r < 6; ++r) {
             for (std::uint32_t c = 0; c <= r; ++c) block[6 * r + c] += column.hessian[6 * r + c];
-            block[7 * r] += descent_.damping_of(column.hessian[7 * r], kDiagonalMin);
+            block[7 * r] += descent_.damping_of(column.hessian[7 * r], kBundleDiagonalMin);
             right[r] -= column.gradient[r];
         }
     }
@@ -424,7 +388,7 @@ void LocalAdjustment::assemble() noexcept {
 std::uint32_t LocalAdjustment::factorise() noexcept {
     const std::uint32_t units = 1 + system_.products_of_column(cursor_);
     if (!system_.factor_column(cursor_)) {
-        refuse_step();
+        refuse();
     } else if (++cursor_ == column_count_) {
         enter(Phase::kSolve);
     }
@@ -440,13 +404,13 @@ std::uint32_t LocalAdjustment::solve() noexcept {
         Vector6 xi;
         for (int k = 0; k < 6; ++k) xi(k) = system_.vector(i)[k];
         if (!is_sane_step(xi)) {
-            refuse_step();
+            refuse();
             return units;
         }
         for (std::uint32_t k = 0; k < 6; ++k) {
             const double x = system_.vector(i)[k];
             descent_.predicted +=
-                x * (descent_.damping_of(column.hessian[7 * k], kDiagonalMin) * x - column.gradient[k]);
+                x * (descent_.damping_of(column.hessian[7 * k], kBundleDiagonalMin) * x - column.gradient[k]);
         }
         Keyframe& keyframe = keyframes_[column.keyframe];
         keyframe.move(current_, xi);
@@ -457,7 +421,7 @@ std::uint32_t LocalAdjustment::solve() noexcept {
 
 std::uint32_t LocalAdjustment::evaluate() noexcept {
     const std::uint32_t units = evaluate_point(points_[cursor_]);
-    if (++cursor_ == point_count_) judge_step();
+    if (++cursor_ == point_count_) judge(kBundleCostExact * summary_.observations_used);
     return units;
 }
 
@@ -508,19 +472,6 @@ std::uint32_t LocalAdjustment::evaluate_point(Point& p) noexcept {
     return 1 + (p.end - p.begin);
 }
 
-void LocalAdjustment::judge_step() noexcept {
-    if (descent_.judge(options_.cost_change_min, kCostExact * summary_.observations_used)) {
-        current_ = 1 - current_;
-        ++summary_.steps_accepted;
-    }
-    next_iteration();
-}
-
-void LocalAdjustment::refuse_step() noexcept {
-    descent_.refuse();
-    next_iteration();
-}
-
 void LocalAdjustment::end_round() noexcept {
     if (round_ == 0) summary_.first_round_cost = descent_.cost;
     summary_.final_cost = descent_.cost;
@@ -558,11 +509,6 @@ void LocalAdjustment::finish() noexcept {
         summary_.outcome = AdjustmentOutcome::kIterationsEnded;
     }
     state_ = State::kDone;
-}
-
-const AdjustmentSummary& LocalAdjustment::summary() const noexcept {
-    STILLMESH_CHECK(is_done());
-    return summary_;
 }
 
 const SE3& LocalAdjustment::pose(std::uint32_t keyframe) const noexcept {

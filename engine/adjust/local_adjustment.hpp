@@ -15,14 +15,12 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/adjust/descent.hpp"
-#include "engine/adjust/linearisation.hpp"
+#include "engine/adjust/adjustment_job.hpp"
+#include "engine/adjust/bundle.hpp"
 #include "engine/adjust/reduced_system.hpp"
-#include "engine/adjust/twin_pose.hpp"
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
 #include "engine/geometry/se3.hpp"
-#include "engine/schedule/task.hpp"
 
 namespace stillmesh {
 
@@ -31,15 +29,6 @@ struct AdjustmentSizes {
     std::uint32_t fixed_keyframes_max = 0;  // free and fixed together at most kKeyframesMax
     std::uint32_t points_max = 0;
     std::uint32_t observations_max = 0;
-};
-
-struct AdjustmentObservation {
-    std::uint32_t keyframe = 0;  // as add_keyframe() returned it
-    std::uint32_t point = 0;     // as add_point() returned it
-    double x = 0, y = 0;         // undistorted, normalised (x/z, y/z)
-    double var_pixel = 0;        // of x and of y, > 0
-    double z_m = 0;              // depth in the camera frame
-    double var_z = 0;            // m^2; 0: no depth was measured
 };
 
 struct AdjustmentOptions {
@@ -73,14 +62,28 @@ struct AdjustmentSummary {
     std::uint64_t units = 0;              // spent on the whole job
 };
 
-class LocalAdjustment {
+// The pieces of a job, in order. Sorting happens once; a round is kSelect and iterations of kLinearise to
+// kEvaluate.
+enum class LocalPhase : std::uint8_t {
+    kSortByKeyframe,  // order_ lists the observations by keyframe
+    kPlacePoints,     // where each point's observations will begin
+    kSortByPoint,     // position_ says where each observation goes
+    kPermute,         // they go there
+    kSelect,          // which points and keyframes take part in the round
+    kClear,           // zero sums
+    kLinearise,       // point by point: derivatives, elimination of the point
+    kFactorise,       // column by column
+    kSolve,           // keyframes' steps, candidate poses
+    kEvaluate,        // point by point: the point's step, cost at the candidate
+    kClassify,        // chi2 of every observation at the result of the round
+};
+
+class LocalAdjustment : public AdjustmentJob<LocalAdjustment, LocalPhase, AdjustmentOptions, AdjustmentSummary> {
 public:
     static constexpr std::uint32_t kFreeKeyframesMax = ReducedSystem::kBlocksMax;
     static constexpr std::uint32_t kKeyframesMax = 96;
     // A point has at most one observation in each keyframe: kKeyframesMax + 24 * 25 / 4 is the largest piece.
     static constexpr std::uint32_t kPieceUnitsMax = 256;
-    // A keyframe with fewer observations holds still: six unknowns, two residuals each.
-    static constexpr std::uint32_t kKeyframeObservationsMin = 3;
 
     static constexpr void plan(ArenaPlan& arena, const AdjustmentSizes& sizes) noexcept {
         arena.array<Keyframe>(sizes.free_keyframes_max + sizes.fixed_keyframes_max);
@@ -105,19 +108,12 @@ public:
     // If no keyframe is fixed the first one is: somebody must say where the world is.
     void start(const AdjustmentOptions& options) noexcept;
 
-    // kDone: this call finished the job. kIdle: no job is running.
-    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
-    // The running job, or what was collected, is forgotten; there are no results.
-    void cancel() noexcept { begin(); }
 
-    [[nodiscard]] bool is_running() const noexcept { return state_ == State::kRunning; }
-    [[nodiscard]] bool is_done() const noexcept { return state_ == State::kDone; }
     [[nodiscard]] std::uint32_t keyframes() const noexcept { return keyframe_count_; }
     [[nodiscard]] std::uint32_t points() const noexcept { return point_count_; }
     [[nodiscard]] std::uint32_t observations() const noexcept { return observation_count_; }
 
     // Results: only when is_done() (CHECK).
-    [[nodiscard]] const AdjustmentSummary& summary() const noexcept;
     [[nodiscard]] const SE3& pose(std::uint32_t keyframe) const noexcept;  // world_from_camera
     [[nodiscard]] Vector3 point(std::uint32_t point) const noexcept;
     // Was part of the last round: its position is worth writing back. Others have too few good observations.
@@ -127,27 +123,11 @@ public:
     [[nodiscard]] bool is_outlier(std::uint32_t observation) const noexcept;
 
 private:
-    enum class State : std::uint8_t { kCollecting, kRunning, kDone };
-    // The pieces of a job, in order. Sorting happens once; a round is kSelect and iterations of kLinearise to
-    // kEvaluate.
-    enum class Phase : std::uint8_t {
-        kSortByKeyframe,  // order_ lists the observations by keyframe
-        kPlacePoints,     // where each point's observations will begin
-        kSortByPoint,     // position_ says where each observation goes
-        kPermute,         // they go there
-        kSelect,          // which points and keyframes take part in the round
-        kClear,           // zero sums
-        kLinearise,       // point by point: derivatives, elimination of the point
-        kFactorise,       // column by column
-        kSolve,           // keyframes' steps, candidate poses
-        kEvaluate,        // point by point: the point's step, cost at the candidate
-        kClassify,        // chi2 of every observation at the result of the round
-    };
-    struct Keyframe : TwinPose {
+    friend AdjustmentJob;
+    using Phase = LocalPhase;
+    struct Keyframe : BundleKeyframe {
         std::uint32_t observations = 0;  // given; later where they go in order_
-        std::uint32_t used = 0;          // in this round
         std::int32_t column = -1;        // in the reduced system; -1: holds still
-        bool is_fixed = false;
     };
     // Sums over the observations of a free keyframe.
     struct Column {
@@ -155,16 +135,9 @@ private:
         double gradient[6];
         std::uint32_t keyframe;
     };
-    struct Point {
-        double world[2][3] = {};  // current and candidate, by current_
-        double factor[6] = {};    // Cholesky factor of the damped Hessian, by rows, its diagonal inverted
-        double gradient[3] = {};
-        double damping[3] = {};
-        std::uint32_t begin = 0, end = 0;  // of its observations; from end to the next begin: duplicates
-        std::uint32_t given = 0;
+    // From `end` to the next point's `begin` lie duplicates.
+    struct Point : BundlePoint {
         std::int32_t last_keyframe = -1;  // sorted in so far
-        bool is_used = false;             // in this round
-        bool can_move = false;            // in this iteration
     };
     struct Observation {
         Sighting seen;
@@ -188,14 +161,11 @@ private:
     std::uint32_t solve() noexcept;
     std::uint32_t evaluate() noexcept;
     std::uint32_t classify() noexcept;
-    std::uint32_t advance() noexcept;
+    std::uint32_t next_piece() noexcept;
 
-    void enter(Phase phase) noexcept;
     void begin_round() noexcept;
     void assign_columns() noexcept;
     void assemble() noexcept;
-    void judge_step() noexcept;
-    void refuse_step() noexcept;
     void next_iteration() noexcept;
     void end_round() noexcept;
     void finish() noexcept;
@@ -214,20 +184,13 @@ private:
     std::span<std::uint32_t> position_;
     ReducedSystem system_;
 
-    AdjustmentOptions options_;
-    AdjustmentSummary summary_;
-    State state_ = State::kCollecting;
-    Phase phase_ = Phase::kSortByKeyframe;
-    std::uint32_t cursor_ = 0;  // of the phase
     std::uint32_t keyframe_count_ = 0;
     std::uint32_t fixed_count_ = 0;
     std::uint32_t point_count_ = 0;
     std::uint32_t observation_count_ = 0;
-    std::uint32_t current_ = 0;  // which of the two states of poses and points is the best so far
     std::uint32_t column_count_ = 0;
     std::uint32_t round_ = 0;
     std::uint32_t iteration_ = 0;  // in the round
-    Descent descent_;
 };
 
 }  // namespace stillmesh

@@ -9,10 +9,6 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kEdgesOfPiece = 32;
-constexpr std::uint32_t kNodesOfPiece = 16;
-constexpr std::uint32_t kNodeUnits = kNodesOfPiece / 2;
-
 // The least of the diagonal that damping scales.
 constexpr double kDiagonalMin = 1e-9;
 // A graph whose edges agree this well is solved.
@@ -46,6 +42,7 @@ Result<std::uint32_t> PoseGraph::add_node(const SE3& world_from_camera, std::uin
     Node& node = nodes_[node_count_];
     node.pose[0] = node.pose[1] = world_from_camera;
     node.parent = parent;
+    node.moves = parent != kNoParent;
     return node_count_++;
 }
 
@@ -61,19 +58,8 @@ Status PoseGraph::add_edge(const PoseGraphEdge& edge) noexcept {
 }
 
 void PoseGraph::start(const PoseGraphOptions& options) noexcept {
-    STILLMESH_CHECK(state_ == State::kCollecting);
-    STILLMESH_CHECK(options.damping_initial > 0 && options.cost_change_min >= 0);
-    options_ = options;
-    summary_ = PoseGraphSummary{};
-    state_ = State::kRunning;
-    current_ = 0;
-    descent_.begin(options.damping_initial);
+    run(options);
     next_iteration();
-}
-
-const PoseGraphSummary& PoseGraph::summary() const noexcept {
-    STILLMESH_CHECK(is_done());
-    return summary_;
 }
 
 const SE3& PoseGraph::pose(std::uint32_t node) const noexcept {
@@ -81,242 +67,112 @@ const SE3& PoseGraph::pose(std::uint32_t node) const noexcept {
     return nodes_[node].pose[current_];
 }
 
-Progress PoseGraph::step(WorkBudget& budget) noexcept {
-    if (state_ != State::kRunning) return Progress::kIdle;
-    return work_in_pieces(
-        budget, summary_.units, [this] { return next_piece(); }, [this] { return is_done(); });
-}
-
 std::uint32_t PoseGraph::next_piece() noexcept {
     switch (phase_) {
         case Phase::kClear: return clear_sums();
-        case Phase::kLinearise: return linearise();
+        case Phase::kLinearise: return linearise_terms();
         case Phase::kFactorise: return factorise();
         case Phase::kBegin: return begin_inner();
         case Phase::kForward: return precondition_forward();
         case Phase::kBackward: return precondition_backward();
         case Phase::kDirect: return direct();
-        case Phase::kMultiply: return multiply();
+        case Phase::kMultiply: return multiply_terms();
         case Phase::kMeasure: return measure();
         case Phase::kAdvance: return advance();
         case Phase::kCandidate: return make_candidate();
-        case Phase::kEvaluate: return evaluate();
+        case Phase::kEvaluate: return evaluate_terms(kCostExact * edge_count_);
     }
     STILLMESH_CHECK(false);
     return 0;
 }
 
-void PoseGraph::enter(Phase phase) noexcept {
-    phase_ = phase;
-    cursor_ = 0;
+void PoseGraph::clear(Node& node) noexcept {
+    node.diagonal.setZero();
+    node.to_parent.setZero();
+    node.gradient.setZero();
+    node.damping.setZero();
 }
 
-template <typename Visit>
-bool PoseGraph::each_node(Visit&& visit) noexcept {
-    for (std::uint32_t n = 0; n < kNodesOfPiece && cursor_ < node_count_; ++n, ++cursor_) visit(nodes_[cursor_]);
-    return cursor_ == node_count_;
-}
-template <typename Visit>
-bool PoseGraph::each_node_from_leaves(Visit&& visit) noexcept {
-    for (std::uint32_t n = 0; n < kNodesOfPiece && cursor_ < node_count_; ++n, ++cursor_) {
-        visit(nodes_[node_count_ - 1 - cursor_]);
-    }
-    return cursor_ == node_count_;
-}
-template <typename Visit>
-bool PoseGraph::each_edge(Visit&& visit) noexcept {
-    for (std::uint32_t n = 0; n < kEdgesOfPiece && cursor_ < edge_count_; ++n, ++cursor_) visit(edges_[cursor_]);
-    return cursor_ == edge_count_;
-}
-
-void PoseGraph::next_iteration() noexcept {
-    if (descent_.is_over() || summary_.iterations >= options_.iterations_max || node_count_ == 0 || edge_count_ == 0) {
-        summary_.has_converged = descent_.has_converged();
-        summary_.final_cost = descent_.cost;
-        state_ = State::kDone;
-        return;
-    }
-    ++summary_.iterations;
-    enter(Phase::kClear);
-}
-
-std::uint32_t PoseGraph::clear_sums() noexcept {
-    if (each_node([](Node& node) {
-            node.diagonal.setZero();
-            node.to_parent.setZero();
-            node.gradient.setZero();
-            node.damping.setZero();
-        })) {
-        descent_.cost = 0.0;
-        enter(Phase::kLinearise);
-    }
-    return kNodeUnits;
-}
-
-std::uint32_t PoseGraph::linearise() noexcept {
-    if (each_edge([this](Edge& edge) { linearise_edge(edge); })) {
-        if (summary_.iterations == 1) summary_.initial_cost = descent_.cost;
-        is_singular_ = false;
-        enter(Phase::kFactorise);
-    }
-    return 2 * kEdgesOfPiece;
-}
-
+// From the leaves to the root: a node's children have given it theirs before its turn.
 std::uint32_t PoseGraph::factorise() noexcept {
-    if (each_node_from_leaves([this](Node& node) {
-            if (!node.is_fixed() && !is_singular_) is_singular_ = !factorise_node(node);
-        })) {
-        if (is_singular_) {
-            refuse();
-        } else {
-            inner_.begin(options_.inner_iterations_max, options_.inner_residual_max);
-            enter(Phase::kBegin);
-        }
-    }
-    return 2 * kNodesOfPiece;
+    each_block(
+        [this](Node& place) {
+            Node& node = mirrored(place);
+            if (node.moves && !is_singular_) is_singular_ = !factorise_node(node);
+        },
+        [this] { is_singular_ ? refuse() : enter(Phase::kBegin); });
+    return 2 * kBlocksOfPiece;
 }
 
 std::uint32_t PoseGraph::begin_inner() noexcept {
-    if (each_node([](Node& node) {
+    return each_block(
+        [](Node& node) {
             node.begin_at_zero(-node.gradient);
             node.preconditioned = node.residual;
-        })) {
-        enter(Phase::kForward);
-    }
-    return kNodeUnits;
+        },
+        [this] { enter(Phase::kForward); });
 }
 
-// y = L^-1 r: children have given theirs to the node before its turn.
+// y = L^-1 r, again from the leaves.
 std::uint32_t PoseGraph::precondition_forward() noexcept {
-    if (each_node_from_leaves([this](Node& node) {
-            if (node.is_fixed()) return;
+    return each_block(
+        [this](Node& place) {
+            Node& node = mirrored(place);
+            if (!node.moves) return;
             solve_lower(node.diagonal, node.preconditioned);
             nodes_[node.parent].preconditioned.noalias() -= node.to_parent.transpose() * node.preconditioned;
-        })) {
-        enter(Phase::kBackward);
-    }
-    return kNodeUnits;
+        },
+        [this] { enter(Phase::kBackward); });
 }
 
 std::uint32_t PoseGraph::precondition_backward() noexcept {
-    if (each_node([this](Node& node) {
-            if (node.is_fixed()) {
+    return each_block(
+        [this](Node& node) {
+            if (!node.moves) {
                 node.preconditioned.setZero();
                 return;
             }
             node.preconditioned.noalias() -= node.to_parent * nodes_[node.parent].preconditioned;
             solve_lower_transposed(node.diagonal, node.preconditioned);
             inner_.add_energy(node);
-        })) {
-        if (inner_.continues()) {
-            enter(Phase::kDirect);
-        } else {
-            end_inner();
-        }
-    }
-    return kNodeUnits;
-}
-
-std::uint32_t PoseGraph::direct() noexcept {
-    if (each_node([this](Node& node) {
-            inner_.update_direction(node);
-            for (int i = 0; i < 6; ++i) node.product(i) = node.damping(i) * node.direction(i);
-        })) {
-        enter(Phase::kMultiply);
-    }
-    return kNodeUnits;
-}
-
-std::uint32_t PoseGraph::multiply() noexcept {
-    if (each_edge([this](const Edge& edge) { multiply_edge(edge); })) enter(Phase::kMeasure);
-    return kEdgesOfPiece;
-}
-
-std::uint32_t PoseGraph::measure() noexcept {
-    if (each_node([this](const Node& node) {
-            if (!node.is_fixed()) inner_.add_curvature(node);
-        })) {
-        if (inner_.has_step()) {
-            enter(Phase::kAdvance);
-        } else {
-            end_inner();
-        }
-    }
-    return kNodeUnits;
+        },
+        [this] { go_on(); });
 }
 
 std::uint32_t PoseGraph::advance() noexcept {
-    if (each_node([this](Node& node) {
-            if (node.is_fixed()) return;
+    return each_moving_block(
+        [this](Node& node) {
             inner_.update_solution(node);
             node.preconditioned = node.residual;
-        })) {
-        enter(Phase::kForward);
+        },
+        [this] { enter(Phase::kForward); });
+}
+
+void PoseGraph::move(Node& node) noexcept {
+    SE3 candidate = node.pose[current_];
+    candidate.translation += candidate.rotation * Vector3(node.solution.head<3>());
+    candidate.rotation = candidate.rotation * so3_exp(node.solution.tail<3>());
+    renormalise(candidate.rotation);
+    node.pose[1 - current_] = candidate;
+    // The cost is not halved: the model's decrease is -2 g x - x H x, and H x = -g - damping x - r.
+    for (int i = 0; i < 6; ++i) {
+        const double x = node.solution(i);
+        descent_.predicted += x * (node.damping(i) * x - node.gradient(i) + node.residual(i));
     }
-    return kNodeUnits;
 }
 
-void PoseGraph::end_inner() noexcept {
-    summary_.inner_iterations += inner_.iterations();
-    descent_.predicted = 0.0;
-    is_singular_ = false;
-    enter(Phase::kCandidate);
-}
-
-std::uint32_t PoseGraph::make_candidate() noexcept {
-    if (each_node([this](Node& node) {
-            if (node.is_fixed()) return;
-            if (!is_sane_step(node.solution)) {
-                is_singular_ = true;
-                return;
-            }
-            SE3 candidate = node.pose[current_];
-            candidate.translation += candidate.rotation * Vector3(node.solution.head<3>());
-            candidate.rotation = candidate.rotation * so3_exp(node.solution.tail<3>());
-            renormalise(candidate.rotation);
-            node.pose[1 - current_] = candidate;
-            // The cost is not halved: the model's decrease is -2 g x - x H x, and H x = -g - damping x - r.
-            for (int i = 0; i < 6; ++i) {
-                const double x = node.solution(i);
-                descent_.predicted += x * (node.damping(i) * x - node.gradient(i) + node.residual(i));
-            }
-        })) {
-        descent_.candidate_cost = 0.0;
-        if (is_singular_) {
-            refuse();
-        } else {
-            enter(Phase::kEvaluate);
-        }
-    }
-    return kNodeUnits;
-}
-
-std::uint32_t PoseGraph::evaluate() noexcept {
-    if (each_edge([this](const Edge& edge) { descent_.candidate_cost += cost_of(edge, 1 - current_); })) {
-        if (descent_.judge(options_.cost_change_min, kCostExact * edge_count_)) {
-            current_ = 1 - current_;
-            ++summary_.steps_accepted;
-        }
-        next_iteration();
-    }
-    return kEdgesOfPiece;
-}
-
-void PoseGraph::refuse() noexcept {
-    descent_.refuse();
-    next_iteration();
-}
-
-double PoseGraph::cost_of(const Edge& edge, std::uint32_t which) const noexcept {
-    const SE3& a = nodes_[edge.given.a].pose[which];
-    const SE3& b = nodes_[edge.given.b].pose[which];
+std::uint32_t PoseGraph::evaluate(const Edge& edge) noexcept {
+    const SE3& a = nodes_[edge.given.a].pose[1 - current_];
+    const SE3& b = nodes_[edge.given.b].pose[1 - current_];
     const SE3 a_from_b = a.inverse() * b;
     const Vector3 off = a_from_b.translation - edge.given.a_from_b.translation;
     const Vector3 turn = so3_log(edge.given.a_from_b.rotation.transpose() * a_from_b.rotation);
-    return edge.given.info_translation * off.squaredNorm() + edge.given.info_rotation * turn.squaredNorm();
+    descent_.candidate_cost +=
+        edge.given.info_translation * off.squaredNorm() + edge.given.info_rotation * turn.squaredNorm();
+    return 1;
 }
 
-void PoseGraph::linearise_edge(Edge& edge) noexcept {
+std::uint32_t PoseGraph::linearise(Edge& edge) noexcept {
     Node& a = nodes_[edge.given.a];
     Node& b = nodes_[edge.given.b];
     const SE3 relative = a.pose[current_].inverse() * b.pose[current_];
@@ -351,9 +207,10 @@ void PoseGraph::linearise_edge(Edge& edge) noexcept {
     b.gradient.noalias() += weighted_b.transpose() * residual;
     if (b.parent == edge.given.a) b.to_parent.noalias() += by_b.transpose() * weighted_a;
     if (a.parent == edge.given.b) a.to_parent.noalias() += by_a.transpose() * weighted_b;
+    return 2;
 }
 
-void PoseGraph::multiply_edge(const Edge& edge) noexcept {
+std::uint32_t PoseGraph::multiply(const Edge& edge) noexcept {
     Node& a = nodes_[edge.given.a];
     Node& b = nodes_[edge.given.b];
     // Computed again: storing it would take more memory than time.
@@ -388,6 +245,7 @@ void PoseGraph::multiply_edge(const Edge& edge) noexcept {
         b.product(i) += off_in_b(i);
         b.product(3 + i) += pulled(i);
     }
+    return 1;
 }
 
 // Adds the damping, factorises what is left of the node, and takes its share from the parent.
@@ -405,7 +263,7 @@ bool PoseGraph::factorise_node(Node& node) noexcept {
         node.to_parent.col(c) = column;
     }
     Node& parent = nodes_[node.parent];
-    if (parent.parent != kNoParent) parent.diagonal.noalias() -= node.to_parent.transpose() * node.to_parent;
+    if (parent.moves) parent.diagonal.noalias() -= node.to_parent.transpose() * node.to_parent;
     return true;
 }
 

@@ -16,12 +16,10 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/adjust/conjugate_gradients.hpp"
-#include "engine/adjust/descent.hpp"
+#include "engine/adjust/adjustment_job.hpp"
 #include "engine/base/arena.hpp"
 #include "engine/base/status.hpp"
 #include "engine/geometry/se3.hpp"
-#include "engine/schedule/task.hpp"
 
 namespace stillmesh {
 
@@ -54,7 +52,23 @@ struct PoseGraphSummary {
     std::uint64_t units = 0;
 };
 
-class PoseGraph {
+// The pieces of a job, in order. The inner iterations are kForward to kAdvance.
+enum class PoseGraphPhase : std::uint8_t {
+    kClear,      // node by node: zero sums
+    kLinearise,  // edge by edge: residuals, derivatives, sums
+    kFactorise,  // leaves to root: the preconditioner
+    kBegin,      // node by node: the right-hand side
+    kForward,    // leaves to root: the preconditioner applied
+    kBackward,   // root to leaves
+    kDirect,     // node by node: the next direction
+    kMultiply,   // edge by edge: Hessian times direction
+    kMeasure,    // node by node: direction times that
+    kAdvance,    // node by node: the step grows along the direction
+    kCandidate,  // node by node: candidate poses
+    kEvaluate,   // edge by edge: cost there
+};
+
+class PoseGraph : public MatrixFreeJob<PoseGraph, PoseGraphPhase, PoseGraphOptions, PoseGraphSummary> {
 public:
     static constexpr std::uint32_t kNoParent = 0xffffffffU;
     static constexpr std::uint32_t kPieceUnitsMax = 64;
@@ -73,91 +87,54 @@ public:
     [[nodiscard]] Status add_edge(const PoseGraphEdge& edge) noexcept;
     void start(const PoseGraphOptions& options) noexcept;
 
-    // kDone: this call finished the job. kIdle: no job is running.
-    [[nodiscard]] Progress step(WorkBudget& budget) noexcept;
-
-    [[nodiscard]] bool is_done() const noexcept { return state_ == State::kDone; }
     [[nodiscard]] std::uint32_t nodes() const noexcept { return node_count_; }
     [[nodiscard]] std::uint32_t edges() const noexcept { return edge_count_; }
     // Only when is_done() (CHECK).
-    [[nodiscard]] const PoseGraphSummary& summary() const noexcept;
     [[nodiscard]] const SE3& pose(std::uint32_t node) const noexcept;  // world_from_camera
 
 private:
-    enum class State : std::uint8_t { kCollecting, kRunning, kDone };
-    // The pieces of a job, in order. The inner iterations are kForward to kAdvance.
-    enum class Phase : std::uint8_t {
-        kClear,      // node by node: zero sums
-        kLinearise,  // edge by edge: residuals, derivatives, sums
-        kFactorise,  // leaves to root: the preconditioner
-        kBegin,      // node by node: the right-hand side
-        kForward,    // leaves to root: the preconditioner applied
-        kBackward,   // root to leaves
-        kDirect,     // node by node: the next direction
-        kMultiply,   // edge by edge: Hessian times direction
-        kMeasure,    // node by node: direction times that
-        kAdvance,    // node by node: the step grows along the direction
-        kCandidate,  // node by node: candidate poses
-        kEvaluate,   // edge by edge: cost there
-    };
-    // `solution`: the step.
-    struct Node : ConjugateBlock {
+    friend MatrixFreeJob;
+    friend AdjustmentJob;
+    using Phase = PoseGraphPhase;
+    static constexpr std::uint32_t kBlocksOfPiece = 16;
+    static constexpr std::uint32_t kBlockUnits = kBlocksOfPiece / 2;
+    static constexpr std::uint32_t kTermsOfPiece = 32;
+
+    // `diagonal`: of the Hessian; later the tree's Cholesky factor of this node, L.
+    struct Node : DescentBlock {
         SE3 pose[2];        // current and candidate, by current_
-        Matrix6 diagonal;   // of the Hessian; later the tree's Cholesky factor of this node, L
         Matrix6 to_parent;  // Hessian block (node, parent); later L^-1 times it
-        Vector6 damping;    // added to the diagonal
-        Vector6 gradient;
         std::uint32_t parent = kNoParent;
-        [[nodiscard]] bool is_fixed() const noexcept { return parent == kNoParent; }
     };
     struct Edge {
         PoseGraphEdge given;
         Matrix3 log_change;  // so3_log_derivative at the residual
     };
 
-    // One piece each; they return the units it took.
-    std::uint32_t clear_sums() noexcept;
-    std::uint32_t linearise() noexcept;
+    [[nodiscard]] std::span<Node> blocks() noexcept { return nodes_.first(node_count_); }
+    [[nodiscard]] std::span<Edge> terms() noexcept { return edges_.first(edge_count_); }
+    // The node in its place when they are visited from the other end.
+    [[nodiscard]] Node& mirrored(const Node& node) noexcept {
+        return nodes_[node_count_ - 1 - static_cast<std::size_t>(&node - nodes_.data())];
+    }
+    std::uint32_t next_piece() noexcept;
+    // Pieces of the preconditioner; they return the units they took.
     std::uint32_t factorise() noexcept;
     std::uint32_t begin_inner() noexcept;
     std::uint32_t precondition_forward() noexcept;
     std::uint32_t precondition_backward() noexcept;
-    std::uint32_t direct() noexcept;
-    std::uint32_t multiply() noexcept;
-    std::uint32_t measure() noexcept;
     std::uint32_t advance() noexcept;
-    std::uint32_t make_candidate() noexcept;
-    std::uint32_t evaluate() noexcept;
-    std::uint32_t next_piece() noexcept;
 
-    void enter(Phase phase) noexcept;
-    // A piece of a phase over nodes or edges. True: the phase is through.
-    template <typename Visit>
-    [[nodiscard]] bool each_node(Visit&& visit) noexcept;
-    template <typename Visit>
-    [[nodiscard]] bool each_node_from_leaves(Visit&& visit) noexcept;
-    template <typename Visit>
-    [[nodiscard]] bool each_edge(Visit&& visit) noexcept;
-    [[nodiscard]] double cost_of(const Edge& edge, std::uint32_t which) const noexcept;
-    void linearise_edge(Edge& edge) noexcept;
-    void multiply_edge(const Edge& edge) noexcept;
+    void clear(Node& node) noexcept;
+    std::uint32_t linearise(Edge& edge) noexcept;
     [[nodiscard]] bool factorise_node(Node& node) noexcept;
-    void end_inner() noexcept;
-    void refuse() noexcept;
-    void next_iteration() noexcept;
+    std::uint32_t multiply(const Edge& edge) noexcept;
+    void move(Node& node) noexcept;
+    std::uint32_t evaluate(const Edge& edge) noexcept;
 
     std::span<Node> nodes_;
     std::span<Edge> edges_;
-    PoseGraphOptions options_;
-    PoseGraphSummary summary_;
-    State state_ = State::kCollecting;
-    Phase phase_ = Phase::kClear;
-    std::uint32_t cursor_ = 0;
     std::uint32_t node_count_ = 0, edge_count_ = 0;
-    std::uint32_t current_ = 0;
-    Descent descent_;
-    ConjugateGradients inner_;
-    bool is_singular_ = false;
 };
 
 }  // namespace stillmesh

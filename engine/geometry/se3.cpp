@@ -126,6 +126,20 @@ Matrix6 se3_adjoint(const SE3& motion) noexcept {
     return adjoint;
 }
 
+bool is_rotation(const Matrix3& r) noexcept {
+    constexpr double kTolerance = 1e-6;
+    for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j <= i; ++j) {
+            const double dot = r(i, 0) * r(j, 0) + r(i, 1) * r(j, 1) + r(i, 2) * r(j, 2);
+            const double off = dot - (i == j ? 1.0 : 0.0);
+            if (!(off <= kTolerance && off >= -kTolerance)) return false;  // NaN too
+        }
+    }
+    const Vector3 r0 = r.row(0);
+    const Vector3 r1 = r.row(1);
+    return r0.cross(r1).dot(Vector3(r.row(2))) > 0.0;
+}
+
 void renormalise(Matrix3& rotation) noexcept {
     // X <- (X + X^-T) / 2 converges quadratically from every matrix of positive determinant. X^-T is the matrix of
     // cofactors over the determinant; its rows are cross products.
@@ -163,18 +177,6 @@ Vector4 quaternion_from_rotation(const Matrix3& r) noexcept {
     const double norm = std::sqrt(q.squaredNorm());
     STILLMESH_CHECK(norm > 0.0);
     return q.w() < 0.0 ? Vector4(q / -norm) : Vector4(q / norm);
-}
-
-Matrix3 rotation_from_quaternion(const Vector4& xyzw) noexcept {
-    const double norm = std::sqrt(xyzw.squaredNorm());
-    STILLMESH_CHECK(norm > 0.0);
-    const Vector4 q = xyzw / norm;
-    const double x = q.x(), y = q.y(), z = q.z(), w = q.w();
-    Matrix3 r;
-    r << 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),  //
-        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),   //
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y);
-    return r;
 }
 
 double rotation_angle(const Matrix3& rotation) noexcept {

@@ -43,12 +43,13 @@ struct SE3 {
 [[nodiscard]] Vector6 se3_log(const SE3& motion) noexcept;
 // Adjoint for xi = [translation, rotation]: exp(Ad(T) xi) = T exp(xi) T^-1.
 [[nodiscard]] Matrix6 se3_adjoint(const SE3& motion) noexcept;
+// Within 1e-6 of a rotation: what is stored in single precision passes; a mirror and what is not finite do not.
+[[nodiscard]] bool is_rotation(const Matrix3& r) noexcept;
 // The nearest rotation after many multiplications: one Newton step of the polar decomposition, repeated to the last
 // bit.
 void renormalise(Matrix3& rotation) noexcept;
-// Unit quaternion [x, y, z, w] with w >= 0, and back (normalised first).
+// Unit quaternion [x, y, z, w] with w >= 0.
 [[nodiscard]] Vector4 quaternion_from_rotation(const Matrix3& rotation) noexcept;
-[[nodiscard]] Matrix3 rotation_from_quaternion(const Vector4& xyzw) noexcept;
 // Rotation angle in [0, pi], rad.
 [[nodiscard]] double rotation_angle(const Matrix3& rotation) noexcept;
 

@@ -1,7 +1,5 @@
 #include "engine/geometry/trig.hpp"
 
-#include <cmath>
-
 #include "engine/base/check.hpp"
 
 // The polynomials and the pieces of pi/2 come from toolchains/trig_coefficients.py (Remez exchange, 70 digits).
@@ -129,14 +127,6 @@ double arc_tan2(double y, double x) noexcept {
     const double turns = 0.25 * static_cast<double>(eighths);
     const double angle = eighths == 0 ? part : turns * kPi + (sign * part + turns * kPiLow);
     return y < 0 ? -angle : angle;
-}
-
-double arc_cos(double cosine) noexcept {
-    STILLMESH_CHECK(cosine == cosine);
-    if (cosine >= 1.0) return 0.0;
-    if (cosine <= -1.0) return kPi;
-    // 1 - c is exact for c >= 1/2 and 1 + c for c <= -1/2: no cancellation where the angle is small or near pi.
-    return arc_tan2(std::sqrt((1.0 - cosine) * (1.0 + cosine)), cosine);
 }
 
 }  // namespace stillmesh

@@ -1,4 +1,4 @@
-// Own sin, cos, atan2 and acos, at most 4 ulp off and the same bits on every processor and compiler: libm differs
+// Own sin, cos and atan2, at most 4 ulp off and the same bits on every processor and compiler: libm differs
 // between processors. Only + - * / sqrt inside.
 #pragma once
 
@@ -13,7 +13,5 @@ struct SinCos {
 [[nodiscard]] SinCos sin_cos(double angle_rad) noexcept;
 // In (-pi, pi]; atan2(0, 0) = 0.
 [[nodiscard]] double arc_tan2(double y, double x) noexcept;
-// In [0, pi]; the argument is clamped to [-1, 1].
-[[nodiscard]] double arc_cos(double cosine) noexcept;
 
 }  // namespace stillmesh

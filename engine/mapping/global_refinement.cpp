@@ -120,7 +120,7 @@ void GlobalRefinement::add_observation(std::uint32_t keyframe_slot, const Observ
         static_cast<void>(adjustment_.reserve(index));  // full: the rest has no say
         return;
     }
-    GlobalObservation in;
+    AdjustmentObservation in;
     in.keyframe = keyframes_.number(keyframe_slot);
     in.point = index;
     in.x = static_cast<double>(o.normalised_x);

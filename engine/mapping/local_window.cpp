@@ -33,7 +33,7 @@ void LocalWindow::forget_points() noexcept {
 }
 
 void LocalWindow::cancel() noexcept {
-    adjustment_.cancel();
+    adjustment_.begin();
     forget_points();
 }
 

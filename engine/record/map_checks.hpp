@@ -13,7 +13,6 @@ inline constexpr std::uint64_t kFramesMax = std::uint64_t{1}
 inline constexpr double kFar_m = 1e6;
 inline constexpr double kFast_s = 1e3;  // m/s, rad/s
 inline constexpr double kReadoutMax_s = 1.0;
-inline constexpr double kNotOrthogonal = 1e-6;
 
 // Where times, frames and levels of a map end.
 struct MapBounds {
@@ -31,16 +30,8 @@ constexpr bool is_in(T value, T low, T high) noexcept {
 inline bool is_pose(const SE3& pose) noexcept {
     for (int i = 0; i < 3; ++i) {
         if (!is_in(pose.translation(i), -kFar_m, kFar_m)) return false;
-        for (int k = 0; k < 3; ++k) {
-            double product = i == k ? -1.0 : 0.0;
-            for (int j = 0; j < 3; ++j) product += pose.rotation(i, j) * pose.rotation(k, j);
-            if (!is_in(product, -kNotOrthogonal, kNotOrthogonal)) return false;
-        }
     }
-    const Vector3 x = pose.rotation.row(0);
-    const Vector3 y = pose.rotation.row(1);
-    const Vector3 z = pose.rotation.row(2);
-    return x.cross(y).dot(z) > 0;  // no mirror
+    return is_rotation(pose.rotation);
 }
 
 inline bool is_slow(const Vector6& v) noexcept {

@@ -3,8 +3,7 @@
 // the points they show. Then one bounded step makes the instant: keyframes whose features have come or changed since
 // (at most kLateMax; with more, another round of slices comes first), every keyframe's pose, every point. So the copy
 // is the map between two commits, exactly, and nothing has to wait for it. Limit: the workspace,
-// map_copy_bytes(limits). Units: 16 features, 16 points or 16 keyframes copied; the instant takes at most
-// instant_units_max(limits).
+// map_copy_bytes(limits). Units: 16 features, 16 points or 16 keyframes copied.
 #pragma once
 
 #include <cstdint>
@@ -65,9 +64,6 @@ class MapCopy {
 public:
     static constexpr std::uint32_t kLateMax = 16;
 
-    [[nodiscard]] static constexpr std::uint32_t instant_units_max(const Limits& limits) noexcept {
-        return limits.map_points_max / 16 + kLateMax * (limits.features_max / 16 + 1) + limits.keyframes_max / 8 + 1;
-    }
     // kFull: the workspace is smaller than map_copy_bytes(limits). It must be aligned to kArenaAlignment.
     [[nodiscard]] Status begin(std::span<std::byte> workspace, const Limits& limits, const MapOrigin& origin) noexcept;
     void cancel() noexcept { stage_ = Stage::kIdle; }

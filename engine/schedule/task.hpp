@@ -19,7 +19,6 @@ public:
         units_left_ = units < units_left_ ? units_left_ - units : 0;
     }
     [[nodiscard]] constexpr bool is_spent() const noexcept { return units_left_ == 0; }
-    [[nodiscard]] constexpr std::uint32_t units_left() const noexcept { return units_left_; }
     [[nodiscard]] constexpr std::uint64_t units_spent() const noexcept { return spent_; }
 
 private:

@@ -288,7 +288,7 @@ TEST(LocalAdjustment, NothingIsLeftOfTheJobBefore) {
         used->start(AdjustmentOptions{});
         WorkBudget budget(units);
         static_cast<void>(used->step(budget));
-        used->cancel();
+        used->begin();
         EXPECT_FALSE(used->is_running());
         EXPECT_FALSE(used->is_done());
         ASSERT_TRUE(window.load(*used));

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/adjust/bundle.hpp"
 #include "engine/adjust/local_adjustment.hpp"
 #include "engine/base/random.hpp"
 #include "engine/geometry/se3.hpp"

@@ -47,10 +47,9 @@ TEST(Geometry, GoldenBits) {
 
         hash.add(round_clamped(random.uniform(-5e9, 5e9)));
         hash.add(arc_tan2(n.x(), n.y()));
-        hash.add(arc_cos(n.x()));
         hash.add(sin_cos(u).sin);
     }
-    EXPECT_EQ(hash.value(), 0x93e489176c05ed3cULL) << std::hex << hash.value();
+    EXPECT_EQ(hash.value(), 0x625490f60affa2fcULL) << std::hex << hash.value();
 }
 
 }  // namespace

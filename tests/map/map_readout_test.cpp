@@ -38,7 +38,7 @@ TEST(MapReadout, ListsKeyframes) {
         SE3 pose;
         Vector4 q;
         for (int n = 0; n < 4; ++n) q(n) = listed[i].map_from_camera.rotation_xyzw[n];
-        pose.rotation = rotation_from_quaternion(q);
+        pose.rotation = Eigen::Quaterniond(q).toRotationMatrix();
         for (int n = 0; n < 3; ++n) pose.translation(n) = listed[i].map_from_camera.translation_m[n];
         EXPECT_LT(test::metres_between(pose, poses[k]), 1e-12);
         EXPECT_LT(test::radians_between(pose, poses[k]), 1e-9);

@@ -14,7 +14,7 @@ SE3 pose_of(const RigidTransform& transform) {
     SE3 out;
     Vector4 q;
     for (int i = 0; i < 4; ++i) q(i) = transform.rotation_xyzw[i];
-    out.rotation = rotation_from_quaternion(q);
+    out.rotation = Eigen::Quaterniond(q).toRotationMatrix();
     for (int i = 0; i < 3; ++i) out.translation(i) = transform.translation_m[i];
     return out;
 }
