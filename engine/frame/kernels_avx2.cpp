@@ -32,44 +32,36 @@ __m256i byte_pairs(std::uint32_t first, std::uint32_t second) noexcept {
     return _mm256_set1_epi16(static_cast<short>(first | second << 8));
 }
 
-// Sixteen pixels: red, green and blue are picked out of 48 bytes by shuffles, and weighted as 16-bit numbers.
+// Which byte of three loads of sixteen goes to each lane, so that one colour of sixteen pixels lies together; -128:
+// none.
+struct Picks {
+    alignas(16) std::int8_t of_colour[3][3][16] = {};
+    constexpr Picks() noexcept {
+        for (std::int32_t i = 0; i < 3 * 3 * 16; ++i) {
+            const std::int32_t at = 3 * (i % 16) + i / 48 - 16 * (i / 16 % 3);
+            of_colour[i / 48][i / 16 % 3][i % 16] = static_cast<std::int8_t>(at >= 0 && at < 16 ? at : -128);
+        }
+    }
+};
+constexpr Picks kPicks;
+
+// One colour of 48 bytes, times its weight, in 16-bit numbers.
+__m256i weighted(const __m128i (&loads)[3], std::uint32_t colour, std::int32_t weight) noexcept {
+    const auto part = [&](std::uint32_t i) noexcept {
+        return _mm_shuffle_epi8(loads[i],
+                                _mm_load_si128(reinterpret_cast<const __m128i*>(kPicks.of_colour[colour][i])));
+    };
+    return _mm256_mullo_epi16(_mm256_cvtepu8_epi16(_mm_or_si128(_mm_or_si128(part(0), part(1)), part(2))),
+                              shorts(weight));
+}
+
 template <bool kIsRgb>
 void grey_row(const std::uint8_t* pixels, std::uint32_t width, std::uint8_t* grey) noexcept {
-    constexpr char kNone = -128;
-    const __m128i first0 =
-        _mm_setr_epi8(0, 3, 6, 9, 12, 15, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone);
-    const __m128i first1 =
-        _mm_setr_epi8(kNone, kNone, kNone, kNone, kNone, kNone, 2, 5, 8, 11, 14, kNone, kNone, kNone, kNone, kNone);
-    const __m128i first2 =
-        _mm_setr_epi8(kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, 1, 4, 7, 10, 13);
-    const __m128i second0 =
-        _mm_setr_epi8(1, 4, 7, 10, 13, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone);
-    const __m128i second1 =
-        _mm_setr_epi8(kNone, kNone, kNone, kNone, kNone, 0, 3, 6, 9, 12, 15, kNone, kNone, kNone, kNone, kNone);
-    const __m128i second2 =
-        _mm_setr_epi8(kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, 2, 5, 8, 11, 14);
-    const __m128i third0 =
-        _mm_setr_epi8(2, 5, 8, 11, 14, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone);
-    const __m128i third1 =
-        _mm_setr_epi8(kNone, kNone, kNone, kNone, kNone, 1, 4, 7, 10, 13, kNone, kNone, kNone, kNone, kNone, kNone);
-    const __m128i third2 =
-        _mm_setr_epi8(kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, 0, 3, 6, 9, 12, 15);
-    const __m256i weight_first = shorts(kIsRgb ? 77 : 29);
-    const __m256i weight_third = shorts(kIsRgb ? 29 : 77);
     std::uint32_t x = 0;
     for (; x + 16 <= width; x += 16) {
-        const __m128i a = load16(pixels + 3 * x);
-        const __m128i b = load16(pixels + 3 * x + 16);
-        const __m128i c = load16(pixels + 3 * x + 32);
-        const __m128i first = _mm_or_si128(_mm_or_si128(_mm_shuffle_epi8(a, first0), _mm_shuffle_epi8(b, first1)),
-                                           _mm_shuffle_epi8(c, first2));
-        const __m128i second = _mm_or_si128(_mm_or_si128(_mm_shuffle_epi8(a, second0), _mm_shuffle_epi8(b, second1)),
-                                            _mm_shuffle_epi8(c, second2));
-        const __m128i third = _mm_or_si128(_mm_or_si128(_mm_shuffle_epi8(a, third0), _mm_shuffle_epi8(b, third1)),
-                                           _mm_shuffle_epi8(c, third2));
-        __m256i sum = _mm256_mullo_epi16(_mm256_cvtepu8_epi16(first), weight_first);
-        sum = _mm256_add_epi16(sum, _mm256_mullo_epi16(_mm256_cvtepu8_epi16(second), shorts(150)));
-        sum = _mm256_add_epi16(sum, _mm256_mullo_epi16(_mm256_cvtepu8_epi16(third), weight_third));
+        const __m128i loads[3] = {load16(pixels + 3 * x), load16(pixels + 3 * x + 16), load16(pixels + 3 * x + 32)};
+        __m256i sum = _mm256_add_epi16(weighted(loads, 0, kIsRgb ? 77 : 29), weighted(loads, 1, 150));
+        sum = _mm256_add_epi16(sum, weighted(loads, 2, kIsRgb ? 29 : 77));
         sum = _mm256_srli_epi16(_mm256_add_epi16(sum, shorts(128)), 8);
         store16(grey + x, _mm_packus_epi16(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1)));
     }
@@ -129,35 +121,14 @@ Lanes either(Lanes a, Lanes b) noexcept {
 Lanes both(Lanes a, Lanes b) noexcept {
     return _mm256_and_si256(a, b);
 }
-bool is_any_set(Lanes v) noexcept {
-    return _mm256_movemask_epi8(_mm256_cmpeq_epi8(v, _mm256_setzero_si256())) != -1;
-}
-bool is_any_above(Lanes a, Lanes b, Lanes c, Lanes d) noexcept {
-    return is_any_set(either(minus(a, b), minus(c, d)));
+std::uint32_t set_lanes(Lanes v) noexcept {
+    return ~static_cast<std::uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(v, _mm256_setzero_si256())));
 }
 Lanes where_above(Lanes a, Lanes b) noexcept {
     return _mm256_andnot_si256(_mm256_cmpeq_epi8(minus(a, b), _mm256_setzero_si256()), a);
 }
 
-std::uint32_t local_maxima(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
-                           std::uint32_t x_begin, std::uint32_t x_end, std::uint16_t* out) noexcept {
-    const __m256i zero = _mm256_setzero_si256();
-    std::uint32_t count = 0;
-    for (std::uint32_t x = x_begin; x < x_end; x += 32) {
-        const __m256i centre = load(row + x);
-        if (_mm256_movemask_epi8(_mm256_cmpeq_epi8(centre, zero)) == -1) continue;
-        __m256i greatest = _mm256_max_epu8(load(row + x - 1), load(row + x + 1));
-        greatest = _mm256_max_epu8(greatest, _mm256_max_epu8(load(above + x - 1), load(above + x + 1)));
-        greatest = _mm256_max_epu8(greatest, _mm256_max_epu8(load(below + x - 1), load(below + x + 1)));
-        greatest = _mm256_max_epu8(greatest, _mm256_max_epu8(load(above + x), load(below + x)));
-        const __m256i lower = _mm256_cmpeq_epi8(_mm256_subs_epu8(centre, greatest), zero);
-        std::uint32_t lanes = ~static_cast<std::uint32_t>(_mm256_movemask_epi8(lower));
-        if (x_end - x < 32) lanes &= (1u << (x_end - x)) - 1;
-        for (; lanes != 0; lanes &= lanes - 1)
-            out[count++] = static_cast<std::uint16_t>(x + static_cast<std::uint32_t>(__builtin_ctz(lanes)));
-    }
-    return count;
-}
+#include "engine/frame/kernels_x86.inc"
 
 // The seven taps of the blur on 32 pixels; t3 is the middle. Products and sums stay below 2^16, as unsigned numbers.
 inline __attribute__((always_inline)) __m256i seven_taps(__m256i t0, __m256i t1, __m256i t2, __m256i t3, __m256i t4,
@@ -179,21 +150,8 @@ inline __attribute__((always_inline)) __m256i seven_taps(__m256i t0, __m256i t1,
                                _mm256_srli_epi16(_mm256_add_epi16(high, half), 8));
 }
 
-// Weights of the 31 columns of a row of the disc (0 outside of it), and which of them are inside, for |v| = 0..15.
-struct Disc {
-    alignas(32) std::int8_t across[kPatchRadius + 1][32] = {};
-    alignas(32) std::uint8_t inside[kPatchRadius + 1][32] = {};
-    constexpr Disc() noexcept {
-        for (std::int32_t v = 0; v <= kPatchRadius; ++v) {
-            for (std::int32_t u = -kPatchRadius; u <= kPatchRadius; ++u) {
-                if (u * u + v * v > kPatchRadius * kPatchRadius + kPatchRadius) continue;
-                across[v][u + kPatchRadius] = static_cast<std::int8_t>(u);
-                inside[v][u + kPatchRadius] = 255;
-            }
-        }
-    }
-};
-constexpr Disc kDisc;
+#include "engine/frame/kernels_disc.inc"
+constexpr Disc<std::int8_t> kDisc;
 
 // Rows +v and -v together. The sum of v * row_sum(v) is built by adding the running sum once per row, from the outside
 // in: row v is then counted v times. Lanes: a row adds at most 15 * 255 * 2 = 7650 to one, two pairs of rows stay below
@@ -230,8 +188,6 @@ Moments moments(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
     y2 = _mm_add_epi64(y2, _mm_shuffle_epi32(y2, 0x4e));
     return {_mm_cvtsi128_si32(x4), _mm_cvtsi128_si32(y2)};
 }
-
-#include "engine/frame/kernels_tensor_x86.inc"
 
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
     return static_cast<std::uint32_t>(__builtin_popcountll(a[0] ^ b[0]) + __builtin_popcountll(a[1] ^ b[1]) +

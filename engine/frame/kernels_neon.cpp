@@ -119,31 +119,18 @@ Lanes where_above(Lanes a, Lanes b) noexcept {
 }
 
 // Writes the places of the lanes of one half: one nibble a lane.
-std::uint32_t write_places(std::uint32_t nibbles, std::uint32_t x, std::uint16_t* out) noexcept {
+std::uint32_t write_places_of_half(std::uint32_t nibbles, std::uint32_t x, std::uint16_t* out) noexcept {
     std::uint32_t count = 0;
     for (nibbles &= 0x11111111u; nibbles != 0; nibbles &= nibbles - 1)
         out[count++] = static_cast<std::uint16_t>(x + static_cast<std::uint32_t>(__builtin_ctz(nibbles)) / 4);
     return count;
 }
-
-std::uint32_t local_maxima(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
-                           std::uint32_t x_begin, std::uint32_t x_end, std::uint16_t* out) noexcept {
-    std::uint32_t count = 0;
-    for (std::uint32_t x = x_begin; x < x_end; x += 16) {
-        const uint8x16_t centre = vld1q_u8(row + x);
-        if (!is_any_set(centre)) continue;
-        uint8x16_t greatest = vmaxq_u8(vld1q_u8(row + x - 1), vld1q_u8(row + x + 1));
-        greatest = vmaxq_u8(greatest, vmaxq_u8(vld1q_u8(above + x - 1), vld1q_u8(above + x + 1)));
-        greatest = vmaxq_u8(greatest, vmaxq_u8(vld1q_u8(below + x - 1), vld1q_u8(below + x + 1)));
-        greatest = vmaxq_u8(greatest, vmaxq_u8(vld1q_u8(above + x), vld1q_u8(below + x)));
-        uint8x16_t higher = vcgtq_u8(centre, greatest);
-        if (x_end - x < 16) higher = vandq_u8(higher, first_lanes(x_end - x));
-        // NEON has no movemask: four bits of each lane.
-        const uint32x2_t nibbles = vreinterpret_u32_u8(vshrn_n_u16(vreinterpretq_u16_u8(higher), 4));
-        count += write_places(vget_lane_u32(nibbles, 0), x, out + count);
-        count += write_places(vget_lane_u32(nibbles, 1), x + 8, out + count);
-    }
-    return count;
+std::uint32_t write_places(Lanes v, std::uint32_t x, std::uint16_t* out) noexcept {
+    // NEON has no movemask: four bits of each lane.
+    const uint8x16_t set = vtstq_u8(v, v);
+    const uint32x2_t nibbles = vreinterpret_u32_u8(vshrn_n_u16(vreinterpretq_u16_u8(set), 4));
+    const std::uint32_t count = write_places_of_half(vget_lane_u32(nibbles, 0), x, out);
+    return count + write_places_of_half(vget_lane_u32(nibbles, 1), x + 8, out + count);
 }
 
 // The seven taps of the blur on 8 pixels; t3 is the middle. The sum stays below 2^16.
@@ -164,22 +151,9 @@ inline __attribute__((always_inline)) uint8x16_t seven_taps(uint8x16_t t0, uint8
     return STILLMESH_ROUNDED_BYTES(low, high, 8);
 }
 
-// Of the rows at distance |v| = 0..15: |u| inside the disc and 0 outside of it, and which columns are inside. Bytes 0
-// to 15 are columns -15 to 0, bytes 16 to 31 are columns 1 to 16.
-struct Disc {
-    alignas(16) std::uint8_t across[kPatchRadius + 1][32] = {};
-    alignas(16) std::uint8_t inside[kPatchRadius + 1][32] = {};
-    constexpr Disc() noexcept {
-        for (std::int32_t v = 0; v <= kPatchRadius; ++v) {
-            for (std::int32_t u = -kPatchRadius; u <= kPatchRadius; ++u) {
-                if (u * u + v * v > kPatchRadius * kPatchRadius + kPatchRadius) continue;
-                across[v][u + kPatchRadius] = static_cast<std::uint8_t>(u < 0 ? -u : u);
-                inside[v][u + kPatchRadius] = 255;
-            }
-        }
-    }
-};
-constexpr Disc kDisc;
+// Bytes 0 to 15 are columns -15 to 0, bytes 16 to 31 are columns 1 to 16.
+#include "engine/frame/kernels_disc.inc"
+constexpr Disc<std::uint8_t> kDisc;
 
 struct Across {
     uint16x8_t left_low, left_high, right_low, right_high;

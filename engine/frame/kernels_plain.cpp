@@ -168,23 +168,13 @@ Tensor tensor(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
     return result;
 }
 
-void tensors(const std::uint8_t* image, std::ptrdiff_t stride, const std::uint32_t* places, std::uint32_t count,
-             Tensor* tensors) noexcept {
-    for (std::uint32_t i = 0; i < count; ++i)
-        tensors[i] =
-            tensor(image + static_cast<std::ptrdiff_t>(places[i] >> 16) * stride + (places[i] & 0xffff), stride);
-}
-
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
     std::int32_t count = 0;
     for (std::uint32_t i = 0; i < 4; ++i) count += std::popcount(a[i] ^ b[i]);
     return static_cast<std::uint32_t>(count);
 }
 
-void hamming_many(const std::uint64_t a[4], const std::uint64_t* many, std::uint32_t count,
-                  std::uint16_t* distances) noexcept {
-    for (std::uint32_t i = 0; i < count; ++i) distances[i] = static_cast<std::uint16_t>(hamming(a, many + 4 * i));
-}
+#include "engine/frame/kernels_many.inc"
 
 constexpr Kernels kPlain = {
     "plain", plain_grey_from_rgb, plain_grey_from_bgr, scale_row, fast_row, local_maxima, blur_row, moments, tensors,

@@ -95,35 +95,14 @@ Lanes either(Lanes a, Lanes b) noexcept {
 Lanes both(Lanes a, Lanes b) noexcept {
     return _mm_and_si128(a, b);
 }
-bool is_any_set(Lanes v) noexcept {
-    return _mm_movemask_epi8(_mm_cmpeq_epi8(v, _mm_setzero_si128())) != 0xffff;
-}
-bool is_any_above(Lanes a, Lanes b, Lanes c, Lanes d) noexcept {
-    return is_any_set(either(minus(a, b), minus(c, d)));
+std::uint32_t set_lanes(Lanes v) noexcept {
+    return ~static_cast<std::uint32_t>(_mm_movemask_epi8(_mm_cmpeq_epi8(v, _mm_setzero_si128()))) & 0xffffU;
 }
 Lanes where_above(Lanes a, Lanes b) noexcept {
     return _mm_andnot_si128(_mm_cmpeq_epi8(minus(a, b), _mm_setzero_si128()), a);
 }
 
-std::uint32_t local_maxima(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
-                           std::uint32_t x_begin, std::uint32_t x_end, std::uint16_t* out) noexcept {
-    const __m128i zero = _mm_setzero_si128();
-    std::uint32_t count = 0;
-    for (std::uint32_t x = x_begin; x < x_end; x += 16) {
-        const __m128i centre = load(row + x);
-        if (_mm_movemask_epi8(_mm_cmpeq_epi8(centre, zero)) == 0xffff) continue;
-        __m128i greatest = _mm_max_epu8(load(row + x - 1), load(row + x + 1));
-        greatest = _mm_max_epu8(greatest, _mm_max_epu8(load(above + x - 1), load(above + x + 1)));
-        greatest = _mm_max_epu8(greatest, _mm_max_epu8(load(below + x - 1), load(below + x + 1)));
-        greatest = _mm_max_epu8(greatest, _mm_max_epu8(load(above + x), load(below + x)));
-        const __m128i lower = _mm_cmpeq_epi8(_mm_subs_epu8(centre, greatest), zero);
-        std::uint32_t lanes = ~static_cast<std::uint32_t>(_mm_movemask_epi8(lower)) & 0xffffu;
-        if (x_end - x < 16) lanes &= (1u << (x_end - x)) - 1;
-        for (; lanes != 0; lanes &= lanes - 1)
-            out[count++] = static_cast<std::uint16_t>(x + static_cast<std::uint32_t>(__builtin_ctz(lanes)));
-    }
-    return count;
-}
+#include "engine/frame/kernels_x86.inc"
 
 // The seven taps of the blur on 8 lanes; products and sums stay below 2^16, as unsigned numbers.
 __m128i weigh(__m128i middle, __m128i sum1, __m128i sum2, __m128i sum3) noexcept {
@@ -146,21 +125,8 @@ inline __attribute__((always_inline)) __m128i seven_taps(__m128i t0, __m128i t1,
     return _mm_packus_epi16(low, high);
 }
 
-// Weights of the 31 columns of a row of the disc (0 outside of it), and which of them are inside, for |v| = 0..15.
-struct Disc {
-    alignas(16) std::int16_t across[kPatchRadius + 1][32] = {};
-    alignas(16) std::uint8_t inside[kPatchRadius + 1][32] = {};
-    constexpr Disc() noexcept {
-        for (std::int32_t v = 0; v <= kPatchRadius; ++v) {
-            for (std::int32_t u = -kPatchRadius; u <= kPatchRadius; ++u) {
-                if (u * u + v * v > kPatchRadius * kPatchRadius + kPatchRadius) continue;
-                across[v][u + kPatchRadius] = static_cast<std::int16_t>(u);
-                inside[v][u + kPatchRadius] = 255;
-            }
-        }
-    }
-};
-constexpr Disc kDisc;
+#include "engine/frame/kernels_disc.inc"
+constexpr Disc<std::int16_t> kDisc;
 
 // As in the AVX2 kernel: the sum of v * row_sum(v) is built by adding the running sum once per row, from the outside
 // in.
@@ -198,8 +164,6 @@ __m128i bit_counts(__m128i v) noexcept {
     v = _mm_add_epi8(_mm_and_si128(v, bytes(0x33)), _mm_and_si128(_mm_srli_epi16(v, 2), bytes(0x33)));
     return _mm_and_si128(_mm_add_epi8(v, _mm_srli_epi16(v, 4)), bytes(0x0f));
 }
-
-#include "engine/frame/kernels_tensor_x86.inc"
 
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
     const __m128i* const p = reinterpret_cast<const __m128i*>(a);
