@@ -61,12 +61,7 @@ void LocalAdjustment::create(Arena& arena, const AdjustmentSizes& sizes) noexcep
     STILLMESH_CHECK(sizes.free_keyframes_max <= kFreeKeyframesMax);
     STILLMESH_CHECK(sizes.fixed_keyframes_max <= kKeyframesMax - sizes.free_keyframes_max);
     sizes_ = sizes;
-    keyframes_ = arena.array<Keyframe>(sizes.free_keyframes_max + sizes.fixed_keyframes_max);
-    columns_ = arena.array<Column>(sizes.free_keyframes_max);
-    points_ = arena.array<Point>(sizes.points_max);
-    observations_ = arena.array<Observation>(sizes.observations_max);
-    order_ = arena.array<std::uint32_t>(sizes.observations_max);
-    position_ = arena.array<std::uint32_t>(sizes.observations_max);
+    take_arrays(arena, sizes);
     system_.create(arena, sizes.free_keyframes_max);
     begin();
 }

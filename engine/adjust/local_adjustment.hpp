@@ -86,12 +86,7 @@ public:
     static constexpr std::uint32_t kPieceUnitsMax = 256;
 
     static constexpr void plan(ArenaPlan& arena, const AdjustmentSizes& sizes) noexcept {
-        arena.array<Keyframe>(sizes.free_keyframes_max + sizes.fixed_keyframes_max);
-        arena.array<Column>(sizes.free_keyframes_max);
-        arena.array<Point>(sizes.points_max);
-        arena.array<Observation>(sizes.observations_max);
-        arena.array<std::uint32_t>(sizes.observations_max);
-        arena.array<std::uint32_t>(sizes.observations_max);
+        LocalAdjustment().take_arrays(arena, sizes);
         ReducedSystem::plan(arena, sizes.free_keyframes_max);
     }
     void create(Arena& arena, const AdjustmentSizes& sizes) noexcept;
@@ -107,7 +102,6 @@ public:
     [[nodiscard]] Status add_observation(const AdjustmentObservation& given) noexcept;
     // If no keyframe is fixed the first one is: somebody must say where the world is.
     void start(const AdjustmentOptions& options) noexcept;
-
 
     [[nodiscard]] std::uint32_t keyframes() const noexcept { return keyframe_count_; }
     [[nodiscard]] std::uint32_t points() const noexcept { return point_count_; }
@@ -149,6 +143,15 @@ private:
         bool is_outlier = false;
     };
 
+    template <typename A>
+    constexpr void take_arrays(A& arena, const AdjustmentSizes& sizes) noexcept {
+        arena.take(keyframes_, sizes.free_keyframes_max + sizes.fixed_keyframes_max);
+        arena.take(columns_, sizes.free_keyframes_max);
+        arena.take(points_, sizes.points_max);
+        arena.take(observations_, sizes.observations_max);
+        arena.take(order_, sizes.observations_max);
+        arena.take(position_, sizes.observations_max);
+    }
     // One piece each; they return the units they took.
     std::uint32_t sort_by_keyframe() noexcept;
     std::uint32_t place_points() noexcept;

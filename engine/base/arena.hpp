@@ -27,6 +27,11 @@ public:
         static_assert(alignof(T) <= kArenaAlignment);
         used_bytes_ = align_up(used_bytes_, kArenaAlignment) + count * sizeof(T);
     }
+    // As Arena's: one list of arrays, over either, plans and creates.
+    template <typename T>
+    constexpr void take(std::span<T>&, std::size_t count) noexcept {
+        array<T>(count);
+    }
     [[nodiscard]] constexpr std::size_t used_bytes() const noexcept { return used_bytes_; }
 
 private:
@@ -52,6 +57,11 @@ public:
         T* const first = reinterpret_cast<T*>(block_.data() + begin);
         for (std::size_t i = 0; i < count; ++i) ::new (static_cast<void*>(first + i)) T();
         return {first, count};
+    }
+
+    template <typename T>
+    void take(std::span<T>& out, std::size_t count) noexcept {
+        out = array<T>(count);
     }
 
     void seal() noexcept { sealed_ = true; }

@@ -129,16 +129,8 @@ void OrbExtractor::create(Arena& arena, const Limits& limits, const OrbOptions& 
     kernels_ = &kernels;
     const auto permille = static_cast<std::uint32_t>(round_clamped(options.scale_factor * 1000.0));
     pyramid_.create(arena, limits, options.levels, permille, kernels);
-    const std::uint32_t width = limits.image_width_max;
-    const std::uint32_t height = limits.image_height_max;
-    corners_ = arena.array<std::uint32_t>(corners_of_all_levels(limits));
-    sorted_ = arena.array<std::uint32_t>(corners_max(width, height));
-    strengths_stride_ = level_stride(width) + kKernelSlackBytes;
-    strengths_ = arena.array<std::uint8_t>(3 * strengths_stride_);
-    maxima_ = arena.array<std::uint16_t>(width + kKernelSlackBytes);
-    cells_ = arena.array<std::uint8_t>(cells_max(width, height));
-    blurred_ = arena.array<std::uint8_t>(level_stride(width) * height + kKernelSlackBytes);
-    blur_scratch_ = arena.array<std::uint8_t>(level_stride(width) + 2 * kKernelSlackBytes);
+    strengths_stride_ = level_stride(limits.image_width_max) + kKernelSlackBytes;
+    take_arrays(arena, limits);
 }
 
 Status OrbExtractor::extract(const GreyView& image, FeatureSet& features) noexcept {

@@ -33,7 +33,10 @@ struct OrbOptions {
 
 class OrbExtractor final : public FeatureExtractor {
 public:
-    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept;
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
+        Pyramid::plan(arena, limits);
+        OrbExtractor().take_arrays(arena, limits);
+    }
     // Options out of range are our bug (CHECK): configuration is validated before it comes here.
     void create(Arena& arena, const Limits& limits, const OrbOptions& options, const Kernels& kernels) noexcept;
 
@@ -71,6 +74,18 @@ private:
     static constexpr std::size_t cells_max(std::uint32_t width, std::uint32_t height) noexcept {
         return static_cast<std::size_t>((width + kCellSide - 1) / kCellSide) * ((height + kCellSide - 1) / kCellSide);
     }
+    template <typename A>
+    constexpr void take_arrays(A& arena, const Limits& limits) noexcept {
+        const std::uint32_t width = limits.image_width_max;
+        const std::uint32_t height = limits.image_height_max;
+        arena.take(corners_, corners_of_all_levels(limits));
+        arena.take(sorted_, corners_max(width, height));
+        arena.take(strengths_, 3 * (level_stride(width) + kKernelSlackBytes));
+        arena.take(maxima_, width + kKernelSlackBytes);
+        arena.take(cells_, cells_max(width, height));
+        arena.take(blurred_, level_stride(width) * height + kKernelSlackBytes);
+        arena.take(blur_scratch_, level_stride(width) + 2 * kKernelSlackBytes);
+    }
     struct LevelCorners {
         std::uint32_t begin = 0;   // in corners_
         std::uint32_t strong = 0;  // that many first ones: those that the threshold of their cell lets through
@@ -102,18 +117,5 @@ private:
     std::span<std::uint8_t> blurred_;  // one level
     std::span<std::uint8_t> blur_scratch_;
 };
-
-constexpr void OrbExtractor::plan(ArenaPlan& arena, const Limits& limits) noexcept {
-    Pyramid::plan(arena, limits);
-    const std::uint32_t width = limits.image_width_max;
-    const std::uint32_t height = limits.image_height_max;
-    arena.array<std::uint32_t>(corners_of_all_levels(limits));
-    arena.array<std::uint32_t>(corners_max(width, height));
-    arena.array<std::uint8_t>(3 * (level_stride(width) + kKernelSlackBytes));
-    arena.array<std::uint16_t>(width + kKernelSlackBytes);
-    arena.array<std::uint8_t>(cells_max(width, height));
-    arena.array<std::uint8_t>(level_stride(width) * height + kKernelSlackBytes);
-    arena.array<std::uint8_t>(level_stride(width) + 2 * kKernelSlackBytes);
-}
 
 }  // namespace stillmesh

@@ -208,24 +208,8 @@ private:
 };
 
 void Delaunay::create(Arena& arena, std::uint32_t points_max) noexcept {
-    const std::size_t n = points_max;
-    const std::size_t edges = mesh_edges_max(points_max);
     points_max_ = points_max;
-    vertices_ = arena.array<PixelPoint>(n);
-    vertex_of_point_ = arena.array<std::uint32_t>(n);
-    edges_ = arena.array<MeshEdge>(edges);
-    triangles_ = arena.array<MeshTriangle>(mesh_triangles_max(points_max) + 1);
-    keys_ = arena.array<std::uint64_t>(n);
-    keys_other_ = arena.array<std::uint64_t>(n);
-    order_ = arena.array<std::uint32_t>(n);
-    strip_begin_ = arena.array<std::uint32_t>(kColumns + 1);
-    counts_ = arena.array<std::uint32_t>(kDigits);
-    half_edges_ = arena.array<HalfEdge>(2 * edges);
-    begin_by_b_ = arena.array<std::uint32_t>(n);
-    begin_by_a_ = arena.array<std::uint32_t>(n);
-    half_edge_by_b_ = arena.array<std::uint32_t>(edges);
-    half_edge_of_edge_ = arena.array<std::uint32_t>(edges);
-    edge_of_slot_ = arena.array<std::uint32_t>(edges);
+    take_arrays(arena, points_max);
 }
 
 Status Delaunay::triangulate(std::span<const PixelPoint> points) noexcept {

@@ -6,12 +6,7 @@ namespace stillmesh {
 
 void KeyframeDatabase::create(Arena& arena, const Limits& limits) noexcept {
     features_max_ = limits.features_max;
-    const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
-    bags_ = arena.array<WordWeight>(rows);
-    direct_ = arena.array<WordOfFeature>(rows);
-    entries_ = arena.array<Entry>(limits.keyframes_max);
-    blocks_ = arena.array<Block>(blocks_max(limits));
-    first_of_word_ = arena.array<std::uint32_t>(limits.vocabulary_words_max);
+    take_arrays(arena, limits);
     reset();
 }
 

@@ -19,12 +19,7 @@ namespace stillmesh {
 class KeyframeDatabase {
 public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
-        const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
-        arena.array<WordWeight>(rows);
-        arena.array<WordOfFeature>(rows);
-        arena.array<Entry>(limits.keyframes_max);
-        arena.array<Block>(blocks_max(limits));
-        arena.array<std::uint32_t>(limits.vocabulary_words_max);
+        KeyframeDatabase().take_arrays(arena, limits);
     }
     void create(Arena& arena, const Limits& limits) noexcept;
     void reset() noexcept;
@@ -95,6 +90,15 @@ private:
     };
     [[nodiscard]] std::span<const WordWeight> bag_of(std::uint32_t slot) const noexcept {
         return bags_.subspan(static_cast<std::size_t>(slot) * features_max_, entries_[slot].words);
+    }
+    template <typename A>
+    constexpr void take_arrays(A& arena, const Limits& limits) noexcept {
+        const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
+        arena.take(bags_, rows);
+        arena.take(direct_, rows);
+        arena.take(entries_, limits.keyframes_max);
+        arena.take(blocks_, blocks_max(limits));
+        arena.take(first_of_word_, limits.vocabulary_words_max);
     }
     void add_posting(std::uint32_t word, std::uint32_t slot, std::uint32_t weight) noexcept;
     void remove_posting(std::uint32_t word, std::uint32_t slot) noexcept;
