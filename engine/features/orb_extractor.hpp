@@ -25,7 +25,7 @@ struct OrbOptions {
     std::uint8_t fast_threshold_low = 7;  // where a cell of the image has no corner at fast_threshold; >= 1
     // Thousandths of the features that are given out by place alone, the others by quality; 1000 is as even as can be,
     // 0 takes the best wherever they are.
-    std::uint32_t even_permille = 1000;
+    std::uint32_t even_permille = 250;
 };
 
 // What a configuration asks for.

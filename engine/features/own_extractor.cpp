@@ -21,6 +21,7 @@ OrbOptions orb_options(const FeatureParameters& parameters) noexcept {
     options.scale_factor = parameters.scale_factor;
     options.fast_threshold = static_cast<std::uint8_t>(parameters.fast_threshold);
     options.fast_threshold_low = static_cast<std::uint8_t>(parameters.fast_threshold_low);
+    options.even_permille = 1000;  // a group of few strong corners is no rival: the mesh needs the whole picture
     return options;
 }
 

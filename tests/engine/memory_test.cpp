@@ -185,7 +185,6 @@ TEST(Memory, ContradictionsAreRefused) {
     EXPECT_EQ(key_of([](Parameters& c) { c.depth.z_min_m = 4, c.depth.z_max_m = 4; }), "depth.z_min_m");
     EXPECT_EQ(key_of([](Parameters& c) { c.matching.radius_wide_px = 11.9; }), "matching.radius_wide_px");
     EXPECT_EQ(key_of([](Parameters& c) { c.pose.inlier_ratio_min = 0.51; }), "pose.inlier_ratio_min");
-    EXPECT_EQ(key_of([](Parameters& c) { c.keyframes.tracked_share_max = 0.3; }), "keyframes.tracked_share_max");
     Limits few = limits;
     few.keyframes_max = 9;
     EXPECT_STREQ(validate(Parameters{}, few).key, "mapping.window_keyframes");

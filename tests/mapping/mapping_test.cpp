@@ -118,9 +118,7 @@ TEST(Mapping, AnySlicingGivesTheSameBits) {
 // however many its neighbours see; one that sees enough is adjusted.
 TEST(Mapping, AFewPointsMoveNoCamera) {
     const Limits limits = limits_of(8, 300);
-    Parameters configuration = fitting(limits);
-    configuration.pose.sure_inliers_factor = 1;
-    configuration.pose.inliers_min = 15;
+    const Parameters configuration = fitting(limits);
     Rig rig(sequence().camera, limits, configuration);
     Map& map = rig.world().map;
     const auto adjustments = [&rig] {

@@ -150,8 +150,8 @@ TEST(Recovery, WithinReach) {
     }
 }
 
-// Promise: how long is searched follows the share of matches expected to be right (pose.inlier_ratio_min), the confidence, and
-// pose.final_factor, and ends where pose.coarse_factor says: a poor share needs a long search.
+// Promise: how long is searched follows the share of matches expected to be right (pose.inlier_ratio_min), the
+// confidence, and pose.final_factor, and ends where pose.coarse_factor says: a poor share needs a long search.
 TEST(Recovery, SearchesAsLongAsConfigured) {
     const auto found = [](const Parameters& parameters) {
         int count = 0;
@@ -170,7 +170,7 @@ TEST(Recovery, SearchesAsLongAsConfigured) {
     Parameters brief = usual;
     brief.pose.confidence = 0.5;  // 26 samples
     brief.pose.coarse_factor = 1;
-    EXPECT_LE(found(brief), 10);
+    EXPECT_LE(found(brief), 20) << "1 - (1 - 0.3^3)^26 is a half";
     Parameters careless = usual;
     careless.pose.confidence = 0.5;
     careless.pose.final_factor = 1;

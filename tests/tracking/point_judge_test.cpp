@@ -225,15 +225,15 @@ TEST_F(Judge, StandingStillEarnsTheVoteBack) {
             for (const std::size_t i : {soon, late, weak, off, off_soon, a_little_off}) {
                 correspondences_[i].is_dynamic = true;
                 point(i).is_suspect = true;
-                point(i).weight_tenths = 8;
+                point(i).weight_tenths = 9;
                 point(i).anchor_ns = kNow_ns - needed_ns - 1;
             }
             point(soon).anchor_ns = point(off_soon).anchor_ns = kNow_ns - needed_ns;
-            point(weak).weight_tenths = 7;
+            point(weak).weight_tenths = 8;
             EXPECT_EQ(judge(), 6U) << "it votes from the next frame on";
             EXPECT_TRUE(still().empty());
             for (const std::size_t i : {soon, late, weak, off, off_soon}) EXPECT_EQ(verdict(i), Verdict::kMoving);
-            EXPECT_EQ(point(soon).weight_tenths, 8);
+            EXPECT_EQ(point(soon).weight_tenths, 9);
             EXPECT_TRUE(point(soon).is_suspect);
             EXPECT_EQ(point(late).weight_tenths, 10);
             EXPECT_FALSE(point(late).is_suspect);
@@ -241,9 +241,9 @@ TEST_F(Judge, StandingStillEarnsTheVoteBack) {
             EXPECT_EQ(point(weak).weight_tenths, 9);
             EXPECT_TRUE(point(weak).is_suspect);
             EXPECT_EQ(point(weak).created_ns, kNow_ns - 10 * kSecond);
-            EXPECT_EQ(point(off).weight_tenths, 6);
-            EXPECT_EQ(point(off_soon).weight_tenths, 6);
-            EXPECT_EQ(point(a_little_off).weight_tenths, 6) << "the anchor is sharper here than for those that vote";
+            EXPECT_EQ(point(off).weight_tenths, 8);
+            EXPECT_EQ(point(off_soon).weight_tenths, 8);
+            EXPECT_EQ(point(a_little_off).weight_tenths, 8) << "the anchor is sharper here than for those that vote";
             EXPECT_TRUE(point(off).is_suspect);
         }
     }

@@ -141,11 +141,11 @@ TEST(Tracking, UnsureFramesChangeNoWeight) {
     for (const bool is_enabled : {true, false}) {
         Parameters configuration = fitting();
         configuration.region.is_enabled = is_enabled;
-        if (is_enabled) configuration.pose.sure_inliers_factor = 100;  // nothing is ever sure
         Rig rig(scene.camera(), configuration);
         for (std::uint32_t i = 0; i < 30; ++i) {
             const KeptFrame kept = scene.draw(i);
             rig->track(kept.frame());
+            if (is_enabled) rig.world().parameters.pose.sure_inliers_factor = 100;  // from now on nothing is sure
             if (i > 0 && is_enabled) {
                 EXPECT_EQ(rig.pose().state, PoseState::kUnsure) << i;
             }
@@ -316,12 +316,14 @@ TEST(Tracking, KeyframesKeepTheirConditions) {
     configuration.keyframes.new_points_min = 1;
     for (const std::uint32_t gap : {3U, 10U}) {
         configuration.keyframes.gap_min = gap;
+        configuration.keyframes.gap_urgent = gap;
         const KeyframeLog log = log_of(scene, configuration, 45);
         ASSERT_GT(log.frames.size(), 45 / gap / 3);
         EXPECT_EQ(log.frames[0], 0U);
         for (std::size_t i = 1; i < log.frames.size(); ++i) EXPECT_GE(log.frames[i] - log.frames[i - 1], gap);
     }
     configuration.keyframes.tracked_share_max = 0;
+    configuration.keyframes.gap_urgent = 2;
     EXPECT_EQ(log_of(scene, configuration, 20).frames.size(), 1U) << "nothing is ever too little";
     configuration.keyframes.tracked_share_max = 1.0;
     configuration.keyframes.new_points_min = 4000;
