@@ -4,6 +4,7 @@
 //   accuracy --variant gap6:keyframes.gap_min=6    a further engine on the same frames, beside the default one
 //   accuracy --variant alone:mapping.is_enabled=false   what mapping earns over tracking alone
 //   accuracy --method paper                        a further engine that does what the paper says to the letter
+//   accuracy --ablate --seeds 1-2 --test-data     what each rule of the engine earns
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
 //   accuracy --gate static,walking                 exit 1 with the names of what misses its bar, or had no run
 //   accuracy --scenes all --test-data --variant alone:mapping.is_enabled=false --gate   all bars, and all they need
@@ -18,6 +19,7 @@
 #include <iterator>
 #include <thread>
 
+#include "bench/accuracy/ablation.hpp"
 #include "bench/accuracy/gate.hpp"
 #include "bench/accuracy/results.hpp"
 #include "bench/accuracy/tables.hpp"
@@ -41,6 +43,7 @@ struct Arguments {
     std::uint32_t frames = 0;
     std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
     bool uses_test_data = false;
+    bool is_ablation = false;
     RunOptions run;
 };
 
@@ -105,6 +108,13 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
         variants.back().name = "paper";
         variants.back().configuration.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
     }
+    for (const Rule& rule : arguments.is_ablation ? rules() : std::span<const Rule>()) {
+        variants.push_back(base);
+        variants.back().name = rule.name;
+        for (const std::string& setting : split(rule.off)) {
+            if (!set(variants.back(), setting)) return refuse(message);
+        }
+    }
     for (const std::string& text : arguments.variants) {
         const std::size_t colon = text.find(':');
         if (colon == std::string::npos) return refuse("--variant: give NAME:key=value[,key=value].");
@@ -118,10 +128,11 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
 }
 
 int show(const Arguments& arguments, bool is_gated, const Outcome& outcome) {
-    fmt::print("{}\n{}\n", run_table(outcome.results), scene_table(outcome.results));
+    if (arguments.is_ablation) fmt::print("{}\n", ablation_table(outcome.results, "on"));
+    if (!arguments.is_ablation) fmt::print("{}\n{}\n", run_table(outcome.results), scene_table(outcome.results));
     for (const std::string& table : {shares_table(outcome.results), nees_table(outcome.results),
                                      mapping_table(outcome.results), summary(outcome.results)}) {
-        if (!table.empty()) fmt::print("{}\n", table);
+        if (!table.empty() && !arguments.is_ablation) fmt::print("{}\n", table);
     }
     std::string message;
     if (!arguments.json.empty() && !write_whole_file(arguments.json, to_text(outcome.results), message)) {
@@ -157,6 +168,7 @@ int main(int argc, char** argv) {
     app.add_option("--method", arguments.method, "paper: one more engine on the same frames, the paper to the letter")
         ->check(CLI::IsMember({"ours", "paper"}))
         ->capture_default_str();
+    app.add_flag("--ablate", arguments.is_ablation, "one engine for each rule, without it: a table of what rules earn");
     app.add_option("--jobs", arguments.jobs, "runs at a time")->check(CLI::Range(1, 256))->capture_default_str();
     app.add_option("--recording", arguments.recordings, "TUM folders with groundtruth.txt");
     app.add_flag("--test-data", arguments.uses_test_data, "the recordings of STILLMESH_TEST_DATA that have bars");
@@ -167,6 +179,7 @@ int main(int argc, char** argv) {
     app.add_option("--cache", arguments.run.cache, "folder for rendered frames, 1 MB each; a second run reads them");
     auto* const gate = app.add_option("--gate", arguments.gate, "hold against the bars: all, or names")->expected(0, 1);
     CLI11_PARSE(app, argc, argv);
+    if (arguments.is_ablation) arguments.region = "on";
     const bool is_gated = gate->count() > 0;
     if (arguments.gate.empty() || arguments.gate == "true") arguments.gate = "all";
     for (const std::string& name : split(arguments.gate)) {
