@@ -1,4 +1,4 @@
-// A recording of a run (engine/record), any bytes: a header that is refused or read back to the same bytes, records
+// A recording of a run (platform/record), any bytes: a header that is refused or read back to the same bytes, records
 // that are refused or read back to the same bytes, and never a byte looked at behind the end.
 #include <algorithm>
 #include <array>
@@ -9,8 +9,8 @@
 
 #include "engine/base/crc.hpp"
 #include "engine/engine.hpp"
-#include "engine/record/recording.hpp"
 #include "fuzz/fuzz.hpp"
+#include "platform/record/recording_format.hpp"
 
 namespace {
 

@@ -11,6 +11,7 @@
 #include "fuzz/fuzz.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/frames.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace {
 
@@ -120,7 +121,7 @@ void try_file(const std::vector<std::byte>& file, MapUse use) {
         fuzz::expect(e.state_hash() == before && e.statistics().keyframes.size == 0, "a refused file touches nothing");
         return;
     }
-    const char* const fault = static_cast<EngineState&>(e).world.map.find_fault();
+    const char* const fault = test::find_fault(static_cast<EngineState&>(e).world.map);
     fuzz::expect(fault == nullptr, "a map that was taken is whole");
     // The hash in the header is information, not checked: a file that lies about it is corrected when written.
     std::vector<std::byte> again = saved();
@@ -132,7 +133,7 @@ void try_file(const std::vector<std::byte>& file, MapUse use) {
         fuzz::expect(e.submit(frames()[i].frame()) == Status::kOk, "frames are taken");
         static_cast<void>(e.step(20000));
     }
-    fuzz::expect(static_cast<EngineState&>(e).world.map.find_fault() == nullptr, "and the map stays whole");
+    fuzz::expect(test::find_fault(static_cast<EngineState&>(e).world.map) == nullptr, "and the map stays whole");
 }
 
 }  // namespace

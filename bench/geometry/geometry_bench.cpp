@@ -55,18 +55,6 @@ void depth_samples(benchmark::State& state) {
 }
 BENCHMARK(depth_samples)->Unit(benchmark::kMicrosecond);
 
-void point_covariances(benchmark::State& state) {
-    const CameraModel model = freiburg1();
-    const std::vector<Vector2> points = pixels();
-    const DepthSample sample{1.5, 1e-4};
-    for (auto _ : state) {
-        for (const Vector2& pixel : points) {
-            benchmark::DoNotOptimize(point_covariance(model, pixel * 1e-3, sample, 1.2));
-        }
-    }
-}
-BENCHMARK(point_covariances)->Unit(benchmark::kMicrosecond);
-
 void sines(benchmark::State& state) {
     const std::vector<Vector2> points = pixels();
     for (auto _ : state) {

@@ -1,6 +1,5 @@
 #include "engine/geometry/depth_noise.hpp"
 
-#include "engine/geometry/trig.hpp"
 
 namespace stillmesh {
 
@@ -50,70 +49,6 @@ DepthSample sample_depth(const DepthView& depth, double metres_per_unit, std::in
     }
     sample.variance_m2 = variance;
     return sample;
-}
-
-Matrix3 point_covariance(const CameraModel& model, const Vector2& normalised, const DepthSample& sample,
-                         double sigma_pixel_level) noexcept {
-    const double x = normalised.x();  // du/fx
-    const double y = normalised.y();  // dv/fy
-    const double var = sample.variance_m2;
-    // Of the product z * x with independent z and x: x^2 var(z) + var(x) (z^2 + var(z)).
-    const double z2 = sample.mean_m * sample.mean_m + var;
-    const double sigma_x = sigma_pixel_level / model.fx;
-    const double sigma_y = sigma_pixel_level / model.fy;
-    const double s_xx = var * (x * x) + sigma_x * sigma_x * z2;
-    const double s_yy = var * (y * y) + sigma_y * sigma_y * z2;
-    const double s_xy = var * (x * y);
-    const double s_xz = var * x;
-    const double s_yz = var * y;
-    Matrix3 covariance;
-    covariance << s_xx, s_xy, s_xz,  //
-        s_xy, s_yy, s_yz,            //
-        s_xz, s_yz, var;
-    return covariance;
-}
-
-StereoPoint stereo_point(const StereoAngles& angles, const StereoNoise& noise) noexcept {
-    // tan and its derivative sec^2 = 1 / cos^2.
-    struct Tangent {
-        double value;
-        double slope;
-    };
-    const auto tangent = [](double angle_rad) noexcept -> Tangent {
-        const SinCos sc = sin_cos(angle_rad);
-        return {sc.sin / sc.cos, 1.0 / (sc.cos * sc.cos)};
-    };
-    const Tangent a = tangent(angles.w1_rad);
-    const Tangent b = tangent(angles.w2_rad);
-    const Tangent c = tangent(angles.phi1_rad);
-    const Tangent d = tangent(angles.phi2_rad);
-
-    StereoPoint result;
-    const double disparity = a.value - b.value;
-    if (!(disparity > 0.0)) {
-        result.covariance = -Matrix3::Identity();
-        return result;
-    }
-    const double z = noise.baseline_m / disparity;
-    const double vertical = 0.5 * (c.value + d.value);
-    result.point = {a.value * z, z * vertical, z};
-
-    // One column of the Jacobian per angle. dZ/da = -Z / (a - b) = -Z^2 / B.
-    const double dz_dw1 = -z / disparity * a.slope;
-    const double dz_dw2 = z / disparity * b.slope;
-    const double half_z = 0.5 * z;
-    const Vector3 columns[4] = {
-        {z * a.slope + a.value * dz_dw1, vertical * dz_dw1, dz_dw1},
-        {a.value * dz_dw2, vertical * dz_dw2, dz_dw2},
-        {0.0, half_z * c.slope, 0.0},
-        {0.0, half_z * d.slope, 0.0},
-    };
-    const double sigmas[4] = {noise.sigma_w1_rad, noise.sigma_w2_rad, noise.sigma_phi1_rad, noise.sigma_phi2_rad};
-    for (int i = 0; i < 4; ++i) {
-        const Vector3 scaled = columns[i] * sigmas[i];
-        result.covariance += scaled * scaled.transpose();
-    }
-    return result;
 }
 
 }  // namespace stillmesh

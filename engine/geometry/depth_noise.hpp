@@ -1,5 +1,5 @@
-// How uncertain a measured 3D point is (paper 2.1.3, method.md 1): depth noise of structured-light and stereo cameras,
-// the 3x3 mixture that makes features on an object's border uncertain, and the 3x3 covariance of the point.
+// How uncertain a measured depth is (paper 2.1.3, method.md 1): the noise of structured-light cameras, and the 3x3
+// mixture that makes features on an object's border uncertain.
 #pragma once
 
 #include "engine/frame/image_view.hpp"
@@ -32,25 +32,5 @@ struct DepthSample {
 [[nodiscard]] inline Vector3 back_project(const Vector2& normalised, double z_m) noexcept {
     return {normalised.x() * z_m, normalised.y() * z_m, z_m};
 }
-
-// Covariance of that point, m^2 (method.md 1). `sigma_pixel_level` is sigma_pixel times the pyramid scale of the level.
-[[nodiscard]] Matrix3 point_covariance(const CameraModel& model, const Vector2& normalised, const DepthSample& sample,
-                                       double sigma_pixel_level) noexcept;
-
-// Stereo (paper 2.1.3, method.md 1): field angles w1, w2 (horizontal, left and right), phi1, phi2 (vertical), their
-// standard deviations in rad, baseline in m.
-struct StereoNoise {
-    double baseline_m = 0.12;
-    double sigma_w1_rad = 5e-4, sigma_w2_rad = 5e-4, sigma_phi1_rad = 5e-4, sigma_phi2_rad = 5e-4;
-};
-struct StereoAngles {
-    double w1_rad = 0, w2_rad = 0, phi1_rad = 0, phi2_rad = 0;
-};
-struct StereoPoint {
-    Vector3 point = Vector3::Zero();
-    Matrix3 covariance = Matrix3::Zero();
-};
-// kDegenerate-like input (tan w1 <= tan w2: a point at or beyond infinity) gives covariance with trace < 0.
-[[nodiscard]] StereoPoint stereo_point(const StereoAngles& angles, const StereoNoise& noise) noexcept;
 
 }  // namespace stillmesh

@@ -195,9 +195,6 @@ public:
     // The observations of a live keyframe with the map's readout; what was done.
     bool carry_observations(Handle<Keyframe> handle, std::uint32_t image_height) noexcept;
 
-    // Everything that is kept incrementally, computed anew: nullptr, or what is wrong. For tests; slow.
-    [[nodiscard]] const char* find_fault() const noexcept;
-
     // What was changed that is not in the pools: for poses and points written by commits.
     void note_change(std::uint64_t word) noexcept { changes_.add(word); }
     void note_change(double number) noexcept { changes_.add(number); }

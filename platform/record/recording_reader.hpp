@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/record/recording.hpp"
+#include "platform/record/recording_format.hpp"
 
 namespace stillmesh {
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "engine/record/recording.hpp"
+#include "platform/record/recording_format.hpp"
 #include "platform/record/slot_ring.hpp"
 
 namespace stillmesh {

@@ -35,16 +35,6 @@ TEST(Geometry, GoldenBits) {
         const Vector2 n = undistort_to_normalised(model, {u, v});
         hash.add(n.x());
         hash.add(n.y());
-        const DepthSample sample{random.uniform(.5, 5), 1e-3};
-        const Matrix3 covariance = point_covariance(model, n, sample, 1.2);
-        hash.add(covariance(0, 1));
-        hash.add(covariance(0, 0));
-        StereoAngles angles;
-        angles.w2_rad = random.uniform(-.4, .4);
-        angles.w1_rad = angles.w2_rad + random.uniform(.01, .2);
-        angles.phi1_rad = angles.phi2_rad = random.uniform(-.3, .3);
-        hash.add(stereo_point(angles, StereoNoise{}).covariance(0, 2));
-
         hash.add(round_clamped(random.uniform(-5e9, 5e9)));
         hash.add(arc_tan2(n.x(), n.y()));
         hash.add(sin_cos(u).sin);

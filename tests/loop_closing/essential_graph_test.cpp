@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "tests/support/map_fault.hpp"
 #include "tests/support/memory.hpp"
 
 namespace stillmesh {
@@ -53,7 +54,7 @@ public:
             world.map.add_observation(handles[a], seen);
             world.map.add_observation(handles[b], seen);
         }
-        ASSERT_EQ(world.map.find_fault(), nullptr);
+        ASSERT_EQ(test::find_fault(world.map), nullptr);
     }
     // The last keyframe was measured to lie nearer to the first.
     void add_loop() {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tests/loop_closing/ring.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -59,7 +60,7 @@ TEST(LoopClosing, ComingHomeTakesTheDriftAway) {
     EXPECT_LT(ring->off_m(), 0.25 * before);
     EXPECT_GT(s.largest_correction_m, 0.1);
     EXPECT_GT(s.points_fused, 30U);
-    EXPECT_EQ(ring->map().find_fault(), nullptr) << ring->map().find_fault();
+    EXPECT_EQ(test::find_fault(ring->map()), nullptr) << test::find_fault(ring->map());
 }
 
 // Promise: any slicing gives the same map, and no slice goes beyond its budget by more than the stated ceiling.
@@ -102,7 +103,7 @@ TEST(LoopClosing, TheMapMayChangeMeanwhile) {
     }
     ring->work(500);
     EXPECT_EQ(ring->statistics().closed, 1U);
-    EXPECT_EQ(ring->map().find_fault(), nullptr) << ring->map().find_fault();
+    EXPECT_EQ(test::find_fault(ring->map()), nullptr) << test::find_fault(ring->map());
     EXPECT_LT(ring->off_m(), 0.4 * before);
     ASSERT_NE(ring->map().keyframes().find(new_one), nullptr);
     const Vector3 off =
@@ -136,7 +137,7 @@ TEST(LoopClosing, AnythingMayLeaveAtAnyTime) {
             }
         }
         ring->work(1000);
-        EXPECT_EQ(ring->map().find_fault(), nullptr) << ring->map().find_fault();
+        EXPECT_EQ(test::find_fault(ring->map()), nullptr) << test::find_fault(ring->map());
         closed += ring->statistics().closed;
     }
     // It was not all over when they left.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/map/map_rig.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -101,7 +102,7 @@ TEST(Eviction, EachPlaceKeepsItsShare) {
             map->add_observation(keyframe, observation_of(seen[k].back()), {});
         }
         map->attach(keyframe);
-        ASSERT_EQ(map->find_fault(), nullptr);
+        ASSERT_EQ(test::find_fault(map), nullptr);
     }
     for (std::uint32_t k = 0; k < kKeyframes; ++k) {
         std::uint32_t alive = 0, often = 0;
@@ -154,7 +155,7 @@ TEST(Eviction, EvictsByPolicy) {
             map->add_observation(keyframes.back(), observation_of(points.back()));
             map->attach(keyframes.back());
         }
-        ASSERT_EQ(map->find_fault(), nullptr);
+        ASSERT_EQ(test::find_fault(map), nullptr);
         const std::uint64_t hash = map->changes_hash();
         EXPECT_TRUE(map->add_keyframe().is_null());
         EXPECT_EQ(map->changes_hash(), hash);
@@ -164,7 +165,7 @@ TEST(Eviction, EvictsByPolicy) {
         const std::size_t gone = is_older_empty ? 2 : 3;
         EXPECT_EQ(map->keyframes().find(keyframes[gone]), nullptr);
         EXPECT_EQ(map->points().find(points[gone]), nullptr);
-        ASSERT_EQ(map->find_fault(), nullptr);
+        ASSERT_EQ(test::find_fault(map), nullptr);
         map->keyframes().find(keyframes[1])->last_useful_frame = 1000;
         ASSERT_TRUE(evict_keyframe(*map, spared));
         EXPECT_EQ(map->keyframes().find(keyframes[is_older_empty ? 3 : 2]), nullptr) << "the least recently useful";

@@ -10,6 +10,7 @@
 #include "engine/map/eviction.hpp"
 #include "tests/map/map_rig.hpp"
 #include "tests/support/check_message.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -35,7 +36,7 @@ TEST(Map, FusesDuplicates) {
     for (const Handle<Keyframe> keyframe : {one, two, both}) map->attach(keyframe);
     EXPECT_EQ(map->shared(one.slot(), two.slot()), 0U);
     map->fuse(a, b);
-    EXPECT_EQ(map->find_fault(), nullptr);
+    EXPECT_EQ(test::find_fault(map), nullptr);
     EXPECT_EQ(map->points().find(b), nullptr);
     EXPECT_EQ(map->shared(one.slot(), two.slot()), 1U);
     EXPECT_EQ(map->shared(two.slot(), both.slot()), 1U);
@@ -144,7 +145,7 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
                     map->points().at(slot).last_seen_frame = frame;
             }
         }
-        EXPECT_EQ(map->find_fault(), nullptr) << map->find_fault() << " after step " << step << " of kind " << what;
+        EXPECT_EQ(test::find_fault(map), nullptr) << test::find_fault(map) << " after step " << step << " of kind " << what;
         EXPECT_EQ(map->points().size() + map->points_forgotten() + released, points_added);
         EXPECT_EQ(map->keyframes().size() + map->keyframes_forgotten(), keyframes_added);
         for (std::uint32_t i = 1; i < map->keyframes().size(); ++i) {
@@ -173,18 +174,18 @@ TEST(Map, TheCheckerCanFail) {
     const Handle<MapPoint> point = add_point(*map);
     const Handle<Keyframe> a = add_keyframe(*map, 1), b = add_keyframe(*map, 2);
     map->add_observation(a, observation_of(point));
-    EXPECT_NE(map->find_fault(), nullptr) << "b has no parent: two roots";
+    EXPECT_NE(test::find_fault(map), nullptr) << "b has no parent: two roots";
     map->attach(a);
     map->attach(b);
-    EXPECT_EQ(map->find_fault(), nullptr);
+    EXPECT_EQ(test::find_fault(map), nullptr);
     map->points().find(point)->observers = 2;
-    EXPECT_NE(map->find_fault(), nullptr);
+    EXPECT_NE(test::find_fault(map), nullptr);
     map->points().find(point)->observers = 1;
     map->points().find(point)->reference = b;
-    EXPECT_NE(map->find_fault(), nullptr);
+    EXPECT_NE(test::find_fault(map), nullptr);
     map->points().find(point)->reference = a;
     map->keyframes().find(a)->parent = b;
-    EXPECT_NE(map->find_fault(), nullptr);
+    EXPECT_NE(test::find_fault(map), nullptr);
 }
 
 // Promise: a keyframe's measurement is the mean of the looks at it, a sliding one beyond the most that count; a look at

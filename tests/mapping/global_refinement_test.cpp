@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/loop_closing/ring.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -65,7 +66,7 @@ TEST(GlobalRefinement, TheMapBecomesWhatTheKeyframesSaw) {
     const Handle<Keyframe> first = ring->map().recent_keyframe(kKeyframes - 1);
     EXPECT_LT((ring->map().keyframes().find(first)->world_from_camera.translation - ring->truth(0).translation).norm(),
               1e-12);
-    EXPECT_EQ(ring->map().find_fault(), nullptr) << ring->map().find_fault();
+    EXPECT_EQ(test::find_fault(ring->map()), nullptr) << test::find_fault(ring->map());
 }
 
 // Promise: any slicing gives the same map.
@@ -132,7 +133,7 @@ TEST(GlobalRefinement, TheMapMayChangeMeanwhile) {
                             map.keyframes().find(made_since)->world_from_camera;
         work(refinement, 500);
         EXPECT_EQ(ring->world().corrections, 1U);
-        EXPECT_EQ(map.find_fault(), nullptr) << map.find_fault();
+        EXPECT_EQ(test::find_fault(map), nullptr) << test::find_fault(map);
         const SE3 parent_now = map.keyframes().find(parent)->world_from_camera;
         const SE3 between_now = parent_now.inverse() * map.keyframes().find(made_since)->world_from_camera;
         EXPECT_LT((between_now.translation - between.translation).norm(), 1e-9);

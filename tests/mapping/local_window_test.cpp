@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/loop_closing/ring.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -88,7 +89,7 @@ TEST(LocalWindow, AnAdjustmentTakesTheDriftAway) {
     }
     EXPECT_GE(moved, 2U);
     EXPECT_LE(moved, 4U) << "the newest and its three neighbours";
-    EXPECT_EQ(rig.map().find_fault(), nullptr);
+    EXPECT_EQ(test::find_fault(rig.map()), nullptr);
 }
 
 // Promise: the camera goes with the newest keyframe; one that was made while the adjustment ran goes with its parent.
@@ -169,7 +170,7 @@ TEST(LocalWindow, MayBeGivenUp) {
         }
         rig->collect();
         rig->finish();
-        EXPECT_EQ(rig->map().find_fault(), nullptr) << rig->map().find_fault();
+        EXPECT_EQ(test::find_fault(rig->map()), nullptr) << test::find_fault(rig->map());
     }
     EXPECT_EQ(used.map().changes_hash(), fresh.map().changes_hash());
     EXPECT_LT(used.off_m(kKeyframes - 5), 0.05);
@@ -202,7 +203,7 @@ TEST(LocalWindow, OutliersEnd) {
     for (const Observation& o : rig.map().observations(newest)) left += rig.map().points().find(o.point) ? 1U : 0U;
     EXPECT_GE(rig.statistics.observations_dropped, 5U);
     EXPECT_LE(left + 5, observed);
-    EXPECT_EQ(rig.map().find_fault(), nullptr) << rig.map().find_fault();
+    EXPECT_EQ(test::find_fault(rig.map()), nullptr) << test::find_fault(rig.map());
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "engine/tracking/tracking.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/frames.hpp"
+#include "tests/support/map_fault.hpp"
 #include "tests/support/memory.hpp"
 
 namespace stillmesh {
@@ -91,9 +92,9 @@ TEST(Mapping, AnySlicingGivesTheSameBits) {
         std::vector<std::uint64_t> hashes;
         for (const test::KeptFrame& kept : sequence().frames) {
             rig.tracking().track(kept.frame());
-            ASSERT_EQ(rig.world().map.find_fault(), nullptr) << rig.world().map.find_fault();
+            ASSERT_EQ(test::find_fault(rig.world().map), nullptr) << test::find_fault(rig.world().map);
             rig.work(slice);
-            ASSERT_EQ(rig.world().map.find_fault(), nullptr) << rig.world().map.find_fault();
+            ASSERT_EQ(test::find_fault(rig.world().map), nullptr) << test::find_fault(rig.world().map);
             hashes.push_back(rig.tracking().state_hash());
             hashes.push_back(rig.world().map.changes_hash());
         }
@@ -231,7 +232,7 @@ TEST(Mapping, OnlyWhatWasStartedIsDropped) {
                 EXPECT_EQ(now.mapping.adjustments_dropped - then.mapping.adjustments_dropped, is_started ? 1U : 0U)
                     << static_cast<int>(until);
                 EXPECT_LE(now.mapping.adjustments_dropped, now.mapping.adjustments);
-                EXPECT_EQ(map.find_fault(), nullptr) << map.find_fault();
+                EXPECT_EQ(test::find_fault(map), nullptr) << test::find_fault(map);
                 ++(is_started ? after_start : before_start);
                 break;
             }
@@ -253,7 +254,7 @@ TEST(Mapping, EveryPoolMayBeFull) {
             measured += rig.world().pose.state >= PoseState::kUnsure ? 1U : 0U;
             // Sometimes mapping is late.
             if (kept.time_ns % 3 != 0) rig.work(300);
-            ASSERT_EQ(rig.world().map.find_fault(), nullptr) << rig.world().map.find_fault();
+            ASSERT_EQ(test::find_fault(rig.world().map), nullptr) << test::find_fault(rig.world().map);
         }
         // A hundred points in a crowd are few: it may be lost, and then it says so.
         EXPECT_GE(measured, sequence().frames.size() / (keyframes < 4 ? 5 : 2)) << keyframes;
@@ -301,7 +302,7 @@ TEST(Mapping, EveryTakeOfAPointMayFail) {
             } else {
                 measured_later += pose.state >= PoseState::kUnsure ? 1U : 0U;
             }
-            ASSERT_EQ(map.find_fault(), nullptr) << map.find_fault() << ", " << left << " points, frame " << i;
+            ASSERT_EQ(test::find_fault(map), nullptr) << test::find_fault(map) << ", " << left << " points, frame " << i;
         }
         // Some dozens carry it through; fewer, and it stays lost, since who is lost makes no keyframe.
         if (left >= 64) {
@@ -333,7 +334,7 @@ TEST(Mapping, EveryLimitMayBeSmall) {
             rig.tracking().track(sequence().frames[i].frame());
             rig.work(1000);
             const Map& map = rig.world().map;
-            ASSERT_EQ(map.find_fault(), nullptr) << map.find_fault() << ", " << name << ", frame " << i;
+            ASSERT_EQ(test::find_fault(map), nullptr) << test::find_fault(map) << ", " << name << ", frame " << i;
             ASSERT_LE(rig.world().local_map.points().size(), limits.local_points_max) << name;
             for (const double t : rig.world().pose.odom_from_camera.translation_m) ASSERT_TRUE(std::isfinite(t));
         }
@@ -349,7 +350,7 @@ TEST(Mapping, WithoutUnitsTrackingGoesOn) {
     for (const test::KeptFrame& kept : sequence().frames) {
         rig.tracking().track(kept.frame());
         keyframes += rig.tracking().frame_statistics().is_keyframe ? 1U : 0U;
-        ASSERT_EQ(rig.world().map.find_fault(), nullptr);
+        ASSERT_EQ(test::find_fault(rig.world().map), nullptr);
     }
     EngineStatistics statistics;
     rig.tracking().fill(statistics);
@@ -357,7 +358,7 @@ TEST(Mapping, WithoutUnitsTrackingGoesOn) {
     EXPECT_EQ(statistics.keyframes_refused, keyframes - World::kKeyframeQueueMax);
     // Those that waited may be gone by now: they are passed over.
     rig.work(50);
-    EXPECT_EQ(rig.world().map.find_fault(), nullptr);
+    EXPECT_EQ(test::find_fault(rig.world().map), nullptr);
     EXPECT_TRUE(rig.world().keyframe_queue.is_empty());
 }
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "tests/support/map_fault.hpp"
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
@@ -69,7 +70,7 @@ protected:
         static_cast<void>(fusion_.set_target(target_));
         const std::uint32_t units = fusion_.fuse(point);
         EXPECT_LE(units, PointFusion::units_max((*world_)->limits));
-        EXPECT_STREQ(map().find_fault(), nullptr);
+        EXPECT_STREQ(test::find_fault(map()), nullptr);
         return units;
     }
     [[nodiscard]] Map& map() { return world_->map(); }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tests/persist/map_rig.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -100,7 +101,7 @@ TEST(Localise, GoesOnMapping) {
     EXPECT_GT(errors.with_pose, 10U);
     EXPECT_LT(errors.rmse_m, 0.03);
     EXPECT_GT(engine->statistics().keyframes_made, 0U);
-    EXPECT_EQ(test::map_of(*engine).find_fault(), nullptr);
+    EXPECT_EQ(test::find_fault(test::map_of(*engine)), nullptr);
     // And the result is a map again, with more in it, later on its own clock.
     const Bytes again = test::saved(*engine, Limits::pocket());
     const MapFileInfo before = test::info_of(empty_room().map);

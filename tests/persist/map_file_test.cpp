@@ -4,6 +4,7 @@
 
 #include "engine/base/random.hpp"
 #include "tests/persist/map_rig.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -41,7 +42,7 @@ TEST(MapFile, RoundTripKeepsEveryBit) {
         MapFileProblem problem;
         ASSERT_EQ(second->load_map(file, MapUse::kContinue, problem), Status::kOk) << problem.part;
         EXPECT_EQ(second->map_hash(), info.hash);
-        EXPECT_EQ(test::map_of(*second).find_fault(), nullptr);
+        EXPECT_EQ(test::find_fault(test::map_of(*second)), nullptr);
         EXPECT_TRUE(test::saved(*second, Limits::tiny()) == file);
     }
     EXPECT_GT(evicted, 0U) << "else slots and places in the file are the same anyway";
@@ -99,7 +100,7 @@ TEST(MapFile, CopyInSlicesIsTheMapOfOneInstant) {
                 MapFileProblem problem;
                 ASSERT_EQ(loaded->load_map(file, MapUse::kContinue, problem), Status::kOk) << problem.part;
                 EXPECT_EQ(loaded->map_hash(), hash);
-                EXPECT_EQ(test::map_of(*loaded).find_fault(), nullptr);
+                EXPECT_EQ(test::find_fault(test::map_of(*loaded)), nullptr);
             }
             static_cast<void>(copied->step(2000));
         }
@@ -139,7 +140,7 @@ TEST(MapFile, RunsAfterALoadRepeat) {
         MapFileProblem problem;
         ASSERT_EQ(engine->load_map(file, MapUse::kContinue, problem), Status::kOk);
         test::run(*engine, sequence, 40, 90);
-        EXPECT_EQ(test::map_of(*engine).find_fault(), nullptr);
+        EXPECT_EQ(test::find_fault(test::map_of(*engine)), nullptr);
         EXPECT_EQ(engine->statistics().frames, 50U);
         hash = engine->state_hash();
     }

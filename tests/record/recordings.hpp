@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "engine/record/recording.hpp"
+#include "platform/record/recording_format.hpp"
 
 namespace stillmesh::test {
 

@@ -10,6 +10,7 @@
 #include "engine/paging/map_store.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 #include "tests/engine/engine_rig.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -165,7 +166,7 @@ public:
         for (const test::KeptFrame& kept : there_and_back().frames) {
             EXPECT_EQ(engine_->submit(kept.frame()), Status::kOk);
             for (std::uint32_t part = 0; part < parts; ++part) static_cast<void>(engine_->step(units / parts));
-            EXPECT_EQ(map().find_fault(), nullptr) << map().find_fault();
+            EXPECT_EQ(test::find_fault(map()), nullptr) << test::find_fault(map());
             out.hashes.push_back(engine_->state_hash());
             out.without_pose += engine_->pose().state < PoseState::kUnsure ? 1U : 0U;
         }

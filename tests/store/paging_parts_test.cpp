@@ -13,6 +13,7 @@
 #include "engine/paging/region_keeper.hpp"
 #include "engine/paging/region_return.hpp"
 #include "tests/recognition/places.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -113,7 +114,7 @@ public:
             EXPECT_GT(units, 0U);
             EXPECT_LE(units, returns.piece_units_max());
         }
-        EXPECT_EQ(map().find_fault(), nullptr) << map().find_fault();
+        EXPECT_EQ(test::find_fault(map()), nullptr) << test::find_fault(map());
     }
     [[nodiscard]] Handle<Keyframe> of_frame(std::uint64_t frame) {
         for (std::uint32_t i = 0; i < map().keyframes().size(); ++i) {

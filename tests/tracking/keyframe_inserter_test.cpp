@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "engine/tracking/gather_correspondences.hpp"
+#include "tests/support/map_fault.hpp"
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
@@ -193,7 +194,7 @@ TEST_F(Inserter, KeyframesCarryTheFrame) {
     EXPECT_EQ((keyframe.pose_by_readout - shutter_.pose_by_readout()).cwiseAbs().maxCoeff(), 0);
     EXPECT_EQ(keyframe.parent, parent);
     EXPECT_EQ(map().shared(newest().slot(), parent.slot()), 6U);
-    EXPECT_STREQ(map().find_fault(), nullptr);
+    EXPECT_STREQ(test::find_fault(map()), nullptr);
 }
 
 // Promise: every feature becomes an observation, in its order; it shows its point where that stands still, or is
@@ -215,7 +216,7 @@ TEST_F(Inserter, WhatDoesNotFitIsNoObservation) {
     EXPECT_EQ(shown(moving), nullptr);
     EXPECT_EQ(shown(blind), nullptr);
     EXPECT_EQ(map().points().size(), 3U);
-    EXPECT_STREQ(map().find_fault(), nullptr);
+    EXPECT_STREQ(test::find_fault(map()), nullptr);
 }
 
 // Promise: a new point lies where the frame sees it, as uncertain as it was measured, with weights.start, and tracking
@@ -263,7 +264,7 @@ TEST_F(Inserter, NewPointsAreWhatTheFrameSaw) {
         const auto local = world_->map().points().handle_of(map().observations(newest())[i].point.slot()).slot();
         const auto listed = (*world_)->local_map.points();
         EXPECT_EQ(std::count(listed.begin(), listed.end(), local), 1);
-        EXPECT_STREQ(map().find_fault(), nullptr);
+        EXPECT_STREQ(test::find_fault(map()), nullptr);
     }
 }
 
@@ -407,7 +408,7 @@ TEST_F(Inserter, MakesRoomForPoints) {
         std::size_t left = 0;
         for (const Handle<MapPoint> point : behind) left += map().points().find(point) != nullptr ? 1U : 0U;
         EXPECT_EQ(left, behind.size() - 30);
-        EXPECT_STREQ(map().find_fault(), nullptr);
+        EXPECT_STREQ(test::find_fault(map()), nullptr);
 
         start(parameters, limits);
         for (int i = 0; i < 30; ++i) add(Shows::kNew);
@@ -476,7 +477,7 @@ TEST_F(Inserter, MakesRoomForAKeyframe) {
                 EXPECT_EQ(local[keyframes[0].slot()], 1);
                 EXPECT_EQ(local[keyframes[gone[0]].slot()], 0);
             }
-            EXPECT_STREQ(map().find_fault(), nullptr);
+            EXPECT_STREQ(test::find_fault(map()), nullptr);
         }
     }
 }

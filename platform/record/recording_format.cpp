@@ -1,4 +1,4 @@
-#include "engine/record/recording.hpp"
+#include "platform/record/recording_format.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -8,7 +8,6 @@
 #include "engine/base/bytes.hpp"
 #include "engine/base/crc.hpp"
 #include "engine/base/hash.hpp"
-#include "engine/record/map_records.hpp"
 
 namespace stillmesh {
 namespace {
@@ -148,7 +147,8 @@ std::span<std::byte> behind(std::span<std::byte> out, std::size_t count) noexcep
 // What a header says behind limits and configuration, for a ByteWriter and a ByteReader alike.
 template <typename Bytes, typename Header>
 void header_fields(Bytes& bytes, Header& header) noexcept {
-    map_records::camera_fields(bytes, header.camera);
+    auto& c = header.camera;
+    bytes.fields(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3);
     bytes.fields(header.depth_units_per_m, header.extractor, header.vocabulary_crc);
     if (header.limits.store_features_max == 0) return;
     bytes.fields(header.store_regions, header.store_sequence, header.store_checksum);

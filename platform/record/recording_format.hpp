@@ -10,7 +10,6 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/base/api.hpp"
 #include "engine/base/status.hpp"
 #include "engine/configuration.hpp"
 #include "engine/frame/frame.hpp"
@@ -96,29 +95,25 @@ struct RecordingProblem {
 };
 
 // Bytes written, or kFull.
-[[nodiscard]] STILLMESH_API Result<std::size_t> encode_header(const RecordingHeader& header,
-                                                              std::span<std::byte> out) noexcept;
-[[nodiscard]] STILLMESH_API Result<std::size_t> encode_frame(const RecordedFrame& frame,
-                                                             std::span<std::byte> out) noexcept;
-[[nodiscard]] STILLMESH_API Result<std::size_t> encode_end(RecordingEnd end, std::uint64_t frames,
-                                                           std::span<std::byte> out) noexcept;
+[[nodiscard]] Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::byte> out) noexcept;
+[[nodiscard]] Result<std::size_t> encode_frame(const RecordedFrame& frame, std::span<std::byte> out) noexcept;
+[[nodiscard]] Result<std::size_t> encode_end(RecordingEnd end, std::uint64_t frames, std::span<std::byte> out) noexcept;
 
 // Reads the header at the begin of `bytes` and says how many it took. On failure `header` is not to be used.
 //   kNotFound  these bytes are no recording           kEnd      it is cut off: more bytes are needed
 //   kInvalid   another version, or another set of parameters or limits: `problem` says which
 //   kCorrupt   its CRC or its contents are wrong
 // The values are typed, and no more: whether they are in range is for validate() to say.
-[[nodiscard]] STILLMESH_API Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHeader& header,
-                                                              RecordingProblem& problem) noexcept;
+[[nodiscard]] Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHeader& header,
+                                                RecordingProblem& problem) noexcept;
 // Reads the record at the begin of `bytes` and says how many it took.
 //   kEnd      it is cut off (or `bytes` is empty): more bytes are needed, at most kRecordingEntryBytesMax in all
 //   kCorrupt  its length, CRC or contents are wrong; nothing behind it can be trusted
-[[nodiscard]] STILLMESH_API Result<std::size_t> decode_entry(std::span<const std::byte> bytes,
-                                                             RecordingEntry& entry) noexcept;
+[[nodiscard]] Result<std::size_t> decode_entry(std::span<const std::byte> bytes, RecordingEntry& entry) noexcept;
 
 // Of everything in a frame that tracking looks at, except its time: sizes, format, pixels, depth factor, time of depth
 // against colour. Differs for certain when 8 bytes of one row differ. Padding between rows is not looked at. 0 when a
 // view is missing or too narrow for its own size: such a frame is refused.
-[[nodiscard]] STILLMESH_API std::uint64_t frame_digest(const Frame& frame) noexcept;
+[[nodiscard]] std::uint64_t frame_digest(const Frame& frame) noexcept;
 
 }  // namespace stillmesh
