@@ -36,7 +36,7 @@ enum class RegionMethod : std::uint32_t {
     kPaper = 1,  // the paper to the letter (engine/static_region/paper_choice.hpp), to measure what we left it for
 };
 #define STILLMESH_KEYS_region(KEY) \
-    KEY(region, bool, is_enabled, true, 0.0, 1.0, "", "extract the static region; off: all matches vote") \
+    KEY(region, bool, is_enabled, true, 0.0, 1.0, "", "extract the static region; off: all matches count") \
     KEY(region, std::uint32_t, method, 0, 0.0, 1.0, "", "0: ours; 1: the paper to the letter") \
     KEY(region, double, edge_change_max_m, 0.1, 0.001, 5.0, "m", "largest change of a kept edge (tau)") \
     KEY(region, double, colour_depth_lag_s, 0.010, 0.0, 0.1, "s", "between colour and depth images") \
@@ -46,14 +46,12 @@ struct RegionKeys { STILLMESH_KEYS_region(STILLMESH_FIELD) };
 #define STILLMESH_KEYS_pose(KEY) \
     KEY(pose, std::uint32_t, inliers_min, 8, 4.0, 1000.0, "", "fewer static inliers give no pose") \
     KEY(pose, std::uint32_t, lost_frames_max, 30, 0.0, 1000.0, "frames", "how long a lost pose is predicted") \
-    KEY(pose, double, sure_sigma_m, 0.03, 1e-4, 10.0, "m", "less certain motion over a second is unsure") \
-    KEY(pose, double, sure_sigma_rad, 0.03, 1e-4, 3.0, "rad", "less certain motion over a second is unsure")
+    KEY(pose, double, sure_sigma_m, 0.03, 1e-4, 10.0, "m or rad", "less certain motion over a second is unsure")
 struct PoseKeys { STILLMESH_KEYS_pose(STILLMESH_FIELD) };
 
 #define STILLMESH_KEYS_weights(KEY) \
-    KEY(weights, std::uint32_t, start, 10, 0.0, 200.0, "1/10", "static weight of a new point") \
     KEY(weights, std::uint32_t, max, 20, 1.0, 200.0, "1/10", "largest static weight") \
-    KEY(weights, std::uint32_t, eligible, 10, 0.0, 200.0, "1/10", "static threshold")
+    KEY(weights, std::uint32_t, eligible, 10, 0.0, 200.0, "1/10", "static threshold, and the weight of a new point")
 struct WeightKeys { STILLMESH_KEYS_weights(STILLMESH_FIELD) };
 
 #define STILLMESH_KEYS_prediction(KEY) \
@@ -98,10 +96,8 @@ struct LoopKeys { STILLMESH_KEYS_loop(STILLMESH_FIELD) };
 
 #define STILLMESH_KEYS_store(KEY) \
     KEY(store, std::uint32_t, regions_max, 20000, 1.0, 1e6, "", "regions of the map store; full: the longest unused go") \
-    KEY(store, std::uint32_t, points_min, 20, 3.0, 16000.0, "", "static points; a region with fewer is not kept") \
-    KEY(store, std::uint32_t, gap_frames, 150, 1.0, 1e6, "frames", "regions nearer in time do not come back") \
-    KEY(store, double, twin_m, 0.3, 0.0, 100.0, "m", "a place that is kept from so near is not kept again") \
-    KEY(store, double, twin_cosine_min, 0.95, -1.0, 1.0, "", "if it was looked at the same way")
+    KEY(store, std::uint32_t, gap_frames, 150, 1.0, 1e6, "frames", "regions nearer in time do not come back, and none twice; an answer that takes longer is given up") \
+    KEY(store, double, twin_m, 0.3, 0.0, 100.0, "m", "a place that is kept from a view so near is not kept again")
 struct StoreKeys { STILLMESH_KEYS_store(STILLMESH_FIELD) };
 
 // clang-format on

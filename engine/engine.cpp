@@ -96,17 +96,13 @@ ConfigurationProblem validate(const Parameters& parameters, const Limits& limits
          p.pose.inlier_ratio_start},
         {"mapping.window_keyframes", "is more than limits.keyframes_max",
          static_cast<double>(p.mapping.window_keyframes), 2.0, static_cast<double>(limits.keyframes_max)},
-        {"weights.start", "is above weights.max", static_cast<double>(p.weights.start), 0.0,
-         static_cast<double>(p.weights.max)},
         {"weights.max", "is below weights.suspicious", static_cast<double>(p.weights.max),
          static_cast<double>(p.weights.suspicious), 255.0},
         {"weights.eligible", "is above weights.max", static_cast<double>(p.weights.eligible), 0.0,
          static_cast<double>(p.weights.max)},
+        {"noise.max", "is below noise.pixel_start or noise.depth_start", p.noise.max,
+         std::max(p.noise.pixel_start, p.noise.depth_start), 1000.0},
         {"weights.drift_m", "is above weights.drift_max_m", p.weights.drift_m, 0.0, p.weights.drift_max_m},
-        {"noise.pixel_start", "is not between noise.pixel_min and noise.max", p.noise.pixel_start, p.noise.pixel_min,
-         p.noise.max},
-        {"noise.depth_start", "is not between noise.depth_min and noise.max", p.noise.depth_start, p.noise.depth_min,
-         p.noise.max},
     };
     for (const Rule& rule : rules) {
         if (rule.value < rule.min || rule.value > rule.max)

@@ -12,7 +12,7 @@ struct Limits {
     std::uint32_t features_max = 1000;     // per frame; more are never kept
     std::uint32_t keyframes_max = 256;  // full: the least useful is forgotten (engine/map/eviction.hpp); at most 1024
     std::uint32_t map_points_max = 20000;        // full: each keyframe keeps its share (engine/map/eviction.hpp)
-    std::uint32_t groups_max = 128;              // of the mesh; smaller ones beyond it stay without a vote
+    std::uint32_t groups_max = 128;              // of the mesh; smaller ones beyond it stay without a weight
     std::uint32_t local_points_max = 9000;       // that a frame is matched against; farther ones are left out
     std::uint32_t vocabulary_words_max = 10000;  // a larger vocabulary is refused; at most 65535
     std::uint32_t store_features_max = 0;        // of a region of a map store (docs/map-store.md); 0: no store

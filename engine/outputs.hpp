@@ -79,8 +79,8 @@ struct PoolStatistics {
 };
 // What the mapping task has done.
 struct MappingStatistics {
-    std::uint64_t keyframes_inserted = 0;  // taken from the queue
-    std::uint64_t adjustments = 0;         // bundle adjustments started
+    std::uint64_t keyframes_inserted = 0;   // taken from the queue
+    std::uint64_t adjustments = 0;          // bundle adjustments started
     std::uint64_t adjustments_dropped = 0;  // of them, not finished: the keyframe left, or the whole map moved
     std::uint64_t adjustment_slices = 0;
     std::uint64_t adjustment_iterations = 0;
@@ -153,7 +153,7 @@ struct TrackedFeature {
     float x = 0, y = 0;       // px
     std::int32_t group = -1;  // of the mesh; -1: in none
     bool is_matched = false;
-    bool is_static = false;   // voted for the pose given out
+    bool is_static = false;   // the pose given out was estimated from it
     bool is_dynamic = false;  // matched, and judged to move
 };
 struct TrackedEdge {

@@ -31,11 +31,11 @@ constexpr std::array kRules = {
     Rule{"what moves loses its say", "7", "weights.suspect_steps=200"},
     Rule{"what was out of sight may be off", "7", "weights.drift_share=0"},
     Rule{"places seen to be empty", "7", "emptiness.places_per_frame=0"},
-    Rule{"a lost velocity fades", "6", "prediction.fading_lost=1"},
+    Rule{"a velocity fades", "6", "prediction.fading=0.99"},
     Rule{"a widened search is less certain", "6", "prediction.retry_sigma_factor=1"},
     Rule{"an unsure pose far off is doubted", "6", "prediction.jump_sigmas=100"},
     Rule{"a keyframe when little is tracked", "8", "keyframes.tracked_urgent_permille=0"},
-    Rule{"a keyframe's measurement is a mean", "6", "map.looks_max=1"},
+    Rule{"a keyframe's measurement is a mean", "6", "map.averaged_max=1"},
     Rule{"mapping", "6", "mapping.is_enabled=false"},
     Rule{"local adjustment", "6", "mapping.is_adjusting=false"},
 };

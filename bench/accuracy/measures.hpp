@@ -68,7 +68,7 @@ struct Measures {
     double nees_first_translation_sum = 0, nees_first_rotation_sum = 0;
     double nees_fit_translation_sum = 0, nees_fit_rotation_sum = 0;
 
-    std::uint64_t masked_frames = 0, wrong_choices = 0;  // more than half of the votes lie on moving pixels
+    std::uint64_t masked_frames = 0, wrong_choices = 0;  // more than half of the weights lie on moving pixels
     std::uint64_t moving = 0, moving_accepted = 0, still = 0, still_accepted = 0;
 
     std::uint64_t keyframes = 0;

@@ -226,7 +226,6 @@ int run(const Arguments& arguments) {
         where.folder = arguments.map_store;
         where.regions_max = configuration.store.regions_max;
         where.twin_m = configuration.store.twin_m;
-        where.twin_cosine_min = configuration.store.twin_cosine_min;
         const std::size_t body_bytes_max = std::size_t{512} * limits.features_max;
         if (!store.open(where, StoreService::Mode::kAtOnce, body_bytes_max, message)) return complain(message);
     }

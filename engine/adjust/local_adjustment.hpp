@@ -79,6 +79,17 @@ enum class LocalPhase : std::uint8_t {
 };
 
 class LocalAdjustment : public AdjustmentJob<LocalAdjustment, LocalPhase, AdjustmentOptions, AdjustmentSummary> {
+    // All arrays, for the plan and for the arena. Above plan(): clang evaluates no template that it has not seen.
+    template <typename A>
+    constexpr void take_arrays(A& arena, const AdjustmentSizes& sizes) noexcept {
+        arena.take(keyframes_, sizes.free_keyframes_max + sizes.fixed_keyframes_max);
+        arena.take(columns_, sizes.free_keyframes_max);
+        arena.take(points_, sizes.points_max);
+        arena.take(observations_, sizes.observations_max);
+        arena.take(order_, sizes.observations_max);
+        arena.take(position_, sizes.observations_max);
+    }
+
 public:
     static constexpr std::uint32_t kFreeKeyframesMax = ReducedSystem::kBlocksMax;
     static constexpr std::uint32_t kKeyframesMax = 96;
@@ -143,15 +154,6 @@ private:
         bool is_outlier = false;
     };
 
-    template <typename A>
-    constexpr void take_arrays(A& arena, const AdjustmentSizes& sizes) noexcept {
-        arena.take(keyframes_, sizes.free_keyframes_max + sizes.fixed_keyframes_max);
-        arena.take(columns_, sizes.free_keyframes_max);
-        arena.take(points_, sizes.points_max);
-        arena.take(observations_, sizes.observations_max);
-        arena.take(order_, sizes.observations_max);
-        arena.take(position_, sizes.observations_max);
-    }
     // One piece each; they return the units they took.
     std::uint32_t sort_by_keyframe() noexcept;
     std::uint32_t place_points() noexcept;

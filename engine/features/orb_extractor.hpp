@@ -32,6 +32,20 @@ struct OrbOptions {
 [[nodiscard]] OrbOptions orb_options(const FeatureParameters& parameters) noexcept;
 
 class OrbExtractor final : public FeatureExtractor {
+    // All arrays, for the plan and for the arena. Above plan(): clang evaluates no template that it has not seen.
+    template <typename A>
+    constexpr void take_arrays(A& arena, const Limits& limits) noexcept {
+        const std::uint32_t width = limits.image_width_max;
+        const std::uint32_t height = limits.image_height_max;
+        arena.take(corners_, corners_of_all_levels(limits));
+        arena.take(sorted_, corners_max(width, height));
+        arena.take(strengths_, 3 * (level_stride(width) + kKernelSlackBytes));
+        arena.take(maxima_, width + kKernelSlackBytes);
+        arena.take(cells_, cells_max(width, height));
+        arena.take(blurred_, level_stride(width) * height + kKernelSlackBytes);
+        arena.take(blur_scratch_, level_stride(width) + 2 * kKernelSlackBytes);
+    }
+
 public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         Pyramid::plan(arena, limits);
@@ -73,18 +87,6 @@ private:
     }
     static constexpr std::size_t cells_max(std::uint32_t width, std::uint32_t height) noexcept {
         return static_cast<std::size_t>((width + kCellSide - 1) / kCellSide) * ((height + kCellSide - 1) / kCellSide);
-    }
-    template <typename A>
-    constexpr void take_arrays(A& arena, const Limits& limits) noexcept {
-        const std::uint32_t width = limits.image_width_max;
-        const std::uint32_t height = limits.image_height_max;
-        arena.take(corners_, corners_of_all_levels(limits));
-        arena.take(sorted_, corners_max(width, height));
-        arena.take(strengths_, 3 * (level_stride(width) + kKernelSlackBytes));
-        arena.take(maxima_, width + kKernelSlackBytes);
-        arena.take(cells_, cells_max(width, height));
-        arena.take(blurred_, level_stride(width) * height + kKernelSlackBytes);
-        arena.take(blur_scratch_, level_stride(width) + 2 * kKernelSlackBytes);
     }
     struct LevelCorners {
         std::uint32_t begin = 0;   // in corners_

@@ -1,6 +1,5 @@
 #include "engine/geometry/depth_noise.hpp"
 
-
 namespace stillmesh {
 
 DepthSample sample_depth(const DepthView& depth, double metres_per_unit, std::int32_t x, std::int32_t y,

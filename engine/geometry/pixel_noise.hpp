@@ -11,6 +11,8 @@
 
 namespace stillmesh {
 
+inline constexpr double kScaleSlack = 1.6;  // at most, between a feature's scale and the one expected
+
 // How far real noise leaves the model's: factors of the variances.
 struct NoiseFactors {
     double pixel = 1.0;

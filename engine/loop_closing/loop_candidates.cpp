@@ -59,7 +59,7 @@ std::uint32_t LoopCandidates::choose(Handle<Keyframe> keyframe, bool is_resting)
         if ((frame > then ? frame - then : then - frame) < p.gap_frames) continue;
         now.keyframes[now.count++] = handle;
         if (place.score < score_min || is_resting) continue;
-        if (chosen_count_ == std::min(p.candidates_max, kCandidatesMax)) continue;
+        if (chosen_count_ == kCandidatesMax) continue;
         if (is_consistent(handle) && is_new(handle)) chosen_[chosen_count_++] = handle;
     }
     for (std::uint32_t k = kConsistencyMax - 1; k > 0; --k) history_[k] = history_[k - 1];

@@ -16,7 +16,7 @@ class LoopCandidates {
 public:
     static constexpr std::uint32_t kConsistencyMax = 5;  // queries before
     static constexpr std::uint32_t kHistoryMax = 24;     // places of one query that later ones are compared with
-    static constexpr std::uint32_t kCandidatesMax = 8;
+    static constexpr std::uint32_t kCandidatesMax = 3;
 
     // `keyframes_max`: of the limits, or 0 where a map is too small for loops.
     static constexpr void plan(ArenaPlan& arena, std::uint32_t keyframes_max) noexcept {

@@ -86,7 +86,7 @@ bool LoopClosing::take() noexcept {
     }
     if (next.is_null()) return false;
     const double age_s = seconds_between(keyframes.at(next.slot()).time_ns, world_->clock.time_ns);
-    if (age_s < world_->parameters.loop.settle_s && !world_->is_frozen) return false;
+    if (age_s < world_->parameters.weights.proven_s && !world_->is_frozen) return false;
     keyframe_ = next;
     places_->take(PlaceSearch::User::kLoopClosing);
     enter(Stage::kWords);
@@ -242,13 +242,13 @@ std::uint32_t LoopClosing::accept_or_refuse() noexcept {
     const SE3 off = here.world_from_camera.inverse() * verifier.world_from_query();
     const LoopParameters& p = world_->parameters.loop;
     const bool is_small =
-        length(off.translation) < p.correction_min_m && rotation_angle(off.rotation) < p.correction_min_rad;
+        length(off.translation) < p.correction_min_m && rotation_angle(off.rotation) < p.correction_min_m;
     const bool is_significant = !is_noise(off, verifier.information(), p);
     // The graph takes a loop at its word, to the millimetre: noise is none.
     if (is_small || is_significant) {
         graph_.add_loop(found_, keyframe_, there.world_from_camera.inverse() * verifier.world_from_query());
     }
-    rest_ = p.rest_keyframes;
+    rest_ = 2 * p.consistency;
     if (is_small || !is_significant) {
         ++statistics_.confirmed;
         settled_end_ = here.frame + 1;

@@ -5,9 +5,13 @@
 #include <utility>
 
 #include "engine/base/sort.hpp"
+#include "engine/geometry/view_distance.hpp"
 
 namespace stillmesh {
 namespace {
+
+// Of squared distances: from so much farther a point is seen on the same level of the pyramid, half a step of 1.2.
+constexpr double kRangeSlack2 = 1.2;
 
 constexpr std::uint32_t kSeenClasses = Map::kSeenClasses;
 
@@ -54,14 +58,6 @@ void share_places(Map& map, std::uint32_t count, const Stays& stays) noexcept {
             left -= here;
         }
     }
-}
-
-// Between two viewpoints; a turn counts as a distance.
-double apart_m2(const Map& map, std::uint32_t slot, std::uint32_t other) noexcept {
-    const SE3& here = map.keyframes().at(slot).world_from_camera;
-    const SE3& there = map.keyframes().at(other).world_from_camera;
-    const double cosine = here.rotation.col(2).dot(there.rotation.col(2));
-    return (there.translation - here.translation).squaredNorm() + map.parameters().turn_m2 * (1.0 - cosine);
 }
 
 std::uint32_t proven_points(const Map& map, std::uint32_t slot) noexcept {
@@ -151,10 +147,11 @@ bool evict_keyframe(Map& map, std::span<const std::uint8_t> spared) noexcept {
     // whatever has just left the local map would go, and the places it shows be forgotten.
     std::uint32_t going = oldest[0].slot;
     std::uint32_t staying = going;
-    double least_m2 = map.parameters().crowded_m * map.parameters().crowded_m;
+    double least_m2 = map.parameters().near_m * map.parameters().near_m;
     for (std::uint32_t i = 1; i < count; ++i) {
         for (std::uint32_t k = 0; k < i; ++k) {
-            const double between_m2 = apart_m2(map, oldest[i].slot, oldest[k].slot);
+            const double between_m2 = view_distance_m2(keyframes.at(oldest[i].slot).world_from_camera,
+                                                       keyframes.at(oldest[k].slot).world_from_camera);
             if (between_m2 >= least_m2) continue;
             least_m2 = between_m2;
             going = oldest[i].slot;
@@ -174,8 +171,7 @@ void evict_oldest(Map& map) noexcept {
 }
 
 bool is_redundant(const Map& map, Handle<Keyframe> keyframe) noexcept {
-    const std::uint32_t enough = map.parameters().redundant_observers;
-    const double slack = map.parameters().redundant_scale_factor * map.parameters().redundant_scale_factor;
+    const std::uint32_t enough = map.parameters().seen_min;
     std::uint32_t points = 0;
     std::uint32_t known = 0;
     const Vector3 from = map.keyframes().at(keyframe.slot()).world_from_camera.translation;
@@ -186,7 +182,7 @@ bool is_redundant(const Map& map, Handle<Keyframe> keyframe) noexcept {
         if (point->observers <= enough) continue;
         // Scale: seen from no farther (with some slack) is seen on the same level or a finer one.
         const Vector3 world = vector_of(point->world);
-        const double away = slack * (world - from).squaredNorm();
+        const double away = kRangeSlack2 * (world - from).squaredNorm();
         std::uint32_t others = 0;
         map.visit_observers(observation.point.slot(), [&](std::uint32_t other) {
             if (other == keyframe.slot()) return;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/base/sort.hpp"
+#include "engine/geometry/view_distance.hpp"
 
 namespace stillmesh {
 namespace {
@@ -12,20 +13,13 @@ namespace {
 constexpr std::uint32_t kAhead = 8;
 constexpr std::uint8_t kRoundMax = 0xfe;  // a round may take two marks
 
-double turn_cosine(const SE3& a, const SE3& b) noexcept {
-    // Of the rotation between them.
-    double trace = 0;
-    for (int i = 0; i < 9; ++i) trace += a.rotation(i / 3, i % 3) * b.rotation(i / 3, i % 3);
-    return 0.5 * (trace - 1.0);
-}
-
 }  // namespace
 
 void LocalMap::create(Arena& arena, const Limits& limits, const LocalMapParameters& parameters,
                       double view_cosine) noexcept {
     parameters_ = parameters;
     // Until the list is out of date the camera may turn by that much more: cos(a + b).
-    const double turned = parameters.moved_cosine_min;
+    const double turned = std::max(1.0 - parameters.moved_m * parameters.moved_m / kTurn_m2, 0.0);
     const double sine = std::sqrt(std::max(1.0 - view_cosine * view_cosine, 0.0));
     const double turned_sine = std::sqrt(std::max(1.0 - turned * turned, 0.0));
     cone_cosine_ = std::max(view_cosine * turned - sine * turned_sine, 0.0);
@@ -75,11 +69,8 @@ Handle<Keyframe> LocalMap::reference(const Map& map) const noexcept {
 }
 
 void LocalMap::note_useful(Map& map, std::uint64_t frame) const noexcept {
-    const std::uint32_t most = *std::max_element(counts_.begin(), counts_.end());
     for (std::uint32_t slot = 0; slot < counts_.size(); ++slot) {
-        if (counts_[slot] == 0 || parameters_.useful_factor * counts_[slot] < most || !map.keyframes().is_taken(slot))
-            continue;
-        map.keyframes().at(slot).last_useful_frame = frame;
+        if (counts_[slot] > 0 && map.keyframes().is_taken(slot)) map.keyframes().at(slot).last_useful_frame = frame;
     }
 }
 
@@ -87,9 +78,7 @@ bool LocalMap::is_stale(const Map& map, const SE3& world_from_camera) const noex
     if (!is_built_ || !(map.recent_keyframe(0) == newest_)) return true;
     const Handle<Keyframe> now = reference(map);
     if (!now.is_null() && !(now == reference_)) return true;
-    const double moved_m2 = parameters_.moved_m * parameters_.moved_m;
-    if ((world_from_camera.translation - built_at_.translation).squaredNorm() > moved_m2) return true;
-    return turn_cosine(world_from_camera, built_at_) < parameters_.moved_cosine_min;
+    return view_distance_m2(world_from_camera, built_at_) > parameters_.moved_m * parameters_.moved_m;
 }
 
 bool LocalMap::choose(std::uint32_t keyframe_slot) noexcept {
@@ -137,16 +126,12 @@ void LocalMap::choose_keyframes(const Map& map, const SE3& world_from_camera) no
     };
     Near near[kKeyframesMax];
     std::uint32_t near_count = 0;
-    const Vector3 axis = world_from_camera.rotation.col(2);
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
         if (!keyframes.is_taken(slot)) continue;
         const SE3& pose = keyframes.at(slot).world_from_camera;
-        const double away = (pose.translation - world_from_camera.translation).squaredNorm();
-        const Vector3 axis_there = pose.rotation.col(2);
-        const double cosine = axis.dot(axis_there);
-        if (away > p.near_m * p.near_m || cosine < p.near_cosine_min) continue;
-        keep_best(std::span(near).first(near_max), near_count,
-                  Near{away + map.parameters().turn_m2 * (1.0 - cosine), slot},
+        const double away_m2 = view_distance_m2(pose, world_from_camera);
+        if (away_m2 > map.parameters().near_m * map.parameters().near_m) continue;
+        keep_best(std::span(near).first(near_max), near_count, Near{away_m2, slot},
                   [](const Near& a, const Near& b) { return a.distance < b.distance; });
     }
     // In turns, so that each kind gets its part of a small pool.
@@ -200,7 +185,7 @@ bool LocalMap::may_be_seen(const MapPoint& point) const noexcept {
     if (along <= 0 || along * along < cone_cosine_ * cone_cosine_ * ray.squaredNorm()) return false;
     // Much nearer or farther than where it was made from, and no level of the pyramid shows it as it was.
     const auto made_at = static_cast<double>(point.distance_m);
-    return along >= parameters_.nearer_min * made_at && along <= parameters_.farther_max * made_at;
+    return parameters_.farther_max * along >= made_at && along <= parameters_.farther_max * made_at;
 }
 
 }  // namespace stillmesh

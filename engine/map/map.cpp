@@ -94,7 +94,7 @@ std::uint32_t Map::fuse(Handle<MapPoint> kept, Handle<MapPoint> gone) noexcept {
     }
     stays.seen = static_cast<std::uint16_t>(std::min<std::uint32_t>(0xffffU, std::uint32_t{stays.seen} + going.seen));
     stays.last_seen_frame = std::max(stays.last_seen_frame, going.last_seen_frame);
-    stays.agreed_way_m = std::max(stays.agreed_way_m, going.agreed_way_m);
+    stays.agreed_travelled = std::max(stays.agreed_travelled, going.agreed_travelled);
     changes_.add(word_of(Change::kFuse, kept.slot(), gone.slot()));
     release_point(gone);
     ++statistics_.points_fused;

@@ -30,7 +30,7 @@ struct MapPoint {
     std::uint8_t level = 0;           // pyramid level of its feature
     std::uint8_t weight_tenths = 10;  // static weight, Algorithm 2
     std::uint8_t empty_views = 0;     // views in a row, or nearly, in which its place was seen to be empty
-    bool is_suspect = false;          // has no vote: seen to move, or new beside something that moves
+    bool is_suspect = false;          // has no weight: seen to move, or new beside something that moves
 
     double anchor[3] = {};              // m; where it was first seen (of a moving point: about a second ago)
     double var_z = 0, var_lateral = 0;  // of `world`, along and across the ray, m^2
@@ -39,7 +39,7 @@ struct MapPoint {
     float anchor_by_readout[3] = {};  // m/s; likewise
     std::int64_t created_ns = 0;
     std::int64_t anchor_ns = 0;
-    float agreed_way_m = 0;       // the odometer's, when a frame last saw it where it is (engine/tracking/odometry.hpp)
+    float agreed_travelled = 0;   // the odometer's, when a frame last saw it where it is (engine/tracking/odometry.hpp)
     Handle<Keyframe> reference;   // whose corrections it follows; null only while no keyframe observes it
     float angle_rad = 0;          // of its feature, (-pi, pi]
     std::uint16_t seen = 0;       // frames that matched it
@@ -86,7 +86,7 @@ struct Keyframe {
     std::uint32_t observations = 0;
     std::uint32_t observations_changed = 0;  // times that one came, was moved, or showed another point from then on
     float drift_m = 0;                       // that odometry can have gathered until here, since the map began
-    float way_m = 0;                         // the odometer's
+    float travelled = 0;                     // the odometer's
 };
 
 // A feature of a keyframe.
@@ -98,7 +98,8 @@ struct Observation {
     float var_z = -1;                          // m^2; < 0: no depth
     float angle_rad = 0;                       // (-pi, pi]
     std::uint8_t level = 0;
-    std::uint8_t looks = 1;  // frames that the undistorted place and the depth are the mean of, at most map.looks_max
+    std::uint8_t averaged =
+        1;  // frames that the undistorted place and the depth are the mean of, at most map.averaged_max
 };
 
 struct MapStatistics {
@@ -161,9 +162,10 @@ public:
     // point already; nothing changed.
     bool link(Handle<Keyframe> keyframe, std::uint32_t index, Handle<MapPoint> point) noexcept;
     // One more measurement, from near by, of what a feature with depth shows: where it lies in the keyframe's camera,
-    // m. The keyframe's measurement is the mean of them, a sliding one beyond map.looks_max. Nothing happens when the
-    // feature does not show `point` any more, or the keyframe is gone.
-    void average(Handle<Keyframe> handle, std::uint32_t index, Handle<MapPoint> point, const Vector3& look) noexcept;
+    // m. The keyframe's measurement is the mean of them, a sliding one beyond map.averaged_max. Nothing happens when
+    // the feature does not show `point` any more, or the keyframe is gone.
+    void average(Handle<Keyframe> handle, std::uint32_t index, Handle<MapPoint> point,
+                 const Vector3& measured) noexcept;
     // The feature shows nothing any more; a point without observers stays until it is released.
     void unlink(Handle<Keyframe> keyframe, std::uint32_t index) noexcept;
     [[nodiscard]] bool is_observed_by(std::uint32_t point_slot, std::uint32_t keyframe_slot) const noexcept {

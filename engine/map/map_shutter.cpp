@@ -19,17 +19,18 @@ void Map::express_with_readout(double readout_s) noexcept {
     changes_.add(readout_s);
 }
 
-void Map::average(Handle<Keyframe> handle, std::uint32_t index, Handle<MapPoint> point, const Vector3& look) noexcept {
+void Map::average(Handle<Keyframe> handle, std::uint32_t index, Handle<MapPoint> point,
+                  const Vector3& measured) noexcept {
     Keyframe* const keyframe = keyframes_.find(handle);
-    if (keyframe == nullptr || !(look.z() > 0.0)) return;
+    if (keyframe == nullptr || !(measured.z() > 0.0)) return;
     STILLMESH_CHECK(index < keyframe->observations);
     Observation& o = observations_of(handle.slot())[index];
     if (!(o.point == point) || o.var_z < 0) return;
-    const double share = 1.0 / (1.0 + o.looks);
-    o.normalised_x += static_cast<float>(share * (look.x() / look.z() - static_cast<double>(o.normalised_x)));
-    o.normalised_y += static_cast<float>(share * (look.y() / look.z() - static_cast<double>(o.normalised_y)));
-    o.z_m += static_cast<float>(share * (look.z() - static_cast<double>(o.z_m)));
-    if (o.looks < parameters_.looks_max) ++o.looks;
+    const double share = 1.0 / (1.0 + o.averaged);
+    o.normalised_x += static_cast<float>(share * (measured.x() / measured.z() - static_cast<double>(o.normalised_x)));
+    o.normalised_y += static_cast<float>(share * (measured.y() / measured.z() - static_cast<double>(o.normalised_y)));
+    o.z_m += static_cast<float>(share * (measured.z() - static_cast<double>(o.z_m)));
+    if (o.averaged < parameters_.averaged_max) ++o.averaged;
     ++keyframe->observations_changed;
 }
 

@@ -125,10 +125,10 @@ void GlobalRefinement::add_observation(std::uint32_t keyframe_slot, const Observ
     in.point = index;
     in.x = static_cast<double>(o.normalised_x);
     in.y = static_cast<double>(o.normalised_y);
-    in.var_pixel = world_->pixel_noise.var(o.level) * world_->noise.pixel / o.looks;
+    in.var_pixel = world_->pixel_noise.var(o.level) * world_->noise.pixel / o.averaged;
     if (o.var_z >= 0) {
         in.z_m = static_cast<double>(o.z_m);
-        in.var_z = static_cast<double>(o.var_z) * world_->noise.depth / o.looks;
+        in.var_z = static_cast<double>(o.var_z) * world_->noise.depth / o.averaged;
     }
     static_cast<void>(adjustment_.add_observation(in));  // more than were reserved: linked meanwhile
 }

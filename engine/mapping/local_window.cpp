@@ -118,7 +118,7 @@ std::uint32_t LocalWindow::choose_fixed() noexcept {
         for (std::uint32_t slot = 1; slot < counts_.size(); ++slot) {
             if (counts_[slot] > counts_[best]) best = slot;
         }
-        if (counts_[best] < world_->parameters.mapping.fixed_shared_min) break;
+        if (counts_[best] < world_->parameters.map.shared_min) break;
         counts_[best] = 0;
         units += take_in(world_->map.keyframes().handle_of(best), true);
     }
@@ -174,11 +174,11 @@ std::uint32_t LocalWindow::collect() noexcept {
         in.point = index_[o.point.slot()] - 1;
         in.x = static_cast<double>(o.normalised_x);
         in.y = static_cast<double>(o.normalised_y);
-        in.var_pixel = world_->pixel_noise.var(o.level) * world_->noise.pixel / o.looks;
+        in.var_pixel = world_->pixel_noise.var(o.level) * world_->noise.pixel / o.averaged;
         if (o.var_z >= 0) {
             in.z_m = static_cast<double>(o.z_m);
             const double slip = slip_per_m * in.z_m;
-            in.var_z = static_cast<double>(o.var_z) * world_->noise.depth / o.looks + slip * slip;
+            in.var_z = static_cast<double>(o.var_z) * world_->noise.depth / o.averaged + slip * slip;
         }
         if (adjustment_.add_observation(in) != Status::kOk) continue;
         observations_[observation_count_++] = {static_cast<std::uint16_t>(k), static_cast<std::uint16_t>(i)};

@@ -7,7 +7,8 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kCullChunk = 1024;  // slots in a piece
+constexpr std::uint32_t kSpareKeyframes = 64;  // one of so many is kept free ahead of need, and at least one
+constexpr std::uint32_t kCullChunk = 1024;     // slots in a piece
 
 }  // namespace
 
@@ -123,12 +124,10 @@ std::uint32_t Mapping::find_neighbours() noexcept {
 // --- room ------------------------------------------------------------------------------------------------------------
 
 std::uint32_t Mapping::drop_redundant() noexcept {
-    // One neighbour a piece; the newest keyframes have not had the time to prove themselves. While the pool is roomy
-    // all stay: more observations of a place make it surer (measured, docs/mapping.md).
+    // One neighbour a piece; the newest keyframes have not had the time to prove themselves. While half the pool is
+    // free all stay: more observations of a place make it surer (measured, docs/mapping.md).
     const Pool<Keyframe>& pool = world_->map.keyframes();
-    const bool is_roomy =
-        pool.size() * 1000 <= pool.capacity() * std::size_t{world_->parameters.mapping.roomy_permille};
-    if (cursor_ >= neighbour_count_ || is_roomy || !world_->parameters.mapping.is_culling) {
+    if (cursor_ >= neighbour_count_ || 2 * pool.size() <= pool.capacity()) {
         enter(Stage::kEvict);
         return 1;
     }
@@ -143,8 +142,7 @@ std::uint32_t Mapping::drop_redundant() noexcept {
 std::uint32_t Mapping::evict() noexcept {
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     const Pool<MapPoint>& points = world_->map.points();
-    const std::size_t keyframes_spare =
-        std::max<std::size_t>(1, keyframes.capacity() * world_->parameters.mapping.spare_keyframes_permille / 1000);
+    const std::size_t keyframes_spare = std::max<std::size_t>(1, keyframes.capacity() / kSpareKeyframes);
     if (keyframes.capacity() - keyframes.size() < keyframes_spare && cursor_ < keyframes_spare) {
         ++cursor_;
         if (evict_keyframe(world_->map, world_->local_map.keyframes())) {
@@ -152,10 +150,7 @@ std::uint32_t Mapping::evict() noexcept {
             return 1 + world_->limits.features_max / 2 + 2 * world_->limits.keyframes_max + compared * compared / 4;
         }
     }
-    const std::size_t points_spare =
-        std::min<std::size_t>(world_->limits.features_max,
-                              static_cast<std::size_t>(std::uint64_t{world_->parameters.mapping.spare_points_permille} *
-                                                       points.capacity() / 1000));
+    const std::size_t points_spare = std::min<std::size_t>(world_->limits.features_max, points.capacity() / 6);
     const std::size_t free = points.capacity() - points.size();
     stage_ = Stage::kIdle;
     if (free >= points_spare) return 1;

@@ -41,22 +41,22 @@ std::uint32_t PointFusion::find_alike(const MapPoint& point, const Vector2& pixe
     const Map& map = world_->map;
     const std::span<const Observation> there = map.observations(target_);
     const std::span<const Descriptor> descriptors = map.descriptors(target_);
-    const MappingParameters& p = world_->parameters.mapping;
-    std::uint32_t best = p.fusion_hamming_max + 1;
+    const MatchingParameters& p = world_->parameters.matching;
+    const double chi2_max = world_->parameters.region.edge_chi2_max;
+    std::uint32_t best = p.hamming_wide_max + 1;
     std::uint32_t best_feature = kNone;
     const double ratio = static_cast<double>(point.distance_m) / z_m * world_->pixel_noise.scale(point.level);
-    grid_.visit_near(pixel.x(), pixel.y(), p.fusion_radius_px * ratio, [&](std::uint32_t i) {
+    grid_.visit_near(pixel.x(), pixel.y(), p.radius_posed_px * ratio, [&](std::uint32_t i) {
         const Observation& o = there[i];
         const double scale = world_->pixel_noise.scale(o.level);
-        if (scale > p.fusion_scale_factor * ratio || ratio > p.fusion_scale_factor * scale) return;
+        if (scale > kScaleSlack * ratio || ratio > kScaleSlack * scale) return;
         const double dx = static_cast<double>(o.x) - pixel.x();
         const double dy = static_cast<double>(o.y) - pixel.y();
-        const double radius = p.fusion_radius_px * scale;
+        const double radius = p.radius_posed_px * scale;
         if (dx * dx + dy * dy > radius * radius) return;
         if (o.var_z >= 0) {
             const double dz = static_cast<double>(o.z_m) - z_m;
-            if (dz * dz > p.fusion_depth_chi2_max * world_->noise.depth * (static_cast<double>(o.var_z) + point.var_z))
-                return;
+            if (dz * dz > chi2_max * world_->noise.depth * (static_cast<double>(o.var_z) + point.var_z)) return;
         }
         const std::uint32_t distance = hamming_distance(descriptors[i], point.descriptor);
         if (distance >= best) return;

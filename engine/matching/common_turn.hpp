@@ -15,18 +15,14 @@ public:
 
     // A feature at the angle `from_rad` matched one at `to_rad`; both in [-2 pi, 2 pi].
     void add(float from_rad, float to_rad) noexcept { ++counts_[bin_of(from_rad, to_rad)]; }
-    // The `bins_max` fullest, unless they hold `factor` times fewer than the first: those are accidents. Of equals the
-    // lower bin.
-    void choose(std::uint32_t bins_max, std::uint32_t factor) noexcept {
-        std::uint32_t fullest = 0;
+    // The `bins_max` fullest. Of equals the lower bin.
+    void choose(std::uint32_t bins_max) noexcept {
         for (std::uint32_t rank = 0; rank < bins_max; ++rank) {
             std::int32_t best = -1;
             for (std::int32_t bin = 0; bin < kBins; ++bin) {
                 if (!is_chosen_[bin] && counts_[bin] > 0 && (best < 0 || counts_[bin] > counts_[best])) best = bin;
             }
             if (best < 0) break;
-            if (rank == 0) fullest = counts_[best];
-            if (factor * counts_[best] < fullest) break;
             is_chosen_[best] = true;
         }
     }

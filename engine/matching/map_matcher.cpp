@@ -1,6 +1,7 @@
 #include "engine/matching/map_matcher.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "engine/features/hamming.hpp"
 #include "engine/geometry/camera.hpp"
@@ -61,6 +62,7 @@ void MapMatcher::search(const Map& map, const LocalMap* local, const SE3& world_
     const bool is_more = seen_frame != nullptr;
     const SE3 camera_from_world = world_from_camera.inverse();
     const auto levels = static_cast<std::int32_t>(scale_of_level_.size());
+    const double level_step = levels > 1 ? std::sqrt(scale_of_level_[1] / scale_of_level_[0]) : 1.0;  // half a level
     const Pool<MapPoint>& points = map.points();
     const auto count = local != nullptr ? static_cast<std::uint32_t>(local->points().size()) : points.slots_count();
     for (std::uint32_t at = 0; at < count; ++at) {
@@ -80,8 +82,7 @@ void MapMatcher::search(const Map& map, const LocalMap* local, const SE3& world_
         // A point twice as far is seen on the level whose scale is half: which level to expect.
         const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_of_level_[point.level];
         std::int32_t level = 0;
-        while (level + 1 < levels &&
-               scale_of_level_[static_cast<std::size_t>(level)] * parameters_.level_factor < ratio) {
+        while (level + 1 < levels && scale_of_level_[static_cast<std::size_t>(level)] * level_step < ratio) {
             ++level;
         }
         const double radius = radius_px * scale_of_level_[static_cast<std::size_t>(level)];
@@ -120,8 +121,8 @@ void MapMatcher::claim(std::uint32_t feature, std::uint32_t slot, std::uint32_t 
 NearestTwo<MapMatcher::Found> MapMatcher::find_nearest(const Descriptor& descriptor, const Vector2& pixel,
                                                        double radius_px, std::int32_t level,
                                                        bool is_free_only) const noexcept {
-    const Disc disc{pixel.x(), pixel.y(), radius_px * radius_px,
-                    static_cast<std::uint32_t>(level) - parameters_.levels_off, 2 * parameters_.levels_off};
+    const Disc disc{pixel.x(), pixel.y(), radius_px * radius_px, static_cast<std::uint32_t>(level) - 1U,
+                    2};  // that level and its neighbours
     NearestTwo<Found> two{parameters_.hamming_max};
     const auto compare = [&](std::uint32_t feature, std::int32_t feature_level) {
         if (is_free_only && !claims_[feature].is_free()) return;
@@ -184,7 +185,7 @@ void MapMatcher::keep_common_turn(const Map& map) noexcept {
     for (std::size_t i = 0; i < features_->size(); ++i) {
         if (!claims_[i].is_free()) turn.add(angle_of(claims_[i]), features_->keypoints[i].angle_rad);
     }
-    turn.choose(parameters_.turn_bins, parameters_.turn_factor);
+    turn.choose(parameters_.turn_bins);
     for (std::size_t i = 0; i < features_->size(); ++i) {
         if (!claims_[i].is_free() && !turn.has(angle_of(claims_[i]), features_->keypoints[i].angle_rad)) {
             claims_[i] = Claim{};

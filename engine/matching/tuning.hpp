@@ -15,11 +15,9 @@ namespace stillmesh {
     KEY(matching, double, ratio_max, 0.85, 0.1, 1.0, "", "best to second best descriptor distance") \
     KEY(matching, double, radius_px, 12.0, 1.0, 100.0, "px", "search radius around a projection") \
     KEY(matching, double, radius_wide_px, 40.0, 1.0, 400.0, "px", "search radius of the second try") \
+    KEY(matching, double, radius_posed_px, 6.0, 1.0, 100.0, "px", "search radius around a projection from a measured pose") \
     KEY(matching, std::uint32_t, matches_min, 60, 3.0, 4000.0, "", "fewer matches start the second try") \
-    KEY(matching, double, level_factor, 1.095, 1.0, 2.0, "", "scale from which the next level is expected") \
-    KEY(matching, std::uint32_t, levels_off, 1, 0.0, 12.0, "", "levels off the expected one that may match") \
-    KEY(matching, std::uint32_t, turn_bins, 3, 1.0, 30.0, "", "turns of the picture (12 degrees) that may agree") \
-    KEY(matching, std::uint32_t, turn_factor, 10, 1.0, 1000.0, "", "a turn with so many times fewer matches than the first is an accident")
+    KEY(matching, std::uint32_t, turn_bins, 3, 1.0, 30.0, "", "turns of the picture (12 degrees) that may agree")
 struct MatchingParameters { STILLMESH_TUNING_matching(STILLMESH_FIELD) };
 
 // clang-format on

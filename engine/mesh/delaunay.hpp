@@ -45,6 +45,28 @@ struct Mesh {
 };
 
 class Delaunay {
+    // All arrays, for the plan and for the arena. Above plan(): clang evaluates no template that it has not seen.
+    template <typename A>
+    constexpr void take_arrays(A& arena, std::uint32_t points_max) noexcept {
+        const std::size_t n = points_max;
+        const std::size_t edges = mesh_edges_max(points_max);
+        arena.take(vertices_, n);
+        arena.take(vertex_of_point_, n);
+        arena.take(edges_, edges);
+        arena.take(triangles_, mesh_triangles_max(points_max) + 1);
+        arena.take(keys_, n);
+        arena.take(keys_other_, n);
+        arena.take(order_, n);
+        arena.take(strip_begin_, kColumns + 1);
+        arena.take(counts_, kDigits);
+        arena.take(half_edges_, 2 * edges);
+        arena.take(begin_by_b_, n);
+        arena.take(begin_by_a_, n);
+        arena.take(half_edge_by_b_, edges);
+        arena.take(half_edge_of_edge_, edges);
+        arena.take(edge_of_slot_, edges);
+    }
+
 public:
     static constexpr void plan(ArenaPlan& arena, std::uint32_t points_max) noexcept {
         Delaunay().take_arrays(arena, points_max);
@@ -77,26 +99,6 @@ private:
     static constexpr std::uint32_t kColumns = 512;              // of 4 px, which strips are made of
     static constexpr std::uint32_t kLevelsMax = 32;             // of the merge tree over 2^32 points
 
-    template <typename A>
-    constexpr void take_arrays(A& arena, std::uint32_t points_max) noexcept {
-        const std::size_t n = points_max;
-        const std::size_t edges = mesh_edges_max(points_max);
-        arena.take(vertices_, n);
-        arena.take(vertex_of_point_, n);
-        arena.take(edges_, edges);
-        arena.take(triangles_, mesh_triangles_max(points_max) + 1);
-        arena.take(keys_, n);
-        arena.take(keys_other_, n);
-        arena.take(order_, n);
-        arena.take(strip_begin_, kColumns + 1);
-        arena.take(counts_, kDigits);
-        arena.take(half_edges_, 2 * edges);
-        arena.take(begin_by_b_, n);
-        arena.take(begin_by_a_, n);
-        arena.take(half_edge_by_b_, edges);
-        arena.take(half_edge_of_edge_, edges);
-        arena.take(edge_of_slot_, edges);
-    }
     void sort_and_number(std::span<const PixelPoint> points) noexcept;
     std::uint32_t cut_into_strips() noexcept;
     void write_out(const Subdivision& subdivision) noexcept;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "engine/geometry/view_distance.hpp"
+
 namespace stillmesh {
 
 void RegionKeeper::create(Arena& arena, PagingState& state) noexcept {
@@ -28,9 +30,8 @@ void RegionKeeper::note_useful() noexcept {
 
 bool RegionKeeper::has_moved(const PagingState::Known& of, const SE3& world_from_camera) const noexcept {
     const SE3 off = of.kept_at.inverse() * world_from_camera;
-    const double reach_m = state_->world->parameters.store.moved_m;
-    return off.translation.squaredNorm() > reach_m * reach_m ||
-           rotation_angle(off.rotation) > state_->world->parameters.store.moved_rad;
+    const double least_m = state_->world->parameters.loop.correction_min_m;
+    return off.translation.squaredNorm() > least_m * least_m || rotation_angle(off.rotation) > least_m;
 }
 
 bool RegionKeeper::has_kept_twin(std::uint32_t slot) const noexcept {
@@ -40,11 +41,7 @@ bool RegionKeeper::has_kept_twin(std::uint32_t slot) const noexcept {
     for (std::uint32_t other = 0; other < state_->known.size(); ++other) {
         const PagingState::Known& k = state_->known[other];
         if (other == slot || !k.is_stored || keyframes.find(k.handle) == nullptr) continue;
-        const SE3& there = keyframes.at(other).world_from_camera;
-        if ((there.translation - here.translation).squaredNorm() > p.twin_m * p.twin_m) continue;
-        const Vector3 axis_here = here.rotation.col(2);
-        const Vector3 axis_there = there.rotation.col(2);
-        if (axis_here.dot(axis_there) > p.twin_cosine_min) return true;
+        if (view_distance_m2(keyframes.at(other).world_from_camera, here) <= p.twin_m * p.twin_m) return true;
     }
     return false;
 }
@@ -91,7 +88,9 @@ std::uint32_t RegionKeeper::keep(std::uint32_t slot) noexcept {
     units += 2 * world.limits.features_max;
     LeavingRegion leaving;
     leaving.body = outgoing_.first(size);
-    if (leaving.body.size() < region_bytes_max(std::min(world.parameters.store.points_min, state_->features_max()))) {
+    // What is recognised from half as many matches as make a loop is not recognised from fewer points.
+    if (leaving.body.size() <
+        region_bytes_max(std::min(world.parameters.loop.inliers_min / 2, state_->features_max()))) {
         ++statistics.poor;
         return units;
     }

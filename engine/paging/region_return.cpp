@@ -130,7 +130,7 @@ std::uint32_t RegionReturn::receive() noexcept {
     StoreAnswer answer;
     const Status status = state_->store->poll(answer, incoming_);
     if (status == Status::kTimedOut) {
-        if (state_->world->clock.frame - queried_frame_ > state_->world->parameters.store.patience_frames) {
+        if (state_->world->clock.frame - queried_frame_ > state_->world->parameters.store.gap_frames) {
             is_waiting_ = false;
             ++statistics.late;
         }
@@ -156,7 +156,7 @@ std::uint32_t RegionReturn::receive() noexcept {
 }
 
 void RegionReturn::rest(std::uint64_t id) noexcept {
-    resting_.push_over({id, state_->world->clock.frame + state_->world->parameters.store.rest_frames});
+    resting_.push_over({id, state_->world->clock.frame + state_->world->parameters.store.gap_frames});
 }
 
 void RegionReturn::drop() noexcept {

@@ -12,12 +12,8 @@ namespace stillmesh {
 // Places beyond memory (engine/paging/map_pager.hpp). Nothing of it without a store.
 #define STILLMESH_TUNING_store(KEY) \
     KEY(store, std::uint32_t, pause_frames, 3, 1.0, 1e6, "frames", "between two regions that come back") \
-    KEY(store, std::uint32_t, rest_frames, 150, 1.0, 1e6, "frames", "a region that came back does not come sooner") \
-    KEY(store, std::uint32_t, patience_frames, 90, 1.0, 1e6, "frames", "then an answer is given up") \
     KEY(store, double, score_share, 0.5, 0.0, 1.0, "", "of the least score among neighbours, to come back") \
-    KEY(store, double, lost_score_min, 0.01, 0.0, 1.0, "", "of a lost camera's picture, to come back") \
-    KEY(store, double, moved_m, 0.02, 0.0, 100.0, "m", "a region that moved by so much is kept anew") \
-    KEY(store, double, moved_rad, 0.01, 0.0, 3.2, "rad", "or was turned by so much")
+    KEY(store, double, lost_score_min, 0.01, 0.0, 1.0, "", "of a lost camera's picture, to come back")
 struct StoreTuning { STILLMESH_TUNING_store(STILLMESH_FIELD) };
 struct StoreParameters : StoreKeys, StoreTuning {};
 

@@ -17,6 +17,17 @@
 namespace stillmesh {
 
 class KeyframeDatabase {
+    // All arrays, for the plan and for the arena. Above plan(): clang evaluates no template that it has not seen.
+    template <typename A>
+    constexpr void take_arrays(A& arena, const Limits& limits) noexcept {
+        const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
+        arena.take(bags_, rows);
+        arena.take(direct_, rows);
+        arena.take(entries_, limits.keyframes_max);
+        arena.take(blocks_, blocks_max(limits));
+        arena.take(first_of_word_, limits.vocabulary_words_max);
+    }
+
 public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         KeyframeDatabase().take_arrays(arena, limits);
@@ -90,15 +101,6 @@ private:
     };
     [[nodiscard]] std::span<const WordWeight> bag_of(std::uint32_t slot) const noexcept {
         return bags_.subspan(static_cast<std::size_t>(slot) * features_max_, entries_[slot].words);
-    }
-    template <typename A>
-    constexpr void take_arrays(A& arena, const Limits& limits) noexcept {
-        const std::size_t rows = static_cast<std::size_t>(limits.keyframes_max) * limits.features_max;
-        arena.take(bags_, rows);
-        arena.take(direct_, rows);
-        arena.take(entries_, limits.keyframes_max);
-        arena.take(blocks_, blocks_max(limits));
-        arena.take(first_of_word_, limits.vocabulary_words_max);
     }
     void add_posting(std::uint32_t word, std::uint32_t slot, std::uint32_t weight) noexcept;
     void remove_posting(std::uint32_t word, std::uint32_t slot) noexcept;

@@ -4,10 +4,10 @@
 
 namespace stillmesh {
 
-void choose_voters(std::span<const Correspondence> correspondences, FixedVector<std::uint16_t>& chosen) noexcept {
+void choose_weighted(std::span<const Correspondence> correspondences, FixedVector<std::uint16_t>& chosen) noexcept {
     chosen.clear();
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
-        if (correspondences[i].vote > 0) STILLMESH_CHECK(chosen.push(static_cast<std::uint16_t>(i)));
+        if (correspondences[i].weight > 0) STILLMESH_CHECK(chosen.push(static_cast<std::uint16_t>(i)));
     }
 }
 
@@ -17,7 +17,7 @@ void choose_agreeing(std::span<const Correspondence> correspondences, const SE3&
     chosen.clear();
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
         const Correspondence& c = correspondences[i];
-        if (c.vote > 0 && chi2_of(c, camera_from_world) <= chi2_max &&
+        if (c.weight > 0 && chi2_of(c, camera_from_world) <= chi2_max &&
             chi2_of_anchor(c, camera_from_world) <= chi2_anchor_max) {
             STILLMESH_CHECK(chosen.push(static_cast<std::uint16_t>(i)));
         }

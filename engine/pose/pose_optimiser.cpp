@@ -92,15 +92,16 @@ struct System {
 };
 
 System linearise(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                 const SE3& world_from_camera, double chi2_max, double vote_scale, const MotionPrior* prior) noexcept {
+                 const SE3& world_from_camera, double chi2_max, double weight_scale,
+                 const MotionPrior* prior) noexcept {
     System s;
     const SE3 camera_from_world = world_from_camera.inverse();
     for (const std::uint16_t index : chosen) {
         const Correspondence& c = correspondences[index];
         const Vector3 q = camera_from_world * c.p_world;
-        const double vote = c.vote * vote_scale;
+        const double weight = c.weight * weight_scale;
         if (q.z() < kDepthMin_m) {
-            s.cost += vote * kCostMax * chi2_max;
+            s.cost += weight * kCostMax * chi2_max;
             continue;
         }
         const Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
@@ -109,20 +110,20 @@ System linearise(std::span<const Correspondence> correspondences, std::span<cons
         // weights integrate to, up to kCostMax chi2_max: were it Huber's, one outlier could veto every step.
         double robust = 1.0;
         if (chi2 <= chi2_max) {
-            s.cost += vote * chi2;
+            s.cost += weight * chi2;
             ++s.inliers;
             s.inlier_chi2 += chi2;
         } else {
             const double ratio = std::sqrt(chi2_max / chi2);
             robust = ratio;
             if (chi2 <= kFar * chi2_max) {
-                s.cost += vote * chi2_max * (2.0 / ratio - 1.0);
+                s.cost += weight * chi2_max * (2.0 / ratio - 1.0);
             } else {
-                s.cost += vote * chi2_max * (kCostMax - 2.0 * kFar * ratio);
+                s.cost += weight * chi2_max * (kCostMax - 2.0 * kFar * ratio);
                 robust *= kFar * chi2_max / chi2;
             }
         }
-        s.add(q, r, vote * robust);
+        s.add(q, r, weight * robust);
     }
     s.complete();
     if (prior != nullptr) {
@@ -163,15 +164,15 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
     PoseFit fit;
     fit.world_from_camera = world_from_camera_guess;
     if (chosen.size() < 3) return fit;
-    // Votes are relative: the most trusted point has weight 1, so that the information keeps its unit.
-    double vote_max = 0;
+    // Weights are relative: the most trusted point has weight 1, so that the information keeps its unit.
+    double weight_max = 0;
     for (const std::uint16_t index : chosen) {
-        if (correspondences[index].vote > vote_max) vote_max = correspondences[index].vote;
+        if (correspondences[index].weight > weight_max) weight_max = correspondences[index].weight;
     }
-    if (!(vote_max > 0)) return fit;
-    const double vote_scale = 1.0 / vote_max;
+    if (!(weight_max > 0)) return fit;
+    const double weight_scale = 1.0 / weight_max;
     double lambda = 1e-4;
-    System system = linearise(correspondences, chosen, fit.world_from_camera, chi2_max, vote_scale, prior);
+    System system = linearise(correspondences, chosen, fit.world_from_camera, chi2_max, weight_scale, prior);
     for (std::uint32_t i = 0; i < iterations_max; ++i) {
         Matrix6 damped = system.h;
         for (int k = 0; k < 6; ++k) damped(k, k) += lambda * system.h(k, k) + 1e-9;
@@ -181,7 +182,7 @@ PoseFit optimise_pose(std::span<const Correspondence> correspondences, std::span
         solve_lower_transposed(damped, step);
         SE3 candidate = fit.world_from_camera * se3_exp(step);
         renormalise(candidate.rotation);
-        const System next = linearise(correspondences, chosen, candidate, chi2_max, vote_scale, prior);
+        const System next = linearise(correspondences, chosen, candidate, chi2_max, weight_scale, prior);
         if (next.cost <= system.cost) {
             const double gain = system.cost - next.cost;
             const double before = system.cost;

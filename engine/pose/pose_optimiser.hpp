@@ -24,7 +24,7 @@ struct MotionPrior {
     double sigma_rad = 0.01;
 };
 
-// Uses the correspondences named by `chosen`, each weighted by its vote, relative to the largest.
+// Uses the correspondences named by `chosen`, each weighted by its weight, relative to the largest.
 [[nodiscard]] PoseFit optimise_pose(std::span<const Correspondence> correspondences,
                                     std::span<const std::uint16_t> chosen, const SE3& world_from_camera_guess,
                                     double chi2_max, std::uint32_t iterations_max,

@@ -87,24 +87,24 @@ bool pose_from_three(const Correspondence& a, const Correspondence& b, const Cor
 namespace {
 
 struct Support {
-    double votes = 0;
+    double weight = 0;
     std::uint32_t inliers = 0;
 };
 
-// Stops where the votes that are left cannot make it better than `best_votes`: most wrong hypotheses end early.
+// Stops where the weights that are left cannot make it better than `best_weight`: most wrong hypotheses end early.
 Support support_of(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                   const SE3& world_from_camera, double chi2_max, double votes_all, double best_votes) noexcept {
+                   const SE3& world_from_camera, double chi2_max, double weight_all, double best_weight) noexcept {
     Support support;
     const SE3 camera_from_world = world_from_camera.inverse();
-    const double missed_max = votes_all - best_votes;
+    const double missed_max = weight_all - best_weight;
     double missed = 0;
     for (const std::uint16_t index : chosen) {
         const Correspondence& c = correspondences[index];
         if (chi2_of(c, camera_from_world) <= chi2_max) {
-            support.votes += c.vote;
+            support.weight += c.weight;
             ++support.inliers;
         } else {
-            missed += c.vote;
+            missed += c.weight;
             if (missed > missed_max) break;
         }
     }
@@ -116,18 +116,18 @@ Support support_of(std::span<const Correspondence> correspondences, std::span<co
 RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
                          const SE3* first, const RansacOptions& options, Random& random) noexcept {
     RansacResult best;
-    double votes_all = 0;
+    double weight_all = 0;
     std::uint32_t with_depth = 0;
     for (const std::uint16_t index : chosen) {
-        votes_all += correspondences[index].vote;
+        weight_all += correspondences[index].weight;
         with_depth += correspondences[index].has_depth ? 1U : 0U;
     }
-    double best_votes = -1;
+    double best_weight = -1;
     const auto consider = [&](const SE3& hypothesis) {
         const Support support =
-            support_of(correspondences, chosen, hypothesis, options.chi2_max, votes_all, best_votes);
-        if (support.votes > best_votes) {
-            best_votes = support.votes;
+            support_of(correspondences, chosen, hypothesis, options.chi2_max, weight_all, best_weight);
+        if (support.weight > best_weight) {
+            best_weight = support.weight;
             best.world_from_camera = hypothesis;
             best.inliers = support.inliers;
             best.is_valid = true;
@@ -138,7 +138,8 @@ RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::s
     if (with_depth >= 3) {
         const auto wanted = [&] {
             double ratio = options.inlier_ratio_start;
-            if (best_votes >= 0 && votes_all > 0 && best_votes / votes_all > ratio) ratio = best_votes / votes_all;
+            if (best_weight >= 0 && weight_all > 0 && best_weight / weight_all > ratio)
+                ratio = best_weight / weight_all;
             if (ratio < options.inlier_ratio_min) ratio = options.inlier_ratio_min;
             const std::uint32_t k =
                 options.factor * ransac_iterations(options.confidence, ratio, options.iterations_max);
@@ -156,12 +157,12 @@ RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::s
             if (!a.has_depth || !b.has_depth || !c.has_depth) continue;
             SE3 hypothesis;
             if (!pose_from_three(a, b, c, hypothesis, options.sample_chi2_max)) continue;
-            const double before = best_votes;
+            const double before = best_weight;
             consider(hypothesis);
-            if (best_votes > before) limit = wanted();
+            if (best_weight > before) limit = wanted();
         }
     }
-    best.inlier_share = votes_all > 0 && best_votes > 0 ? best_votes / votes_all : 0.0;
+    best.inlier_share = weight_all > 0 && best_weight > 0 ? best_weight / weight_all : 0.0;
     return best;
 }
 

@@ -26,7 +26,7 @@ struct RansacOptions {
 
 struct RansacResult {
     SE3 world_from_camera;
-    double inlier_share = 0;  // of the votes
+    double inlier_share = 0;  // of the weights
     std::uint32_t inliers = 0;
     std::uint32_t iterations = 0;
     bool is_valid = false;

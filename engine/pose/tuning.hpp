@@ -32,9 +32,8 @@ struct ShutterParameters { STILLMESH_TUNING_shutter(STILLMESH_FIELD) };
     KEY(pose, std::uint32_t, final_factor, 10, 1.0, 100.0, "", "RANSAC iterations over the rule's, for the pose") \
     KEY(pose, double, inlier_ratio_start, 0.5, 0.05, 1.0, "", "share of inliers expected at first") \
     KEY(pose, double, inlier_ratio_min, 0.3, 0.05, 1.0, "", "least share of inliers the rule reckons with") \
-    KEY(pose, double, sample_chi2_max, 16.0, 0.1, 1000.0, "", "largest squared change of a length between three points") \
-    KEY(pose, std::uint32_t, coarse_passes_max, 4, 1.0, 100.0, "", "adjustment of a group's motion") \
-    KEY(pose, std::uint32_t, expected_passes_max, 6, 1.0, 100.0, "", "adjustment of the expected motion") \
+    KEY(pose, double, sample_chi2_max, 16.0, 0.1, 1000.0, "", "largest squared change of a length between three points; a residual beyond is just wrong") \
+    KEY(pose, std::uint32_t, coarse_passes_max, 4, 1.0, 100.0, "", "adjustment of a motion that is proposed") \
     KEY(pose, std::uint32_t, final_passes_max, 10, 1.0, 100.0, "", "adjustment of the pose")
 struct PoseTuning { STILLMESH_TUNING_pose(STILLMESH_FIELD) };
 struct PoseParameters : PoseKeys, PoseTuning {

@@ -7,11 +7,6 @@
 #include "engine/matching/nearest_two.hpp"
 
 namespace stillmesh {
-namespace {
-
-constexpr double kScaleSlack = 1.6;  // between a feature's scale and the one expected
-
-}  // namespace
 
 void PlaceMatcher::create(Arena& arena, const Limits& limits, const Parameters& configuration,
                           const CameraModel& camera) noexcept {
@@ -58,7 +53,7 @@ std::uint32_t PlaceMatcher::count_alike(const Map& map, const Vocabulary& vocabu
     const std::span<const Observation> observations = map.observations(keyframe);
     const std::span<const Descriptor> descriptors = map.descriptors(keyframe);
     CommonTurn turns;
-    const auto look = [&](std::span<const WordOfFeature> mine, std::span<const WordOfFeature> theirs) {
+    const auto compare = [&](std::span<const WordOfFeature> mine, std::span<const WordOfFeature> theirs) {
         for (const WordOfFeature a : mine) {
             if (query_[a.feature].level == kNotEligible) continue;
             NearestTwo<std::uint32_t> two{configuration_->matching.hamming_max};
@@ -73,7 +68,7 @@ std::uint32_t PlaceMatcher::count_alike(const Map& map, const Vocabulary& vocabu
             turns.add(o.angle_rad, query_[a.feature].angle_rad);
         }
     };
-    visit_common_nodes(vocabulary, std::min(kLookLevel, vocabulary.info().levels), by_word_.span(), there, look);
+    visit_common_nodes(vocabulary, std::min(kCompareLevel, vocabulary.info().levels), by_word_.span(), there, compare);
     return turns.count_alike();
 }
 
@@ -97,8 +92,7 @@ void PlaceMatcher::offer(std::uint32_t feature, Handle<MapPoint> point, std::uin
 void PlaceMatcher::enter_node_of(const WordOfFeature& mine, const Vocabulary& vocabulary,
                                  std::span<const WordOfFeature> there) noexcept {
     if (mine.word < node_end_) return;
-    const WordRange node =
-        vocabulary.node_of(mine.word, std::min(configuration_->loop.nodes_level, vocabulary.info().levels));
+    const WordRange node = vocabulary.node_of(mine.word, std::min(kNodesLevel, vocabulary.info().levels));
     node_end_ = node.end;
     b_ = b_end_;
     while (b_ < there.size() && there[b_].word < node.begin) ++b_;
@@ -142,7 +136,7 @@ void PlaceMatcher::keep_common_turn(const Map& map) noexcept {
             turn.add(point->angle_rad, query_[i].angle_rad);
         }
     }
-    turn.choose(configuration_->matching.turn_bins, configuration_->matching.turn_factor);
+    turn.choose(configuration_->matching.turn_bins);
     for (std::size_t i = 0; i < query_.size(); ++i) {
         const MapPoint* const point = map.points().find(claims_[i].point);
         if (point != nullptr && !turn.has(point->angle_rad, query_[i].angle_rad)) claims_[i] = Claim{};
@@ -185,16 +179,16 @@ bool PlaceMatcher::mark_projected(std::uint32_t slot) noexcept {
 
 // Around `pixel`, at a scale near `ratio`.
 PlaceMatcher::Alike PlaceMatcher::find_alike(const MapPoint& point, const Vector2& pixel, double ratio) const noexcept {
-    const LoopParameters& p = configuration_->loop;
-    Alike best{0, configuration_->matching.hamming_max + 1};
-    grid_.visit_near(pixel.x(), pixel.y(), p.radius_px * std::max(ratio, 1.0), [&](std::uint32_t i) {
+    const MatchingParameters& p = configuration_->matching;
+    Alike best{0, p.hamming_max + 1};
+    grid_.visit_near(pixel.x(), pixel.y(), p.radius_posed_px * std::max(ratio, 1.0), [&](std::uint32_t i) {
         const Observation& o = query_[i];
         if (o.level == kNotEligible) return;
         const double scale = pixel_noise_.scale(o.level);
         if (scale > kScaleSlack * ratio || ratio > kScaleSlack * scale) return;
         const double dx = static_cast<double>(o.x) - pixel.x();
         const double dy = static_cast<double>(o.y) - pixel.y();
-        const double radius = p.radius_px * scale;
+        const double radius = p.radius_posed_px * scale;
         if (dx * dx + dy * dy > radius * radius) return;
         const std::uint32_t distance = hamming_distance(descriptors_[i], point.descriptor);
         if (distance < best.distance_bits) best = {i, distance};

@@ -20,6 +20,9 @@ namespace stillmesh {
 
 class PlaceMatcher {
 public:
+    // Features under one node of this level of the vocabulary are compared.
+    static constexpr std::uint32_t kNodesLevel = 1;
+
     struct Claim {
         Handle<MapPoint> point;  // null: none
         std::uint32_t distance_bits = 0;
@@ -46,8 +49,8 @@ public:
     [[nodiscard]] std::span<const Observation> query() const noexcept { return query_.span(); }
 
     // A first look, some ten times cheaper than verification: how many features of a keyframe have one of the query
-    // that is alike, under nodes of level kLookLevel, and turned as most are. `there`: the keyframe's direct index.
-    static constexpr std::uint32_t kLookLevel = 2;
+    // that is alike, under nodes of level kCompareLevel, and turned as most are. `there`: the keyframe's direct index.
+    static constexpr std::uint32_t kCompareLevel = 2;
     [[nodiscard]] std::uint32_t count_alike(const Map& map, const Vocabulary& vocabulary, Handle<Keyframe> keyframe,
                                             std::span<const WordOfFeature> there) const noexcept;
 

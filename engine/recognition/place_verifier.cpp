@@ -47,7 +47,7 @@ void PlaceVerifier::start(const Map& map, Handle<Keyframe> candidate, const Nois
     cursor_ = source_ = 0;
     matched_ = 0;
     iterations_ = 0;
-    best_votes_ = -1;
+    best_weight_ = -1;
     fit_ = PoseFit{};
     matches_.clear();
     source_count_ = 0;
@@ -158,17 +158,17 @@ std::uint32_t PlaceVerifier::sample() noexcept {
         for (const Correspondence& c : pairs_) {
             agreeing += chi2_of(c, camera_from_world) <= configuration_->region.point_chi2_max ? 1U : 0U;
         }
-        if (static_cast<double>(agreeing) <= best_votes_) continue;
-        best_votes_ = agreeing;
+        if (static_cast<double>(agreeing) <= best_weight_) continue;
+        best_weight_ = agreeing;
         best_ = hypothesis;
-        const double share = std::max(best_votes_ / static_cast<double>(count), 0.05);
+        const double share = std::max(best_weight_ / static_cast<double>(count), 0.05);
         const RansacOptions options = ransac_options(*configuration_, configuration_->pose.coarse_factor);
         iterations_wanted_ =
             std::min(options.iterations_max,
                      options.factor * ransac_iterations(options.confidence, share, options.iterations_max));
     }
     if (iterations_ < iterations_wanted_) return units;
-    if (best_votes_ < configuration_->loop.first_inliers_min) {
+    if (best_weight_ < configuration_->pose.inliers_min) {
         refuse(Refusal::kNoPose);
     } else {
         stage_ = Stage::kRefine;
@@ -191,7 +191,7 @@ std::uint32_t PlaceVerifier::refine() noexcept {
     static_cast<void>(choose_agreeing(best_, 2.0 * chi2_max));
     const auto units = static_cast<std::uint32_t>(11 * chosen_.size()) + 1;
     fit_ = optimise_pose(pairs_.span(), chosen_.span(), best_, chi2_max, 10);
-    if (!fit_.is_valid || fit_.inliers < configuration_->loop.first_inliers_min) {
+    if (!fit_.is_valid || fit_.inliers < configuration_->pose.inliers_min) {
         refuse(Refusal::kNoPose);
         return units;
     }

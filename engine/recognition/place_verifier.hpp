@@ -130,7 +130,7 @@ private:
     std::uint32_t cursor_ = 0;
     std::uint32_t iterations_ = 0, iterations_wanted_ = 0;
     std::uint32_t matched_ = 0;
-    double best_votes_ = 0;
+    double best_weight_ = 0;
     SE3 best_;
     PoseFit fit_;
     Random random_{1};

@@ -35,7 +35,7 @@ bool propose_recovery(std::span<const Correspondence> correspondences, std::span
                       const LastSeen* last_seen, const Parameters& configuration, Random& random,
                       SE3& world_from_camera) noexcept {
     const RecoveryParameters& r = configuration.recovery;
-    if (chosen.size() < r.matches_min) return false;
+    if (chosen.size() < configuration.pose.inliers_min) return false;
     RansacOptions options = ransac_options(configuration, configuration.pose.final_factor);
     options.iterations_max = ransac_options(configuration, configuration.pose.coarse_factor).iterations_max;
     options.inlier_ratio_start = configuration.pose.inlier_ratio_min;

@@ -27,7 +27,7 @@ bool Relocalisation::match(const Map& map, Handle<Keyframe> keyframe, std::span<
     places_->take(PlaceSearch::User::kRelocalisation);
     FrameWords& words = places_->words();
     words.find(places_->vocabulary(), descriptors);
-    matcher.by_words(map, keyframe, places_->vocabulary(), configuration_->loop.nodes_level, words.by_word(),
+    matcher.by_words(map, keyframe, places_->vocabulary(), PlaceMatcher::kNodesLevel, words.by_word(),
                      places_->database().direct_index(keyframe.slot()));
     ++matched_;
     return true;
@@ -70,7 +70,7 @@ std::uint32_t Relocalisation::count_alike(const Map& map, Handle<Keyframe> keyfr
 
 bool Relocalisation::verify(const Map& map, Handle<Keyframe> keyframe) noexcept {
     // Less than of a loop, which nothing else is asked about: tracking has the last word here, and a probation follows.
-    const PlaceVerifier::Demands demands{configuration_->loop.first_inliers_min,
+    const PlaceVerifier::Demands demands{configuration_->pose.inliers_min,
                                          kPlacedFactor * configuration_->pose.inliers_min};
     ++candidates_;
     PlaceVerifier& verifier = places_->verifier();
@@ -84,27 +84,27 @@ bool Relocalisation::verify(const Map& map, Handle<Keyframe> keyframe) noexcept 
 bool Relocalisation::find(const Map& map) noexcept {
     if (!query(map)) return false;
     Place best[kTriesPerFrame];  // the worthiest first
-    std::uint32_t looks = 0;
-    for (const PlaceCandidate& place : places_->query().candidates()) {
-        const std::uint32_t slot = place.keyframe_slot;
-        if (looks == kLooksPerFrame) break;
+    std::uint32_t compared = 0;
+    for (const PlaceCandidate& candidate : places_->query().candidates()) {
+        const std::uint32_t slot = candidate.keyframe_slot;
+        if (compared == kComparedPerFrame) break;
         if ((marks_[slot] & kDismissed) != 0 || !map.keyframes().is_taken(slot)) continue;
-        Place look{map.keyframes().handle_of(slot)};
-        if (!places_->has(look.keyframe)) continue;
-        ++looks;
-        const std::uint32_t alike = count_alike(map, look.keyframe);
+        Place place{map.keyframes().handle_of(slot)};
+        if (!places_->has(place.keyframe)) continue;
+        ++compared;
+        const std::uint32_t alike = count_alike(map, place.keyframe);
         if (alike < kAlikeMin) {
             marks_[slot] |= kDismissed;
             continue;
         }
-        look.worth = (marks_[slot] & kTried) != 0 ? alike / 2 : alike;
-        if (look.keyframe == rival_) look.worth = UINT32_MAX;
+        place.worth = (marks_[slot] & kTried) != 0 ? alike / 2 : alike;
+        if (place.keyframe == rival_) place.worth = UINT32_MAX;
         for (Place& other : best) {
-            if (look.worth > other.worth) std::swap(look, other);
+            if (place.worth > other.worth) std::swap(place, other);
         }
     }
     rival_ = {};
-    const bool is_all = looks < kLooksPerFrame;
+    const bool is_all = compared < kComparedPerFrame;
     if (is_all) forget(kDismissed);  // begin again
     Handle<Keyframe> found;
     std::uint64_t likeness = 0;
@@ -126,21 +126,21 @@ Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_
     // Verification finds a camera no farther from a keyframe than this: one farther away speaks for another place.
     const double near_m = configuration_->loop.distance_max_m;
     Place here, elsewhere[2];  // the worthiest first
-    std::uint32_t looks_near = 0, looks_far = 0;
-    for (const PlaceCandidate& place : places_->query().candidates()) {
-        const std::uint32_t slot = place.keyframe_slot;
+    std::uint32_t compared_near = 0, compared_far = 0;
+    for (const PlaceCandidate& candidate : places_->query().candidates()) {
+        const std::uint32_t slot = candidate.keyframe_slot;
         if (!map.keyframes().is_taken(slot)) continue;
-        Place look{map.keyframes().handle_of(slot)};
-        if (!places_->has(look.keyframe)) continue;
+        Place place{map.keyframes().handle_of(slot)};
+        if (!places_->has(place.keyframe)) continue;
         const SE3& there = map.keyframes().at(slot).world_from_camera;
         const bool is_near = (there.translation - world_from_camera.translation).squaredNorm() <= near_m * near_m;
-        std::uint32_t& looks = is_near ? looks_near : looks_far;
-        if (looks == (is_near ? kLooksNear : kLooksPerFrame - kLooksNear)) continue;
-        ++looks;
-        look.worth = count_alike(map, look.keyframe);
-        if (look.worth < kAlikeMin) continue;
+        std::uint32_t& compared = is_near ? compared_near : compared_far;
+        if (compared == (is_near ? kComparedNear : kComparedPerFrame - kComparedNear)) continue;
+        ++compared;
+        place.worth = count_alike(map, place.keyframe);
+        if (place.worth < kAlikeMin) continue;
         if (is_near) {
-            if (look.worth > here.worth) here = look;
+            if (place.worth > here.worth) here = place;
             continue;
         }
         // Each for a place of its own: neighbours say the same.
@@ -151,12 +151,12 @@ Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_
         };
         Place& first = elsewhere[0];
         Place& second = elsewhere[1];
-        if (look.worth > first.worth) {
+        if (place.worth > first.worth) {
             if (!is_with(first)) second = first;
-            first = look;
+            first = place;
             if (is_with(second)) second = {};
-        } else if (look.worth > second.worth && !is_with(first)) {
-            second = look;
+        } else if (place.worth > second.worth && !is_with(first)) {
+            second = place;
         }
     }
     for (const Place& place : {here, elsewhere[0], elsewhere[1]}) {

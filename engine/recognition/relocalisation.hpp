@@ -1,15 +1,15 @@
 // Where is a lost camera (covered lens, carried away, switched off and on)? Its picture's words name keyframes that
 // look like it, and verification says which of them is the place (place_verifier.hpp). Where people fill the picture
-// the words say little: of the keyframes at the place many come after fifty others. So kLooksPerFrame keyframes a frame
-// are looked at by their descriptors, and the kTriesPerFrame most alike are verified. Those not alike are not looked at
-// again until all of the map has been, a third of a second in a full one; the others are looked at in every frame,
-// since what people leave to be seen changes. Runs to completion within a frame that has nothing else to do. A frame's
-// features are all eligible: what stands still is not known yet.
+// the words say little: of the keyframes at the place many come after fifty others. So kComparedPerFrame keyframes a
+// frame are looked at by their descriptors, and the kTriesPerFrame most alike are verified. Those not alike are not
+// looked at again until all of the map has been, a third of a second in a full one; the others are looked at in every
+// frame, since what people leave to be seen changes. Runs to completion within a frame that has nothing else to do. A
+// frame's features are all eligible: what stands still is not known yet.
 //
 // Rooms of one building look alike, and so do their keyframes: of two that are verified the better is the place, and as
 // long as it is not believed each frame is held against the best keyframes there and elsewhere (weigh()).
 //
-// Cost: words of a frame, one query, kLooksPerFrame looks (some 0.05 ms each) and three verifications at most.
+// Cost: words of a frame, one query, kComparedPerFrame compared (some 0.05 ms each) and three verifications at most.
 #pragma once
 
 #include <cstdint>
@@ -25,10 +25,10 @@ namespace stillmesh {
 class Relocalisation {
 public:
     static constexpr std::uint32_t kTriesPerFrame = 2;
-    static constexpr std::uint32_t kLooksPerFrame = 32;
-    static constexpr std::uint32_t kLooksNear = 8;  // of them, with keyframes where the camera is taken to be
-    static constexpr std::uint32_t kAlikeMin = 6;   // features; by accident it is one or two
-    static constexpr double kSame_m = 0.3;          // poses that say the same
+    static constexpr std::uint32_t kComparedPerFrame = 32;
+    static constexpr std::uint32_t kComparedNear = 8;  // of them, with keyframes where the camera is taken to be
+    static constexpr std::uint32_t kAlikeMin = 6;      // features; by accident it is one or two
+    static constexpr double kSame_m = 0.3;             // poses that say the same
     static constexpr double kSame_rad = 0.2;
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {

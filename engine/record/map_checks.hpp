@@ -67,7 +67,7 @@ inline bool is_feature(const Observation& o, const MapBounds& bounds, std::uint3
     return is_in(o.x, 0.0F, static_cast<float>(width)) && is_in(o.y, 0.0F, static_cast<float>(height)) &&
            is_in(o.normalised_x, -kMax, kMax) && is_in(o.normalised_y, -kMax, kMax) && is_in(o.z_m, -kMax, kMax) &&
            is_in(o.var_z, -1.0F, static_cast<float>(kFar_m)) && is_in(o.angle_rad, -3.15F, 3.15F) &&
-           o.level < bounds.pyramid_levels && o.looks != 0;
+           o.level < bounds.pyramid_levels && o.averaged != 0;
 }
 
 }  // namespace stillmesh::map_checks

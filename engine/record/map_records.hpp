@@ -109,7 +109,7 @@ void point_fields(Bytes& bytes, Point& p, Place&& reference_plus_one) noexcept {
 
 template <typename Bytes, typename Seen, typename D>
 void feature_fields(Bytes& bytes, Seen& o, D& d) noexcept {
-    bytes.fields(o.x, o.y, o.normalised_x, o.normalised_y, o.z_m, o.var_z, o.angle_rad, o.level, o.looks);
+    bytes.fields(o.x, o.y, o.normalised_x, o.normalised_y, o.z_m, o.var_z, o.angle_rad, o.level, o.averaged);
     bytes.zeros(2);
     bytes.fields(d.words);
 }

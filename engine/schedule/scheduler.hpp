@@ -1,6 +1,6 @@
 // Background work in the shadow of tracking, on the same thread: a few tasks in order of priority (mapping before loop
-// closing, and the refinement of the whole map behind it), given work units by Engine::step. Tracking itself is no task:
-// it runs to completion in Engine::submit, before any of this.
+// closing, and the refinement of the whole map behind it), given work units by Engine::step. Tracking itself is no
+// task: it runs to completion in Engine::submit, before any of this.
 //
 // The rule. Units are spent in turns of slice_units. Three turns of four begin with the first task that has work, the
 // fourth with the last one, and after each slice, which ends with its turn at the latest, the search begins anew. What

@@ -9,8 +9,8 @@ namespace {
 
 bool is_same_motion(const SE3& a, const SE3& b, const RegionParameters& region) noexcept {
     const SE3 off = a.inverse() * b;
-    return off.translation.squaredNorm() < region.same_motion_m * region.same_motion_m &&
-           rotation_angle(off.rotation) < region.same_motion_rad;
+    return off.translation.squaredNorm() < region.edge_sigma_floor_m * region.edge_sigma_floor_m &&
+           rotation_angle(off.rotation) < region.edge_sigma_floor_m;
 }
 
 }  // namespace
@@ -57,11 +57,11 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
     choice.world_from_camera = hypotheses.all()[best].world_from_camera;
     choice.score = hypotheses.all()[best].score;
     choice.margin = margin_of(input, hypotheses, best);
-    choice.explained_share = hypotheses.explained_share(input.voters);
+    choice.explained_share = hypotheses.explained_share(input.weighted);
     static_cast<void>(hypotheses.score(input, choice.world_from_camera));  // each group's agreement with it
     const RegionParameters& region = input.configuration.region;
     choose_agreeing(input.correspondences, choice.world_from_camera, region.point_chi2_max,
-                    region.anchor_inlier_factor * region.point_chi2_max, chosen);
+                    region.wide_factor * region.point_chi2_max, chosen);
     std::size_t kept = 0;
     for (const std::uint16_t i : chosen) {
         if (hypotheses.motions().agreement_of(input.groups.group_of(i)) > 0) chosen[kept++] = i;

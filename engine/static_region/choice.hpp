@@ -13,7 +13,7 @@ struct RegionChoice {
     SE3 world_from_camera;         // of the chosen hypothesis
     double score = 0;              // of the choice, [0, 1]
     double margin = 0;             // over the strongest rival, of what only one of both explains; [-1, 1]
-    double explained_share = 0;    // of the voters, by any hypothesis
+    double explained_share = 0;    // of the weighted, by any hypothesis
     std::uint32_t iterations = 0;  // of RANSAC
     bool is_valid = false;
 };

@@ -8,8 +8,9 @@
 
 namespace stillmesh {
 
-double chi2_over_time(const Correspondence& c, const SE3& camera_from_world, const RegionParameters& region) noexcept {
-    return std::max(chi2_of(c, camera_from_world), region.anchor_chi2_share * chi2_of_anchor(c, camera_from_world));
+double chi2_over_time(const Correspondence& c, const SE3& camera_from_world, const Parameters& configuration) noexcept {
+    const double at_anchor = configuration.region.anchor_chi2_share * chi2_of_anchor(c, camera_from_world);
+    return std::min(std::max(chi2_of(c, camera_from_world), at_anchor), configuration.pose.sample_chi2_max);
 }
 
 std::uint32_t GroupMotions::fit(const RegionInput& input, Random& random) noexcept {
@@ -19,7 +20,7 @@ std::uint32_t GroupMotions::fit(const RegionInput& input, Random& random) noexce
     for (count_ = 0; count_ < groups && iterations < pose.coarse_total_max; ++count_) {
         motions_[count_] = Motion{};
         input.scratch.clear();
-        for (const std::uint16_t i : input.voters) {
+        for (const std::uint16_t i : input.weighted) {
             if (input.groups.group_of(i) == count_) STILLMESH_CHECK(input.scratch.push(i));
         }
         if (input.scratch.size() < input.configuration.region.group_points_min) continue;
@@ -34,7 +35,7 @@ std::uint32_t GroupMotions::fit_one(const RegionInput& input, std::uint32_t iter
     const std::span<const std::uint16_t> members = input.scratch.span();
     const RegionParameters& region = input.configuration.region;
     RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
-    options.inlier_ratio_start = region.group_inliers_start;
+    options.inlier_ratio_start = input.configuration.pose.inlier_ratio_start;
     options.iterations_max = std::min(options.iterations_max, iterations_max);
     const RansacResult result = ransac_pose(input.correspondences, members, nullptr, options, random);
     if (!result.is_valid) return result.iterations;
@@ -42,13 +43,13 @@ std::uint32_t GroupMotions::fit_one(const RegionInput& input, std::uint32_t iter
                                       input.configuration.pose.coarse_passes_max);
     motion.world_from_camera = fit.is_valid ? fit.world_from_camera : result.world_from_camera;
     motion.is_fitted = true;
-    motion.voters = static_cast<std::uint32_t>(members.size());
+    motion.weighted = static_cast<std::uint32_t>(members.size());
     const SE3 camera_from_world = motion.world_from_camera.inverse();
     double sum = 0;
     for (const std::uint16_t i : members) {
-        sum += std::min(chi2_over_time(input.correspondences[i], camera_from_world, region), region.badness_max);
+        sum += chi2_over_time(input.correspondences[i], camera_from_world, input.configuration);
     }
-    motion.chi2_mean = sum / motion.voters;
+    motion.chi2_mean = sum / motion.weighted;
     return result.iterations;
 }
 
@@ -56,8 +57,8 @@ void GroupMotions::begin_agreement() noexcept {
     for (std::uint32_t g = 0; g < count_; ++g) motions_[g].chi2_sum = 0;
 }
 
-void GroupMotions::add_residual(std::uint16_t group, double chi2, const RegionParameters& region) noexcept {
-    if (group < count_) motions_[group].chi2_sum += std::min(chi2, region.badness_max);
+void GroupMotions::add_residual(std::uint16_t group, double chi2) noexcept {
+    if (group < count_) motions_[group].chi2_sum += chi2;
 }
 
 // A body agrees with a motion that explains it about as well as its own best motion does. What fitting six unknowns
@@ -65,9 +66,9 @@ void GroupMotions::add_residual(std::uint16_t group, double chi2, const RegionPa
 void GroupMotions::end_agreement(const RegionParameters& region) noexcept {
     for (std::uint32_t g = 0; g < count_; ++g) {
         Motion& m = motions_[g];
-        if (m.voters == 0) continue;
-        const double excess = m.chi2_sum - m.voters * m.chi2_mean;
-        const double bearable = region.agreement_base + region.agreement_share * m.voters;
+        if (m.weighted == 0) continue;
+        const double excess = m.chi2_sum - m.weighted * m.chi2_mean;
+        const double bearable = region.agreement_base + region.agreement_share * m.weighted;
         m.agreement = std::clamp(1.0 - excess / (bearable * (m.chi2_mean + region.agreement_floor)), 0.0, 1.0);
     }
 }

@@ -11,16 +11,16 @@
 namespace stillmesh {
 
 // The squared Mahalanobis residual of a correspondence under a pose: the larger one of that at the map's estimate and
-// a share of that where the point was first seen.
+// anchor_chi2_share of that where the point was first seen, at most sample_chi2_max: beyond, a match is just wrong.
 [[nodiscard]] double chi2_over_time(const Correspondence& c, const SE3& camera_from_world,
-                                    const RegionParameters& region) noexcept;
+                                    const Parameters& configuration) noexcept;
 
 class GroupMotions {
 public:
     static constexpr std::uint32_t kGroupsMax = 10;
 
     void clear() noexcept { count_ = 0; }
-    // From the voters, group by group, the largest first; how many RANSAC iterations that took.
+    // From the weighted, group by group, the largest first; how many RANSAC iterations that took.
     std::uint32_t fit(const RegionInput& input, Random& random) noexcept;
 
     // Groups that were asked for a motion; of the others nothing is known.
@@ -30,9 +30,9 @@ public:
         return group < count_ && motions_[group].is_fitted ? &motions_[group].world_from_camera : nullptr;
     }
 
-    // Agreement with a motion: the residuals of the voters under it, one by one, then what they say together.
+    // Agreement with a motion: the residuals of the weighted under it, one by one, then what they say together.
     void begin_agreement() noexcept;
-    void add_residual(std::uint16_t group, double chi2, const RegionParameters& region) noexcept;
+    void add_residual(std::uint16_t group, double chi2) noexcept;
     void end_agreement(const RegionParameters& region) noexcept;
     // In [0, 1]; 1 where there is no group, or none with a motion of its own.
     [[nodiscard]] double agreement_of(std::uint16_t group) const noexcept {
@@ -42,10 +42,10 @@ public:
 private:
     struct Motion {
         SE3 world_from_camera;
-        double chi2_mean = 0;  // of the voters under it
+        double chi2_mean = 0;  // of the weighted under it
         double chi2_sum = 0;   // under the motion looked at
         double agreement = 1;  // with the motion looked at
-        std::uint32_t voters = 0;
+        std::uint32_t weighted = 0;
         bool is_fitted = false;
     };
     // From the members in the scratch.

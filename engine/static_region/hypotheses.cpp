@@ -51,17 +51,17 @@ void Hypotheses::propose(const RegionInput& input, Random& random) noexcept {
 void Hypotheses::propose_expected(const RegionInput& input) noexcept {
     const RegionParameters& region = input.configuration.region;
     const SE3& expected = input.context.world_from_camera_predicted;
-    const PoseFit fit = optimise_pose(input.correspondences, input.voters, expected, region.point_chi2_max,
-                                      input.configuration.pose.expected_passes_max);
-    add(input, fit.is_valid ? fit.world_from_camera : expected, region.reach_factor);
+    const PoseFit fit = optimise_pose(input.correspondences, input.weighted, expected, region.point_chi2_max,
+                                      input.configuration.pose.coarse_passes_max);
+    add(input, fit.is_valid ? fit.world_from_camera : expected, region.wide_factor);
 }
 
 void Hypotheses::propose_over_all(const RegionInput& input, Random& random) noexcept {
     RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
     options.inlier_ratio_start = input.context.inlier_ratio;
-    const RansacResult result = ransac_pose(input.correspondences, input.voters, nullptr, options, random);
+    const RansacResult result = ransac_pose(input.correspondences, input.weighted, nullptr, options, random);
     iterations_ += result.iterations;
-    if (result.is_valid) add(input, result.world_from_camera, input.configuration.region.reach_factor);
+    if (result.is_valid) add(input, result.world_from_camera, input.configuration.region.wide_factor);
 }
 
 void Hypotheses::propose_groups(const RegionInput& input) noexcept {
@@ -77,12 +77,12 @@ void Hypotheses::propose_left_over(const RegionInput& input, Random& random) noe
     const RegionParameters& region = input.configuration.region;
     const PoseParameters& pose = input.configuration.pose;
     RansacOptions options = ransac_options(input.configuration, pose.coarse_factor);
-    options.inlier_ratio_start = region.left_over_inliers_start;
+    options.inlier_ratio_start = pose.inlier_ratio_start;
     const std::uint32_t round_iterations = options.iterations_max;
     for (std::uint32_t round = 0; round < region.left_over_rounds; ++round) {
         if (hypotheses_.size() == kHypothesesMax || iterations_ >= pose.coarse_total_max) return;
         input.scratch.clear();
-        for (const std::uint16_t i : input.voters) {
+        for (const std::uint16_t i : input.weighted) {
             if (explained_by_[i] == 0) STILLMESH_CHECK(input.scratch.push(i));
         }
         if (input.scratch.size() < 2 * region.group_points_min) return;
@@ -90,7 +90,7 @@ void Hypotheses::propose_left_over(const RegionInput& input, Random& random) noe
         const RansacResult result = ransac_pose(input.correspondences, input.scratch.span(), nullptr, options, random);
         iterations_ += result.iterations;
         if (!result.is_valid || result.inliers < region.group_points_min) return;
-        add(input, result.world_from_camera, region.reach_factor);
+        add(input, result.world_from_camera, region.wide_factor);
     }
 }
 
@@ -98,7 +98,7 @@ void Hypotheses::propose_left_over(const RegionInput& input, Random& random) noe
 void Hypotheses::add(const RegionInput& input, const SE3& world_from_camera, double reach) noexcept {
     const RegionParameters& region = input.configuration.region;
     choose_agreeing(input.correspondences, world_from_camera, reach * region.point_chi2_max,
-                    region.anchor_inlier_factor * (reach * region.point_chi2_max), input.scratch);
+                    region.wide_factor * (reach * region.point_chi2_max), input.scratch);
     const PoseFit fit = optimise_pose(input.correspondences, input.scratch.span(), world_from_camera,
                                       region.point_chi2_max, input.configuration.pose.coarse_passes_max);
     const Hypothesis scored = score(input, fit.is_valid ? fit.world_from_camera : world_from_camera);
@@ -120,15 +120,15 @@ Hypothesis Hypotheses::score(const RegionInput& input, const SE3& world_from_cam
     double weight_sum = region.score_points;
     double score = points.all > 0 ? region.score_points * points.agreeing / points.all : 0.0;
     if (triangles.all > 0) {
-        score += region.score_area * triangles.agreeing / triangles.all;
-        weight_sum += region.score_area;
+        score += triangles.agreeing / triangles.all;
+        weight_sum += 1.0;
     }
     if (input.context.has_prediction) {
         const double d2 = deviation2(input.context, world_from_camera);
         score += region.prior_weight / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
         weight_sum += region.prior_weight;
         // No camera on a robot or in a hand jumps: a motion far off the prediction needs far more support.
-        out.plausibility = 1.0 / (1.0 + d2 / (region.plausible_sigmas * region.plausible_sigmas));
+        out.plausibility = 1.0 / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
         score *= out.plausibility;
     }
     out.score = weight_sum > 0 ? score / weight_sum : 0.0;
@@ -141,9 +141,9 @@ void Hypotheses::judge(const RegionInput& input, const SE3& world_from_camera) n
     const SE3 camera_from_world = world_from_camera.inverse();
     motions_.begin_agreement();
     for (std::size_t i = 0; i < input.correspondences.size(); ++i) {
-        const double chi2 = chi2_over_time(input.correspondences[i], camera_from_world, region);
+        const double chi2 = chi2_over_time(input.correspondences[i], camera_from_world, input.configuration);
         is_inlier_[i] = chi2 <= region.point_chi2_max ? 1 : 0;
-        if (input.correspondences[i].vote > 0) motions_.add_residual(input.groups.group_of(i), chi2, region);
+        if (input.correspondences[i].weight > 0) motions_.add_residual(input.groups.group_of(i), chi2);
     }
     motions_.end_agreement(region);
 }
@@ -171,7 +171,7 @@ Hypotheses::Share Hypotheses::triangles_of(const RegionInput& input) const noexc
         const Correspondence& a = input.correspondences[i];
         const Correspondence& b = input.correspondences[j];
         const Correspondence& c = input.correspondences[k];
-        const double weight = (a.vote + b.vote + c.vote) / 3.0;
+        const double weight = (a.weight + b.weight + c.weight) / 3.0;
         const double z = (a.p_camera.z() + b.p_camera.z() + c.p_camera.z()) / 3.0;
         const double area = weight * twice_area(mesh, triangle) * z * z;
         share.all += area;
@@ -182,10 +182,10 @@ Hypotheses::Share Hypotheses::triangles_of(const RegionInput& input) const noexc
     return share;
 }
 
-double Hypotheses::explained_share(std::span<const std::uint16_t> voters) const noexcept {
+double Hypotheses::explained_share(std::span<const std::uint16_t> weighted) const noexcept {
     std::size_t explained = 0;
-    for (const std::uint16_t i : voters) explained += explained_by_[i] != 0 ? 1U : 0U;
-    return static_cast<double>(explained) / static_cast<double>(std::max<std::size_t>(voters.size(), 1));
+    for (const std::uint16_t i : weighted) explained += explained_by_[i] != 0 ? 1U : 0U;
+    return static_cast<double>(explained) / static_cast<double>(std::max<std::size_t>(weighted.size(), 1));
 }
 
 }  // namespace stillmesh

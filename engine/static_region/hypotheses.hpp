@@ -1,5 +1,5 @@
-// Where the camera may be (paper 2.1.2, coarse to fine): the prediction, RANSAC over all that vote, each group's own
-// motion and RANSAC over what none of these explains; each refined on what agrees with it and scored by Eq. 1 with
+// Where the camera may be (paper 2.1.2, coarse to fine): the prediction, RANSAC over all with a weight, each group's
+// own motion and RANSAC over what none of these explains; each refined on what agrees with it and scored by Eq. 1 with
 // weights. Limits: kHypothesesMax, the iteration caps of the configuration. Cost: some passes over the correspondences
 // and one over the triangles for each.
 #pragma once
@@ -23,7 +23,7 @@ struct Hypothesis {
 
 // What a feature stands for in square metres, up to a factor, times its weight.
 [[nodiscard]] inline double area_of(const Correspondence& c) noexcept {
-    return c.has_depth ? c.vote * c.p_camera.z() * c.p_camera.z() : 0.0;
+    return c.has_depth ? c.weight * c.p_camera.z() * c.p_camera.z() : 0.0;
 }
 
 class Hypotheses {
@@ -48,8 +48,8 @@ public:
     [[nodiscard]] bool explains(std::size_t hypothesis, std::size_t correspondence) const noexcept {
         return (explained_by_[correspondence] >> hypothesis & 1U) != 0;
     }
-    // Share of the voters that any hypothesis explains.
-    [[nodiscard]] double explained_share(std::span<const std::uint16_t> voters) const noexcept;
+    // Share of the weighted that any hypothesis explains.
+    [[nodiscard]] double explained_share(std::span<const std::uint16_t> weighted) const noexcept;
     [[nodiscard]] const GroupMotions& motions() const noexcept { return motions_; }
     [[nodiscard]] std::uint32_t iterations() const noexcept { return iterations_; }  // of RANSAC
 

@@ -75,7 +75,7 @@ private:
 
 void Clusters::members_of(std::uint16_t group, FixedVector<std::uint16_t>& members) const noexcept {
     members.clear();
-    for (const std::uint16_t i : input_.voters) {
+    for (const std::uint16_t i : input_.weighted) {
         if (groups_.group_of(i) == group) STILLMESH_CHECK(members.push(i));
     }
 }
@@ -174,17 +174,16 @@ Parameters as_in_paper(const Parameters& parameters) noexcept {
     out.noise.young_frames = 0;
     // 2.1.1: tau alone decides: an edge that may be off by a metre passes the other test with any change below 2.5 m.
     out.region.edge_sigma_floor_m = 1;
-    // 2.1.2: the best group is taken, whatever its score, and features are matched once.
+    // 2.1.2: the best group is taken, whatever its score.
     out.region.score_min = 0;
-    out.region.more_radius_share = 0;
     // 2.2: a weight is for the words alone, and no point loses its say in the pose by it (200 steps below the threshold
     // is out of reach). A place that is seen to be empty does not remove its point.
-    out.weights.suspicious = out.weights.start;
+    out.weights.suspicious = out.weights.eligible;
     out.weights.suspect_steps = 200;
     out.emptiness.places_per_frame = 0;
     // 1: in whatever frame, however few are tracked; no new point counts as one tracked.
     out.keyframes.new_points_min = kNewPointsMin;
-    out.keyframes.gap_min = out.keyframes.gap_urgent = 1;
+    out.keyframes.gap_min = 1;
     out.keyframes.tracked_urgent_permille = 0;
     out.keyframes.new_per_tracked = 10000;
     return out;

@@ -21,7 +21,8 @@
 // is three points in 3D; the adjustment of the pose with the expected motion; the map and its adjustment. Where the
 // text leaves a choice: the error between two poses is metres plus radians; what a frame tracks are the members of its
 // best group; the keyframe's points are those that it tracked itself (method.md 13 has what the other reading does).
-// The rule of similarity has a known defect, kept: of two groups the only error is the largest, so that two never merge.
+// The rule of similarity has a known defect, kept: of two groups the only error is the largest, so that two never
+// merge.
 //
 // Limits: the kPosesMax largest groups get a pose, pose.coarse_total_max iterations of RANSAC for all groups of a
 // frame. Cost: a merge passes over the pairs of groups, and for those with similar poses over the vertices once for

@@ -14,7 +14,7 @@ struct RegionContext {
     double rotation_speed_rad_s = 0;
     double colour_depth_lag_s = 0;
     double inlier_ratio = 0.5;  // of the last frame
-    double way_m = 0;           // the odometer's
+    double travelled = 0;       // the odometer's
     std::uint32_t image_width_px = 640;
     bool has_prediction = false;
 };

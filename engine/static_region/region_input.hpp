@@ -14,7 +14,7 @@ namespace stillmesh {
 
 struct RegionInput {
     std::span<const Correspondence> correspondences;
-    std::span<const std::uint16_t> voters;  // those with a weight, ascending
+    std::span<const std::uint16_t> weighted;  // those with a weight, ascending
     const MeshGroups& groups;
     const Parameters& configuration;
     const RegionContext& context;

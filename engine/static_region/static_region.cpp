@@ -8,7 +8,7 @@ namespace stillmesh {
 void StaticRegion::create(Arena& arena, const Limits& limits) noexcept {
     groups_.create(arena, limits);
     hypotheses_.create(arena, limits);
-    voters_.create(arena, limits.features_max);
+    weighted_.create(arena, limits.features_max);
     chosen_.create(arena, limits.features_max);
     scratch_.create(arena, limits.features_max);
 }
@@ -17,15 +17,15 @@ void StaticRegion::build(std::span<const Correspondence> correspondences, std::s
                          const RegionParameters& parameters, const RegionContext& context) noexcept {
     groups_.build(correspondences, keypoints, parameters, context);
     hypotheses_.clear();
-    voters_.clear();
+    weighted_.clear();
     chosen_.clear();
     only_group_ = kNoGroup;
 }
 
 RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondences, const Parameters& parameters,
                                   const RegionContext& context, Random& random) noexcept {
-    choose_voters(correspondences, voters_);
-    const RegionInput input{correspondences, voters_.span(), groups_, parameters, context, scratch_};
+    choose_weighted(correspondences, weighted_);
+    const RegionInput input{correspondences, weighted_.span(), groups_, parameters, context, scratch_};
     if (parameters.region.is_paper()) {
         const RegionChoice choice = choose_as_in_paper(input, groups_, chosen_, random);
         if (choice.is_valid) only_group_ = groups_.group_of(chosen_[0]);

@@ -55,8 +55,8 @@ public:
         if (only_group_ != kNoGroup) return group == only_group_ ? 1.0 : 0.0;
         return hypotheses_.motions().agreement_of(group);
     }
-    // Those that vote, and for each the best motion of its own group; null when it has none.
-    [[nodiscard]] std::span<const std::uint16_t> voters() const noexcept { return voters_.span(); }
+    // Those with a weight, and for each the best motion of its own group; null when it has none.
+    [[nodiscard]] std::span<const std::uint16_t> weighted() const noexcept { return weighted_.span(); }
     [[nodiscard]] const SE3* own_motion(std::size_t correspondence) const noexcept {
         return hypotheses_.motions().motion_of(groups_.group_of(correspondence));
     }
@@ -66,7 +66,7 @@ public:
 private:
     MeshGroups groups_;
     Hypotheses hypotheses_;
-    FixedVector<std::uint16_t> voters_;
+    FixedVector<std::uint16_t> weighted_;
     FixedVector<std::uint16_t> chosen_;
     FixedVector<std::uint16_t> scratch_;
     std::uint16_t only_group_ = kNoGroup;  // of which the choice consists, as in the paper

@@ -11,32 +11,21 @@ namespace stillmesh {
 // clang-format off
 #define STILLMESH_TUNING_region(KEY) \
     KEY(region, double, edge_chi2_max, 6.63, 0.1, 1000.0, "", "largest squared Mahalanobis change of an edge") \
-    KEY(region, double, edge_sigma_floor_m, 0.005, 0.0, 1.0, "m", "error of an edge nobody models") \
-    KEY(region, double, score_points, 0.5, 0.0, 100.0, "", "W1 of Eq. 1") \
-    KEY(region, double, score_area, 1.0, 0.0, 100.0, "", "W2 of Eq. 1") \
+    KEY(region, double, edge_sigma_floor_m, 0.005, 0.0, 1.0, "m", "error of an edge that no model has; closer motions (m or rad) are the same") \
+    KEY(region, double, score_points, 0.5, 0.0, 100.0, "", "W1 of Eq. 1, where W2 is 1") \
     KEY(region, double, point_chi2_max, 11.34, 0.1, 1000.0, "", "largest squared residual of a static point") \
     KEY(region, std::uint32_t, group_points_min, 6, 3.0, 1000.0, "", "smaller groups get no pose of their own") \
     KEY(region, double, step_m, 0.1, 0.0, 10.0, "m", "a larger step in depth, if steep, parts groups") \
     KEY(region, double, step_slope, 2.0, 0.0, 100.0, "", "steeper than any surface seen for long") \
-    KEY(region, double, anchor_chi2_share, 0.5, 0.0, 10.0, "", "of the anchor's squared residual in a point's badness") \
-    KEY(region, double, badness_max, 16.0, 0.1, 1000.0, "", "a point's squared residual beyond is just wrong") \
-    KEY(region, double, agreement_floor, 0.5, 1e-3, 100.0, "", "badness under which groups are not told apart") \
+    KEY(region, double, anchor_chi2_share, 0.5, 0.0, 10.0, "", "of the anchor's squared residual beside that at the map's place") \
+    KEY(region, double, agreement_floor, 0.5, 1e-3, 100.0, "", "mean squared residual under which groups are not told apart") \
     KEY(region, double, agreement_base, 10.0, 0.0, 1000.0, "", "points' worth of residuals that a group may have above those of its own motion") \
     KEY(region, double, agreement_share, 0.1, 0.01, 10.0, "", "and as much of each of its points") \
-    KEY(region, double, reach_factor, 4.0, 1.0, 100.0, "", "chi2 threshold from which a hypothesis is refined, times") \
-    KEY(region, double, group_inliers_start, 0.7, 0.05, 1.0, "", "share of inliers expected in a rigid group") \
-    KEY(region, double, left_over_inliers_start, 0.4, 0.05, 1.0, "", "share of inliers expected among them") \
     KEY(region, std::uint32_t, left_over_rounds, 3, 0.0, 14.0, "", "motions sought among them") \
     KEY(region, double, prior_weight, 0.25, 0.0, 100.0, "", "of the expected motion beside Eq. 1") \
-    KEY(region, double, prior_sigmas, 3.0, 0.1, 100.0, "", "off the expected motion, where that weight is half") \
-    KEY(region, double, plausible_sigmas, 5.0, 0.1, 100.0, "", "off the expected motion, where a score is half") \
-    KEY(region, double, same_motion_m, 0.005, 0.0, 1.0, "m", "closer motions are the same") \
-    KEY(region, double, same_motion_rad, 0.005, 0.0, 1.0, "rad", "closer motions are the same") \
+    KEY(region, double, prior_sigmas, 5.0, 0.1, 100.0, "", "off the expected motion, where that weight is half, and a score too") \
     KEY(region, double, rival_area_min, 0.05, 0.0, 1.0, "", "share of the area only a rival explains; less is noise") \
-    KEY(region, double, anchor_inlier_factor, 2.0, 0.1, 100.0, "", "chi2 threshold at a point's anchor, times") \
-    KEY(region, double, more_factor, 2.0, 0.1, 100.0, "", "chi2 threshold once more of the map is matched, times") \
-    KEY(region, double, more_anchor_factor, 3.0, 0.1, 100.0, "", "the same at a point's anchor") \
-    KEY(region, double, more_radius_share, 0.5, 0.0, 10.0, "", "of matching.radius_px to look for more of the map in")
+    KEY(region, double, wide_factor, 2.0, 0.1, 100.0, "", "chi2 threshold at a point's anchor, and where the pose is not measured yet, times")
 struct RegionTuning { STILLMESH_TUNING_region(STILLMESH_FIELD) };
 struct RegionParameters : RegionKeys, RegionTuning {
     [[nodiscard]] constexpr bool is_paper() const noexcept {

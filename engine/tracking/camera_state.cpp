@@ -49,7 +49,7 @@ RegionContext CameraState::expect(std::int64_t time_ns, double colour_depth_lag_
     out.colour_depth_lag_s = colour_depth_lag_s;
     out.inlier_ratio = inlier_ratio;
     out.has_prediction = true;
-    out.way_m = odometry.way_m();
+    out.travelled = odometry.travelled();
     return out;
 }
 

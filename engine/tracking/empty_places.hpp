@@ -21,20 +21,20 @@ public:
     void reset() noexcept { cursor_ = 0; }
 
     // `number`: of the frame, as the points it saw carry it. `noise_depth`: factor on the depth's variance.
-    void look(const Frame& frame, const MeasuredFrame& measured, const SE3& world_from_camera, std::uint64_t number,
-              double noise_depth, const LocalMap& local_map, Map& map) noexcept;
+    void note_empty(const Frame& frame, const MeasuredFrame& measured, const SE3& world_from_camera,
+                    std::uint64_t number, double noise_depth, const LocalMap& local_map, Map& map) noexcept;
 
-    static constexpr std::uint32_t kAgreementLooks = 400;
+    static constexpr std::uint32_t kAgreementPlaces = 400;
     struct Agreement {
         std::uint32_t there = 0, empty = 0;  // static points of the map in view; hidden ones are neither
     };
-    // Some kAgreementLooks points, spread over the local map.
+    // Some kAgreementPlaces points, spread over the local map.
     [[nodiscard]] Agreement agreement(const Frame& frame, const MeasuredFrame& measured, const SE3& world_from_camera,
                                       double noise_depth, const LocalMap& local_map, const Map& map) const noexcept;
 
 private:
-    enum class Look : std::uint8_t { kNothing, kThere, kEmpty };
-    [[nodiscard]] Look look_at(const MapPoint& point, const Frame& frame, const MeasuredFrame& measured,
+    enum class Seen : std::uint8_t { kNothing, kThere, kEmpty };
+    [[nodiscard]] Seen examine(const MapPoint& point, const Frame& frame, const MeasuredFrame& measured,
                                const SE3& camera_from_world, double noise_depth) const noexcept;
 
     EmptinessParameters parameters_;

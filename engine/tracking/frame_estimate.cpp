@@ -108,7 +108,8 @@ RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
     observe(Stage::kRegion, true);
     RegionChoice choice = region_.choose(correspondences_.span(), c, estimate.expected, random_);
     // How large residuals are is not known in the first frames, and changes at once when the camera is jerked: the
-    // smallest noise at which the motions found explain most of what votes. Too large, and two motions look like one.
+    // smallest noise at which the motions found explain most of what has a weight. Too large, and two motions look like
+    // one.
     for (std::uint32_t i = 0; i < noise.tries_max() && choice.explained_share < c.noise.explained_min; ++i) {
         noise.raise();
         choose_again(estimate, choice);
@@ -141,7 +142,7 @@ void FrameEstimator::choose_again(const Estimate& estimate, RegionChoice& choice
 // What many small residuals say together counts in the pose as it did in the choice: each point of a body that sways
 // may pass by itself, and all of them take the camera along.
 void FrameEstimator::weigh_by_agreement() noexcept {
-    for (Correspondence& c : correspondences_) c.vote *= region_.agreement_of(groups_[c.feature]);
+    for (Correspondence& c : correspondences_) c.weight *= region_.agreement_of(groups_[c.feature]);
 }
 
 PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& estimate,
@@ -179,13 +180,15 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
     for (const Correspondence& match : correspondences_) {
         world_->map.points().at(match.point_slot).last_seen_frame = world_->clock.frame;
     }
-    matcher_.more_by_projection(world_->map, local_map_or_none(), found,
-                                c.region.more_radius_share * c.matching.radius_px, world_->clock.frame);
+    if (!c.region.is_paper()) {  // which matches features once
+        matcher_.more_by_projection(world_->map, local_map_or_none(), found, c.matching.radius_posed_px,
+                                    world_->clock.frame);
+    }
     if (camera.lost_frames == 0) carry_rows(camera, camera.world_from_camera().inverse() * found);
     gather(estimate.noise.factors(), estimate.expected);
     weigh_by_agreement();
-    choose_agreeing(correspondences_.span(), found, c.region.more_factor * c.region.point_chi2_max,
-                    c.region.more_anchor_factor * c.region.point_chi2_max, chosen_);
+    choose_agreeing(correspondences_.span(), found, c.region.wide_factor * c.region.point_chi2_max,
+                    c.region.wide_factor * (c.region.wide_factor * c.region.point_chi2_max), chosen_);
     const MotionPrior prior = prior_of(estimate.expected);
     const PoseFit refined = optimise(chosen_.span(), found, camera.has_prior() ? &prior : nullptr);
     if (refined.is_valid && refined.inliers >= c.pose.inliers_min) estimate.fit = refined;
@@ -195,7 +198,7 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
 
 void FrameEstimator::take_matches(const NoiseFactors& noise, const RegionContext& expected) noexcept {
     gather(noise, expected);
-    choose_voters(correspondences_.span(), chosen_);
+    choose_weighted(correspondences_.span(), chosen_);
 }
 
 void FrameEstimator::gather(const NoiseFactors& noise, const RegionContext& expected) noexcept {

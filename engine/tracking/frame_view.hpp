@@ -22,7 +22,8 @@ public:
     }
     void create(Arena& arena, const Limits& limits) noexcept;
 
-    // Borrowed until the next call. `groups`: by feature, kNoGroup for one in none; `chosen`: those that voted.
+    // Borrowed until the next call. `groups`: by feature, kNoGroup for one in none; `chosen`: what the pose was
+    // estimated from.
     [[nodiscard]] TrackingView show(std::span<const Keypoint> keypoints, std::span<const std::uint16_t> groups,
                                     std::span<const Correspondence> correspondences,
                                     std::span<const std::uint16_t> chosen, const StaticRegion& region) noexcept;

@@ -10,7 +10,7 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
                             const NoiseFactors& noise, const RegionContext& context, std::int64_t time_ns,
                             const Parameters& configuration, FixedVector<Correspondence>& out) noexcept {
     out.clear();
-    // The paper knows one place of a point and no vote; without the region's extraction neither is asked for.
+    // The paper knows one place of a point and no weight; without the region's extraction neither is asked for.
     const bool is_plain = !configuration.region.is_enabled || configuration.region.is_paper();
     const WeightParameters& weights = configuration.weights;
     for (std::size_t i = 0; i < frame.size(); ++i) {
@@ -33,7 +33,7 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
         c.p_anchor = vector_of(point.anchor);
         c.map_var_z = point.var_z * noise.depth;
         c.map_var_lateral = point.var_lateral * noise.pixel;
-        const double unseen_m = context.way_m - static_cast<double>(point.agreed_way_m);
+        const double unseen_m = context.travelled - static_cast<double>(point.agreed_travelled);
         const double unseen_drift = std::clamp(weights.drift_share * unseen_m, 0.0, weights.drift_max_m);
         c.drift_var = unseen_drift * unseen_drift;
         const double drift = std::min(weights.drift_m + weights.drift_m_s * seconds_between(point.anchor_ns, time_ns),
@@ -43,17 +43,17 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
         c.distance_bits = matcher.claim(i).distance_bits;
         c.is_dynamic = !is_plain && point.is_suspect;
         if (is_plain) {
-            c.vote = 1.0;
+            c.weight = 1.0;
             c.drift_var = 0;
             c.p_anchor = c.p_world;
             c.anchor_var_z = c.map_var_z;
             c.anchor_var_lateral = c.map_var_lateral;
         } else if (c.is_dynamic) {
-            c.vote = 0.0;
+            c.weight = 0.0;
         } else {
             const double age = std::min(seconds_between(point.created_ns, time_ns) / weights.proven_s, 1.0);
             const double weight = static_cast<double>(point.weight_tenths) / static_cast<double>(weights.max);
-            c.vote = (weights.unproven + (1.0 - weights.unproven) * age * age) * weight;
+            c.weight = (weights.unproven + (1.0 - weights.unproven) * age * age) * weight;
         }
         STILLMESH_CHECK(out.push(c));
     }

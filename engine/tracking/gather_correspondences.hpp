@@ -1,5 +1,5 @@
 // The matches of a frame, copied into one place with all that mesh, region and pose need: what was measured, what the
-// map knows of each point, how unsure both are, and what the past of the point lets it vote (method.md 7 and 11).
+// map knows of each point, how unsure both are, and how much its past lets it count (method.md 7 and 11).
 // Cost: one pass over the features.
 #pragma once
 

@@ -39,7 +39,7 @@ bool KeyframeInserter::wants(std::uint64_t number, std::uint32_t static_count,
     const KeyframeParameters& k = parameters_;
     const double share = tracked_ > 0 ? static_cast<double>(static_count) / static_cast<double>(tracked_) : 0.0;
     if (new_points_possible < k.new_points_min) return false;
-    if (share < 0.5 * k.tracked_share_max || static_count < tracked_urgent_) return number - frame_ >= k.gap_urgent;
+    if (share < 0.5 * k.tracked_share_max || static_count < tracked_urgent_) return 4 * (number - frame_) >= k.gap_min;
     return share < k.tracked_share_max && number - frame_ >= k.gap_min;
 }
 
@@ -78,7 +78,7 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
     keyframe.frame = source.number;
     keyframe.last_useful_frame = source.number;
     keyframe.drift_m = static_cast<float>(source.drift_m);
-    keyframe.way_m = static_cast<float>(source.way_m);
+    keyframe.travelled = static_cast<float>(source.travelled);
     for (std::size_t i = 0; i < frame.size(); ++i) {
         Observation observation = frame.observation_of(i);
         // What this frame says does not fit is no observation; a moving point is followed.
@@ -96,7 +96,7 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
     for (std::size_t i = 0; i < frame.size(); ++i) {
         if (!matcher.claim(i).is_free() || !frame[i].has_depth()) continue;
         const bool is_suspicious = lies_among_moving(source, i);
-        add_point(source, i, handle, is_suspicious ? weights_.suspicious : weights_.start, map, world.local_map);
+        add_point(source, i, handle, is_suspicious ? weights_.suspicious : weights_.eligible, map, world.local_map);
         added += is_suspicious ? 0U : 1U;
     }
     frame_ = source.number;
@@ -150,7 +150,7 @@ void KeyframeInserter::add_point(const Source& source, std::size_t feature, Hand
     point.created_ns = source.time_ns;
     point.anchor_ns = source.time_ns;
     point.last_seen_frame = source.number;
-    point.agreed_way_m = static_cast<float>(source.way_m);
+    point.agreed_travelled = static_cast<float>(source.travelled);
     point.distance_m = static_cast<float>(m.z_m);
     point.level = keypoint.level;
     point.weight_tenths = static_cast<std::uint8_t>(weight_tenths);

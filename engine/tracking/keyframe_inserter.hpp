@@ -1,6 +1,6 @@
 // When a frame becomes a keyframe (paper 2.1.6: too little of what the last one saw is still tracked, and there is
 // something new to see), and how: room is made in full pools by the map's policy, what the frame showed becomes
-// observations, and what it could not match becomes points. A new point beside moving ones begins without a vote.
+// observations, and what it could not match becomes points. A new point beside moving ones begins without a weight.
 // Limits: those of the map's pools and of the queue of mapping. Cost: a keyframe is some passes over the
 // features, and one over the points where room has to be made.
 #pragma once
@@ -28,9 +28,9 @@ public:
         const SE3& world_from_camera;
         std::uint64_t number = 0;
         std::int64_t time_ns = 0;
-        std::uint32_t static_count = 0;  // matches that vote
+        std::uint32_t static_count = 0;  // matches with a weight
         double drift_m = 0;              // that odometry can have gathered
-        double way_m = 0;                // the odometer's
+        double travelled = 0;            // the odometer's
     };
 
     void create(const Parameters& configuration) noexcept;

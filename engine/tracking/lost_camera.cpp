@@ -57,7 +57,7 @@ bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) no
     }
     if (!is_on_probation_) return true;
     // A few that agree do not count, as long as the depth agrees.
-    if (looks_through(found, estimate.noise.factors().depth)) return false;
+    if (sees_through(found, estimate.noise.factors().depth)) return false;
     if (is_place(estimate)) --frames_left_;
     return true;
 }
@@ -136,14 +136,14 @@ bool LostCamera::try_place(const SE3& place, RegionContext expected, CameraState
     }
     if (!camera.is_placed) camera.start_time_ns = estimator_->time_ns();  // nothing is known yet of what moves
     expected.world_from_camera_predicted = place;
-    expected.prediction_sigma_m = p.sigma_m;
-    expected.prediction_sigma_rad = p.sigma_rad;
-    if (is_unexpected_) expected.way_m = 0;  // found in the map as it is: odometry has no say
-    bool is_found = !looks_through(place, camera.noise.factors().depth);
+    expected.prediction_sigma_m = world_->parameters.pose.sure_sigma_m;
+    expected.prediction_sigma_rad = world_->parameters.pose.sure_sigma_m;
+    if (is_unexpected_) expected.travelled = 0;  // found in the map as it is: odometry has no say
+    bool is_found = !sees_through(place, camera.noise.factors().depth);
     if (is_found) {
         estimate = estimator_->estimate(camera, expected);
         is_found = is_unexpected_ ? is_place(estimate) &&
-                                        !looks_through(estimate.fit.world_from_camera, estimate.noise.factors().depth)
+                                        !sees_through(estimate.fit.world_from_camera, estimate.noise.factors().depth)
                                   : accepts(estimate, camera);
     }
     if (!is_found) {
@@ -198,19 +198,19 @@ bool LostCamera::is_outweighed(const CameraState& camera) noexcept {
     elsewhere_ += evidence.elsewhere;
     const auto here = static_cast<double>(here_);
     const auto elsewhere = static_cast<double>(elsewhere_);
-    const double share_max = world_->parameters.recovery.rival_share_max;
+    const double share_max = world_->parameters.loop.score_share;
     return frames_left_ == 0 ? elsewhere > share_max * here : here < share_max * elsewhere;
 }
 
 // Whether too much of the map would have to be in front of what the depth image shows, or nothing of it is seen there.
-bool LostCamera::looks_through(const SE3& world_from_camera, double noise_depth) noexcept {
+bool LostCamera::sees_through(const SE3& world_from_camera, double noise_depth) noexcept {
     if (!world_->parameters.mapping.is_enabled) return false;
     world_->local_map.build(world_->map, world_from_camera);
     const MeasuredFrame& frame = estimator_->frame();
     const EmptyPlaces::Agreement seen =
         empty_places_->agreement(frame.frame(), frame, world_from_camera, noise_depth, world_->local_map, world_->map);
     const RecoveryParameters& p = world_->parameters.recovery;
-    return seen.there < p.there_min ||
+    return seen.there < world_->parameters.pose.inliers_min ||
            static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty);
 }
 

@@ -63,7 +63,7 @@ private:
                                  Estimate& estimate) noexcept;
     [[nodiscard]] bool is_place(const Estimate& estimate) const noexcept;
     [[nodiscard]] bool is_out_of_touch(const CameraState& camera) const noexcept;
-    [[nodiscard]] bool looks_through(const SE3& world_from_camera, double noise_depth) noexcept;
+    [[nodiscard]] bool sees_through(const SE3& world_from_camera, double noise_depth) noexcept;
     [[nodiscard]] bool is_outweighed(const CameraState& camera) noexcept;
     void query_places(const NoiseFactors& noise) noexcept;
     void confirm(CameraState& camera) noexcept;

@@ -6,6 +6,11 @@
 #include "engine/base/time.hpp"
 
 namespace stillmesh {
+namespace {
+
+constexpr double kNothing = 1e-9;  // share of a velocity; what is left is taken for it
+
+}  // namespace
 
 void MotionModel::begin_at_origin() noexcept {
     world_from_camera_ = SE3{};
@@ -27,20 +32,19 @@ MotionModel::Prediction MotionModel::predict(std::int64_t time_ns, const Predict
     if (has_velocity_) {
         const double before = seconds_between(previous_time_ns_, time_ns_);
         Vector6 xi = se3_log(world_from_camera_previous_.inverse() * world_from_camera_);
-        const double speed = std::sqrt(Vector3(xi.tail<3>()).squaredNorm()) / before;
-        out.rotation_speed_rad_s = std::min(speed, p.turn_max_rad_s);
+        out.rotation_speed_rad_s = std::sqrt(Vector3(xi.tail<3>()).squaredNorm()) / before;
         // What was not measured fades: a camera does not turn at the same speed for long.
         double factor = std::min(dt / before, p.gap_max);
-        for (std::uint32_t i = 0; i < std::min(lost_frames, p.fading_frames_max); ++i) factor *= p.fading_lost;
+        for (std::uint32_t i = 0; i < lost_frames && factor > kNothing; ++i) factor *= p.fading;
         xi *= factor;
         // Nor does it slide on for long; a turn goes on longer.
         if (!is_choice_sure) {
-            for (int i = 0; i < 3; ++i) xi(i) *= p.fading_unsure;
+            for (int i = 0; i < 3; ++i) xi(i) *= p.fading;
         }
         out.world_from_camera = world_from_camera_ * se3_exp(xi);
     }
     out.sigma_m = has_velocity_ ? p.sigma_m + p.sigma_m_s * dt : p.still_sigma_m + p.still_sigma_m_s * dt;
-    out.sigma_rad = has_velocity_ ? p.sigma_rad + p.sigma_rad_s * dt : p.sigma_rad + p.still_sigma_rad_s * dt;
+    out.sigma_rad = p.sigma_rad + (has_velocity_ ? p.sigma_rad_s : p.still_sigma_rad_s) * dt;
     return out;
 }
 

@@ -39,7 +39,7 @@ void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::spa
 
 void NoiseScale::adapt_by_group(std::span<const Correspondence> correspondences, const StaticRegion& region,
                                 const SE3& world_from_camera) noexcept {
-    adapt(correspondences, region.voters(), world_from_camera, &region);
+    adapt(correspondences, region.weighted(), world_from_camera, &region);
 }
 
 void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
@@ -50,7 +50,7 @@ void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::spa
     constexpr double kMedian1 = 0.455;
     const NoiseParameters& p = *parameters_;
     const double fall = is_young() || is_raised_ ? p.fall_young : p.fall;
-    const double rise = is_young() ? p.rise_young : p.rise;
+    const double rise = is_young() ? p.depth_try_factor : p.rise;
     for (const bool is_depth : {false, true}) {
         residuals_.clear();
         for (const std::uint16_t i : chosen) {

@@ -36,7 +36,7 @@ public:
     // In the first frames little is known, and more is tried and believed.
     [[nodiscard]] bool is_young() const noexcept { return frames_ < parameters_->young_frames; }
     [[nodiscard]] std::uint32_t tries_max() const noexcept {
-        return frames_ == 0 ? parameters_->first_tries : parameters_->tries;
+        return frames_ == 0 ? 2 * parameters_->tries : parameters_->tries;
     }
     void raise() noexcept;
 

@@ -35,7 +35,7 @@ void Odometry::gather_drift(PoseState state, const MotionModel& motion, std::int
         const double step_m = std::sqrt(step.translation.squaredNorm());
         const double share = state == PoseState::kTracked ? 1.0 : 3.0;
         drift_m_ += share * parameters.loop.drift_share * step_m;
-        way_m_ += step_m + rotation_angle(step.rotation);
+        travelled_ += step_m + rotation_angle(step.rotation);
     } else {
         drift_m_ += parameters.recovery.reach_m_s * static_cast<double>(time_ns - motion.time_ns()) * 1e-9;
     }

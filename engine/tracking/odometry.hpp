@@ -30,13 +30,13 @@ public:
     // Found again in the map: no farther off than the keyframe there, however long the camera was lost.
     void set_drift(double drift_m) noexcept { drift_m_ = drift_m; }
     // How far the camera has come while it was measured; a radian of turning counts as a metre.
-    [[nodiscard]] double way_m() const noexcept { return way_m_; }
+    [[nodiscard]] double travelled() const noexcept { return travelled_; }
 
 private:
     SE3 map_from_odom_;
     bool has_jumped_ = false;
     double drift_m_ = 0;
-    double way_m_ = 0;
+    double travelled_ = 0;
 };
 
 }  // namespace stillmesh

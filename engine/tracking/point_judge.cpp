@@ -6,6 +6,13 @@
 #include "engine/pose/residual.hpp"
 
 namespace stillmesh {
+namespace {
+
+// A moving point gets a new anchor when the old one is so many times proven_s old: later than it could have earned its
+// weight back there.
+constexpr double kAnchorAge = 1.5;
+
+}  // namespace
 
 void PointJudge::create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept {
     weights_ = configuration.weights;
@@ -29,13 +36,12 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
         MapPoint& point = map.points().at(c.point_slot);
         point.last_seen_frame = witness.number;
         if (point.seen < 0xffffU && !witness.is_frozen) ++point.seen;
-        const bool is_member = !region_.is_paper() || c.vote > 0;  // Algorithm 2: of the chosen group
+        const bool is_member = !region_.is_paper() || c.weight > 0;  // Algorithm 2: of the chosen group
         const double chi2_anchor = chi2_of_anchor(c, camera_from_world);
-        const bool is_still = c.is_dynamic
-                                  ? chi2_anchor <= chi2_max && seconds_between(point.anchor_ns, witness.time_ns) >
-                                                                   weights_.anchor_proven_share * weights_.anchor_age_s
-                                  : is_member && chi2_with_drift(c, camera_from_world) <= chi2_max &&
-                                        chi2_anchor <= region_.anchor_inlier_factor * chi2_max;
+        const bool is_still = c.is_dynamic ? chi2_anchor <= chi2_max &&
+                                                 seconds_between(point.anchor_ns, witness.time_ns) > weights_.proven_s
+                                           : is_member && chi2_with_drift(c, camera_from_world) <= chi2_max &&
+                                                 chi2_anchor <= region_.wide_factor * chi2_max;
         const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
         const bool may_learn = c.has_depth && !witness.is_frozen;
         if (may_learn && witness.is_sure && region_.is_enabled) {
@@ -46,7 +52,7 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
             // What only drift explains is back in view, and neither moves nor is moved: keyframes that see it beside
             // what is new let the adjustment bring both together.
             if (chi2_of(c, camera_from_world) <= chi2_max) {
-                if (!witness.is_frozen) point.agreed_way_m = static_cast<float>(witness.way_m);
+                if (!witness.is_frozen) point.agreed_travelled = static_cast<float>(witness.travelled);
                 if (may_learn) refine(c, witness, camera_from_world, point);
             }
             verdicts_[c.feature] = Verdict::kStill;
@@ -84,8 +90,8 @@ void PointJudge::refine(const Correspondence& c, const Witness& witness, const S
     // Variances in the map are those of the model: how large they really are changes from frame to frame.
     const double var_z = m.var_z;
     const double lateral = m.var_pixel * c.p_camera.z() * c.p_camera.z();
-    const double gain_z = std::max(point.var_z / (point.var_z + var_z), weights_.gain_min);
-    const double gain_lateral = std::max(point.var_lateral / (point.var_lateral + lateral), weights_.gain_min);
+    const double gain_z = point.var_z / (point.var_z + var_z);
+    const double gain_lateral = point.var_lateral / (point.var_lateral + lateral);
     Vector3 moved = q;
     const double dz = c.p_camera.z() - q.z();
     moved.z() += gain_z * dz;
@@ -105,12 +111,12 @@ void PointJudge::refine(const Correspondence& c, const Witness& witness, const S
     point.var_lateral = std::max(point.var_lateral * (1.0 - gain_lateral), weights_.variance_min * lateral);
 }
 
-// Without a vote: followed, so that it does not breed new points, and given a new anchor now and then.
+// Without a weight: followed, so that it does not breed new points, and given a new anchor now and then.
 void PointJudge::follow(const Correspondence& c, const Witness& witness, MapPoint& point) const noexcept {
     const MeasuredFeature& m = witness.frame[c.feature];
     const Keypoint& keypoint = witness.frame.keypoint(c.feature);
     store(witness.world_from_camera * c.p_camera, point.world);
-    point.agreed_way_m = static_cast<float>(witness.way_m);
+    point.agreed_travelled = static_cast<float>(witness.travelled);
     store(witness.shutter.by_readout(witness.world_from_camera, c.p_camera, keypoint.y), point.world_by_readout);
     point.var_z = m.var_z;
     point.var_lateral = m.var_pixel * c.p_camera.z() * c.p_camera.z();
@@ -118,7 +124,7 @@ void PointJudge::follow(const Correspondence& c, const Witness& witness, MapPoin
     point.angle_rad = keypoint.angle_rad;
     point.distance_m = static_cast<float>(c.p_camera.z());
     point.level = keypoint.level;
-    if (!c.is_dynamic || seconds_between(point.anchor_ns, witness.time_ns) > weights_.anchor_age_s) {
+    if (!c.is_dynamic || seconds_between(point.anchor_ns, witness.time_ns) > kAnchorAge * weights_.proven_s) {
         store(witness.world_from_camera * c.p_camera, point.anchor);
         store(vector_of(point.world_by_readout), point.anchor_by_readout);
         point.anchor_var_z = point.var_z;

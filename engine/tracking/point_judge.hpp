@@ -1,7 +1,7 @@
 // What a frame whose pose is known says of the points it matched: still or moving; a sure frame moves their static
 // weights (Algorithm 2, method.md 7), still ones with depth are refined by a Kalman filter along and across the ray,
-// those without a vote are followed, so that they do not breed new points. Limit: features_max features. Cost: one pass
-// over the matches.
+// those without a weight are followed, so that they do not breed new points. Limit: features_max features. Cost: one
+// pass over the matches.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ public:
         SE3 world_from_camera;
         std::uint64_t number = 0;
         std::int64_t time_ns = 0;
-        double way_m = 0;        // the odometer's
+        double travelled = 0;    // the odometer's
         bool is_sure = false;    // only such a frame changes weights
         bool is_frozen = false;  // the map stays as it is, apart from marks of use
     };
@@ -39,7 +39,7 @@ public:
 
     // No verdicts on `features` features.
     void clear(std::size_t features) noexcept;
-    // Puts into `still` the indices of the correspondences that vote from now on; how many others there are.
+    // Puts into `still` the indices of the correspondences with a weight from now on; how many others there are.
     std::uint32_t judge(std::span<const Correspondence> correspondences, const Witness& witness, Map& map,
                         FixedVector<std::uint16_t>& still) noexcept;
     // By feature of the last frame judged or cleared for.

@@ -7,7 +7,6 @@ namespace stillmesh {
 
 void PoseConfidence::create(const Parameters& configuration) noexcept {
     sure_sigma_m_ = configuration.pose.sure_sigma_m;
-    sure_sigma_rad_ = configuration.pose.sure_sigma_rad;
     jump_sigmas_ = configuration.prediction.jump_sigmas;
 }
 
@@ -53,8 +52,8 @@ bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera
     MotionDoubt::Variance motion = doubt_.over_window(time_ns);
     motion.translation_m2 += now.translation_m2;
     motion.rotation_rad2 += now.rotation_rad2;
-    is_motion_sure_ = motion.translation_m2 <= sure_sigma_m_ * sure_sigma_m_ &&
-                      motion.rotation_rad2 <= sure_sigma_rad_ * sure_sigma_rad_;
+    is_motion_sure_ =
+        motion.translation_m2 <= sure_sigma_m_ * sure_sigma_m_ && motion.rotation_rad2 <= sure_sigma_m_ * sure_sigma_m_;
     const Matrix6 to_camera = se3_adjoint(world_from_camera.inverse());
     half.noalias() = to_camera * map_covariance_;
     covariance_.noalias() = half * to_camera.transpose();

@@ -41,7 +41,6 @@ public:
 
 private:
     double sure_sigma_m_ = 0;
-    double sure_sigma_rad_ = 0;
     double jump_sigmas_ = 0;
     MotionDoubt doubt_;
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments

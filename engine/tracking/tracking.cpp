@@ -32,7 +32,7 @@ void Tracking::create(Arena& arena, World& world, const Kernels& kernels, Featur
     camera_.create(arena, limits, configuration);
     lost_.create(world, estimator_, empty_places_, relocalisation);
     keyframe_inserter_.create(configuration);
-    keyframe_looks_.create(arena, limits, configuration);
+    keyframe_average_.create(arena, limits, configuration);
     judge_.create(arena, limits, configuration);
     view_.create(arena, limits);
     empty_places_.create(configuration);
@@ -45,7 +45,7 @@ void Tracking::reset() noexcept {
     estimator_.reset();
     shutter_.reset();
     keyframe_inserter_.reset();
-    keyframe_looks_.reset();
+    keyframe_average_.reset();
     empty_places_.reset();
     expected_ = RegionContext{};
     time_shift_ns_ = 0;
@@ -85,8 +85,8 @@ void Tracking::track(const Frame& frame) noexcept {
         }
     }
     if (world_->parameters.mapping.is_enabled && !lost_.keeps_map() && world_->pose.state == PoseState::kTracked) {
-        empty_places_.look(frame, measured_, world_from_camera(), world_->clock.frame, camera_.noise.factors().depth,
-                           world_->local_map, world_->map);
+        empty_places_.note_empty(frame, measured_, world_from_camera(), world_->clock.frame,
+                                 camera_.noise.factors().depth, world_->local_map, world_->map);
     }
     end_frame();
 }
@@ -144,7 +144,7 @@ void Tracking::start_map() noexcept {
 
 void Tracking::expect() noexcept {
     expected_ = camera_.expect(time_ns_, lag_s_, world_->parameters.prediction);
-    if (lost_.keeps_map()) expected_.way_m = 0;  // a map that stays as it is does not drift
+    if (lost_.keeps_map()) expected_.travelled = 0;  // a map that stays as it is does not drift
     estimator_.carry_rows(
         camera_, camera_.has_prior() ? world_from_camera().inverse() * expected_.world_from_camera_predicted : SE3{});
 }
@@ -226,7 +226,7 @@ void Tracking::learn_points() noexcept {
     const bool is_sure = estimate_.is_sure;
     const std::uint32_t moving = judge_.judge(matches,
                                               {measured_, shutter_, found, world_->clock.frame, time_ns_,
-                                               camera_.odometry.way_m(), is_sure, lost_.keeps_map()},
+                                               camera_.odometry.travelled(), is_sure, lost_.keeps_map()},
                                               world_->map, still);
     const PoseParameters& p = world_->parameters.pose;
     const double share = matches.empty() ? p.inlier_ratio_start
@@ -236,20 +236,20 @@ void Tracking::learn_points() noexcept {
     statistics_.static_matches = static_cast<std::uint32_t>(still.size());
     statistics_.dynamic_matches = moving;
     if (!world_->parameters.mapping.is_enabled) return;
-    // What the local map is chosen by: the keyframes that observe the points that voted.
+    // What the local map is chosen by: the keyframes that observe the points that the pose was estimated from.
     LocalMap& local_map = world_->local_map;
     local_map.begin_counting();
     for (const std::uint16_t i : still) local_map.count(world_->map, matches[i].point_slot);
     local_map.note_useful(world_->map, world_->clock.frame);
-    if (is_sure && !lost_.keeps_map()) keyframe_looks_.look(matches, still.span(), found, world_->map);
+    if (is_sure && !lost_.keeps_map()) keyframe_average_.add(matches, still.span(), found, world_->map);
 }
 
 void Tracking::make_keyframe() noexcept {
     const double renewed_share = keyframe_inserter_.insert(
         {measured_, estimator_.matcher(), judge_, shutter_, world_from_camera(), world_->clock.frame, time_ns_,
-         statistics_.static_matches, camera_.odometry.drift_m(), camera_.odometry.way_m()},
+         statistics_.static_matches, camera_.odometry.drift_m(), camera_.odometry.travelled()},
         *world_);
-    keyframe_looks_.begin(world_->map, world_->map.recent_keyframe(0));
+    keyframe_average_.begin(world_->map, world_->map.recent_keyframe(0));
     camera_.confidence.set_renewed_share(renewed_share);
     statistics_.is_keyframe = true;
 }

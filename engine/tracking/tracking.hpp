@@ -13,8 +13,8 @@
 #include "engine/tracking/empty_places.hpp"
 #include "engine/tracking/frame_estimate.hpp"
 #include "engine/tracking/frame_view.hpp"
+#include "engine/tracking/keyframe_average.hpp"
 #include "engine/tracking/keyframe_inserter.hpp"
-#include "engine/tracking/keyframe_looks.hpp"
 #include "engine/tracking/lost_camera.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/point_judge.hpp"
@@ -29,7 +29,7 @@ public:
         MeasuredFrame::plan(arena, limits);
         FrameEstimator::plan(arena, limits);
         CameraState::plan(arena, limits);
-        KeyframeLooks::plan(arena, limits);
+        KeyframeAverage::plan(arena, limits);
         PointJudge::plan(arena, limits);
         FrameView::plan(arena, limits);
     }
@@ -89,7 +89,7 @@ private:
     PointJudge judge_;
     EmptyPlaces empty_places_;
     KeyframeInserter keyframe_inserter_;
-    KeyframeLooks keyframe_looks_;
+    KeyframeAverage keyframe_average_;
     FrameView view_;
     StageObserver observer_;
 

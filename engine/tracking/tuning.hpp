@@ -12,15 +12,12 @@ namespace stillmesh {
 #define STILLMESH_TUNING_weights(KEY) \
     KEY(weights, std::uint32_t, suspicious, 9, 0.0, 200.0, "1/10", "the same inside a rejected group") \
     KEY(weights, double, proven_s, 0.7, 0.01, 100.0, "s", "a point is fully believed after standing still so long") \
-    KEY(weights, double, unproven, 0.03, 0.0, 1.0, "", "vote of a new point beside a proven one") \
-    KEY(weights, std::uint32_t, suspect_steps, 3, 0.0, 200.0, "", "bad frames from the static threshold that take a vote") \
-    KEY(weights, double, anchor_age_s, 1.0, 0.01, 100.0, "s", "oldest anchor of a moving point") \
-    KEY(weights, double, anchor_proven_share, 0.5, 0.0, 1.0, "", "of that age, standing still so long gives a vote") \
+    KEY(weights, double, unproven, 0.03, 0.0, 1.0, "", "weight of a new point beside a proven one's") \
+    KEY(weights, std::uint32_t, suspect_steps, 3, 0.0, 200.0, "", "bad frames from the static threshold that take a weight") \
     KEY(weights, double, drift_m, 0.003, 0.0, 10.0, "m", "odometry since a point was first seen, at once") \
     KEY(weights, double, drift_m_s, 0.002, 0.0, 10.0, "m/s", "and with time") \
     KEY(weights, double, drift_max_m, 0.02, 0.0, 10.0, "m", "and at most") \
     KEY(weights, double, drift_share, 0.001, 0.0, 1.0, "", "and, for a point out of sight, by this share of the way (a radian counts as a metre)") \
-    KEY(weights, double, gain_min, 0.03, 0.0, 1.0, "", "least share of a measurement in a point's place") \
     KEY(weights, double, variance_min, 0.1, 0.0, 1.0, "", "least variance of a point over one measurement's") \
     KEY(weights, double, near_m, 0.2, 0.0, 10.0, "m", "in depth, too, beside noise") \
     KEY(weights, double, near_sigmas, 3.0, 0.0, 100.0, "", "of depth noise between such neighbours")
@@ -35,13 +32,11 @@ struct WeightParameters : WeightKeys, WeightTuning {};
     KEY(noise, double, depth_min, 0.25, 1e-3, 1.0, "", "least factor of the depth variance") \
     KEY(noise, double, max, 20.0, 1.0, 1000.0, "", "largest factor of either variance") \
     KEY(noise, std::uint32_t, young_frames, 6, 0.0, 1000.0, "frames", "learnt from each group under its own motion for so long") \
-    KEY(noise, double, explained_min, 0.6, 0.0, 1.0, "", "share of voters; motions explain less: more noise is tried") \
-    KEY(noise, std::uint32_t, first_tries, 4, 0.0, 10.0, "", "such tries in the first frame") \
-    KEY(noise, std::uint32_t, tries, 2, 0.0, 10.0, "", "such tries in later frames") \
+    KEY(noise, double, explained_min, 0.6, 0.0, 1.0, "", "share of weighted; motions explain less: more noise is tried") \
+    KEY(noise, std::uint32_t, tries, 2, 0.0, 10.0, "", "such tries; in the first frame twice as many") \
     KEY(noise, double, pixel_try_factor, 2.5, 1.0, 100.0, "", "more pixel noise from try to try") \
-    KEY(noise, double, depth_try_factor, 2.0, 1.0, 100.0, "", "more depth noise from try to try") \
+    KEY(noise, double, depth_try_factor, 2.0, 1.0, 100.0, "", "more depth noise from try to try, and most a factor rises by in one of the first frames") \
     KEY(noise, double, fall_young, 0.1, 0.01, 1.0, "", "most a factor falls by in one of the first frames") \
-    KEY(noise, double, rise_young, 2.0, 1.0, 100.0, "", "most a factor rises by in one of the first frames") \
     KEY(noise, double, fall, 0.9, 0.01, 1.0, "", "most a factor falls by in a frame") \
     KEY(noise, double, rise, 1.25, 1.0, 100.0, "", "most a factor rises by in a frame") \
     KEY(noise, std::uint32_t, residuals_min, 30, 1.0, 4000.0, "", "fewer residuals tell nothing of noise")
@@ -58,12 +53,9 @@ struct NoiseParameters { STILLMESH_TUNING_noise(STILLMESH_FIELD) };
     KEY(prediction, double, still_sigma_m_s, 0.8, 0.0, 100.0, "m/s", "its growth with the time between frames") \
     KEY(prediction, double, still_sigma_rad_s, 1.2, 0.0, 100.0, "rad/s", "its growth with the time between frames") \
     KEY(prediction, double, retry_sigma_factor, 3.0, 1.0, 100.0, "", "less certain when the search had to be widened") \
-    KEY(prediction, double, turn_max_rad_s, 4.0, 0.0, 100.0, "rad/s", "largest turn that is believed of the last frames") \
     KEY(prediction, double, slip_share, 0.2, 0.0, 10.0, "", "of the lag between images that shows as depth error") \
     KEY(prediction, double, gap_max, 3.0, 0.1, 100.0, "", "a velocity is used for so many times its own interval") \
-    KEY(prediction, double, fading_lost, 0.8, 0.0, 1.0, "", "what is left of a velocity per lost frame") \
-    KEY(prediction, std::uint32_t, fading_frames_max, 20, 0.0, 1000.0, "frames", "it fades for so long") \
-    KEY(prediction, double, fading_unsure, 0.7, 0.0, 1.0, "", "what is left of the sliding after an unsure frame") \
+    KEY(prediction, double, fading, 0.8, 0.0, 0.99, "", "what is left of a velocity per lost frame, and of sliding after an unsure one") \
     KEY(prediction, double, jump_sigmas, 2.0, 0.0, 100.0, "", "an unsure pose farther off is doubted by the rest") \
     KEY(prediction, double, goes_on_s, 0.3, 0.0, 100.0, "s", "a motion goes on for so long; an unsure pose later than that follows from nothing")
 struct PredictionTuning { STILLMESH_TUNING_prediction(STILLMESH_FIELD) };
@@ -80,7 +72,6 @@ struct EmptinessParameters { STILLMESH_TUNING_emptiness(STILLMESH_FIELD) };
 
 #define STILLMESH_TUNING_keyframes(KEY) \
     KEY(keyframes, std::uint32_t, tracked_urgent_permille, 120, 0.0, 1000.0, "", "static points, of features.count; below: the gap is ignored") \
-    KEY(keyframes, std::uint32_t, gap_urgent, 2, 1.0, 300.0, "frames", "the gap when it is ignored") \
     KEY(keyframes, std::uint32_t, new_per_tracked, 2, 1.0, 10000.0, "", "new points that count as one tracked")
 struct KeyframeTuning { STILLMESH_TUNING_keyframes(STILLMESH_FIELD) };
 struct KeyframeParameters : KeyframeKeys, KeyframeTuning {};

@@ -16,6 +16,7 @@
 #include "engine/base/bytes.hpp"
 #include "engine/base/crc.hpp"
 #include "engine/base/hash.hpp"
+#include "engine/geometry/turn_distance.hpp"
 #include "platform/linux/process.hpp"
 
 namespace stillmesh {
@@ -529,14 +530,12 @@ bool RegionStore::has_twin(const LeavingRegion& region) {
     for (const std::uint32_t place : index_.begin_question(region.words)) {
         if (is_found || index_.score_of(place) < region.alike_score) continue;
         const IndexedRegion& entry = index_[place];
-        double away = 0;
-        double cosine = 0;
+        double away_m2 = kTurn_m2;
         for (int k = 0; k < 3; ++k) {
             const double off = static_cast<double>(entry.position_m[k]) - static_cast<double>(region.position_m[k]);
-            away += off * off;
-            cosine += static_cast<double>(entry.axis[k]) * static_cast<double>(region.axis[k]);
+            away_m2 += off * off - kTurn_m2 * static_cast<double>(entry.axis[k]) * static_cast<double>(region.axis[k]);
         }
-        is_found = away <= options_.twin_m * options_.twin_m && cosine > options_.twin_cosine_min;
+        is_found = away_m2 <= options_.twin_m * options_.twin_m;
     }
     index_.end_question();
     return is_found;

@@ -23,8 +23,7 @@ struct RegionStoreOptions {
     std::string folder;
     store_records::StoreOrigin origin;
     std::uint32_t regions_max = 20000;
-    double twin_m = 0.3;  // regions of one place: from so near,
-    double twin_cosine_min = 0.95;
+    double twin_m = 0.3;  // regions of one place: views as near (view_distance_m2)
     std::uint64_t segment_bytes_max = std::uint64_t{64} << 20U;
     // Nothing in the folder is changed: what is written goes to files without names, and goes with them. Records from
     // after `sequence_max` are left out: the store as it was.

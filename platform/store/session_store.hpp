@@ -22,7 +22,6 @@ namespace stillmesh {
     out.folder = folder;
     out.regions_max = configuration.store.regions_max;
     out.twin_m = configuration.store.twin_m;
-    out.twin_cosine_min = configuration.store.twin_cosine_min;
     out.origin.vocabulary_crc = vocabulary_crc;
     std::array<std::byte, 128> bytes{};
     ByteWriter camera(bytes);

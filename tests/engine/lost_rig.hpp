@@ -29,7 +29,7 @@ inline Limits limits_of_test() {
 
 inline Parameters configuration_of_test() {
     Parameters out = fitting(limits_of_test());
-    out.recovery.matches_min = 4000;  // nothing is recovered by chance
+    out.recovery.inlier_share_min = 2;  // nothing is recovered by chance
     return out;
 }
 

@@ -189,13 +189,11 @@ TEST(Memory, ContradictionsAreRefused) {
     few.keyframes_max = 9;
     EXPECT_STREQ(validate(Parameters{}, few).key, "mapping.window_keyframes");
     EXPECT_EQ(validate(Parameters{}, few).max, 9.0);
-    EXPECT_EQ(key_of([](Parameters& c) { c.weights.start = 21; }), "weights.start");
     EXPECT_EQ(key_of([](Parameters& c) { c.weights.suspicious = 21; }), "weights.max");
     EXPECT_EQ(key_of([](Parameters& c) { c.weights.eligible = 21; }), "weights.eligible");
     EXPECT_EQ(key_of([](Parameters& c) { c.weights.drift_m = 0.021; }), "weights.drift_m");
-    EXPECT_EQ(key_of([](Parameters& c) { c.noise.pixel_start = 0.05; }), "noise.pixel_start");
-    EXPECT_EQ(key_of([](Parameters& c) { c.noise.max = 1.0, c.noise.pixel_start = 1.1; }), "noise.pixel_start");
-    EXPECT_EQ(key_of([](Parameters& c) { c.noise.depth_min = 0.31; }), "noise.depth_start");
+    EXPECT_EQ(key_of([](Parameters& c) { c.noise.max = 1.0, c.noise.pixel_start = 1.1; }), "noise.max");
+    EXPECT_EQ(key_of([](Parameters& c) { c.noise.max = 1.0, c.noise.depth_start = 1.1; }), "noise.max");
 }
 
 // Promise: every parameter at either end of its range: the engine runs, mapping too, poses are finite, pools keep their

@@ -298,7 +298,7 @@ TEST(Engine, HashSeesMoreThanPoses) {
     const Sequence sequence = tiny_sequence("static_xyz", 4);
     Parameters configuration = fitting(Limits::tiny());
     const EngineRig a(Limits::tiny(), sequence.camera, configuration);
-    configuration.weights.start = 12;
+    configuration.weights.eligible = 12;
     const EngineRig b(Limits::tiny(), sequence.camera, configuration);
     std::uint32_t same_poses = 0, same_hashes = 0;
     for (const KeptFrame& kept : sequence.frames) {

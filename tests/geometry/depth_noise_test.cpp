@@ -161,28 +161,5 @@ TEST(SampleDepth, MonteCarlo) {
     EXPECT_NEAR(sum2 / n / sample.variance_m2, 1.0, 0.02);
 }
 
-Matrix3 sample_covariance(const std::vector<Vector3>& points) {
-    Vector3 mean = Vector3::Zero();
-    for (const Vector3& p : points) mean += p;
-    mean /= static_cast<double>(points.size());
-    Matrix3 covariance = Matrix3::Zero();
-    for (const Vector3& p : points) covariance += (p - mean) * (p - mean).transpose();
-    return covariance / static_cast<double>(points.size());
-}
-
-// Entry by entry, in units of the entry's own two deviations: 1 is 100 % correlation's worth.
-double largest_relative_difference(const Matrix3& a, const Matrix3& b) {
-    double worst = 0;
-    for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c)
-            worst = std::max(worst, std::fabs(a(r, c) - b(r, c)) / std::sqrt(b(r, r) * b(c, c)));
-    }
-    return worst;
-}
-
-CameraModel camera() {
-    return {640, 480, 525, 510, 319.5, 239.5};
-}
-
 }  // namespace
 }  // namespace stillmesh

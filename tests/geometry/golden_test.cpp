@@ -39,7 +39,7 @@ TEST(Geometry, GoldenBits) {
         hash.add(arc_tan2(n.x(), n.y()));
         hash.add(sin_cos(u).sin);
     }
-    EXPECT_EQ(hash.value(), 0x625490f60affa2fcULL) << std::hex << hash.value();
+    EXPECT_EQ(hash.value(), 0x2bb277b31d3ae9b2ULL) << std::hex << hash.value();
 }
 
 }  // namespace

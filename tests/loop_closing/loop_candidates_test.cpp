@@ -33,7 +33,8 @@ Parameters configuration_of_test() {
 // own: keyframes of one visit share them, and no others.
 class Visits {
 public:
-    Visits() : rig_(limits_of_test(), configuration_of_test()), memory_(planned_bytes()) {
+    explicit Visits(const Parameters& configuration = configuration_of_test())
+        : rig_(limits_of_test(), configuration), memory_(planned_bytes()) {
         Arena arena(memory_.span());
         candidates_.create(arena, rig_.world, rig_.places, limits_of_test().keyframes_max);
         Random random(5);
@@ -41,7 +42,10 @@ public:
         for (std::vector<Descriptor>& look : looks_) {
             for (std::uint32_t i = 0; i < kFeatures; ++i) look.push_back(test::random_descriptor(random));
         }
+        std::copy_n(looks_[0].begin(), kFeatures * 9 / 10, looks_[kMostlyAlike].begin());
     }
+    static constexpr std::size_t kMostlyAlike = 3;  // a place nine of whose ten features are those of place 0
+
     // Comes to a place.
     void arrive(std::size_t place) {
         place_ = place;
@@ -50,6 +54,8 @@ public:
             points_.push_back(rig_.add_point(SE3{}, seen(i), looks_[place_][i]));
         }
     }
+    // The same points look otherwise from now on: as another place does.
+    void turn_to(std::size_t place) { place_ = place; }
     // A keyframe there; what is worth verifying.
     std::vector<Handle<Keyframe>> see(std::uint64_t frame, bool is_resting = false) {
         const Handle<Keyframe> keyframe = rig_.map().add_keyframe();
@@ -123,6 +129,21 @@ TEST(LoopCandidates, WhatIsNearInTimeIsNone) {
     for (std::uint64_t i = 0; i < 6; ++i) EXPECT_TRUE(visits.see(50 + i).empty()) << i;
     for (std::uint64_t i = 0; i < kConsistency; ++i) EXPECT_TRUE(visits.see(150 + i).empty()) << i;
     EXPECT_FALSE(visits.see(160).empty());
+}
+
+// Promise: a query has found a place that scores score_share of what neighbours score, and not one that scores less.
+TEST(LoopCandidates, WhatIsLessAlikeIsNotFound) {
+    for (const double share : {0.5, 0.95}) {
+        Parameters configuration = configuration_of_test();
+        configuration.loop.score_share = share;
+        Visits visits(configuration);
+        visits.arrive(0);
+        for (std::uint64_t i = 0; i < 3; ++i) EXPECT_TRUE(visits.see(10 * i).empty());
+        visits.arrive(Visits::kMostlyAlike);
+        for (std::uint64_t i = 0; i < 6; ++i) EXPECT_TRUE(visits.see(500 + 10 * i).empty()) << "less alike";
+        visits.turn_to(0);
+        EXPECT_EQ(visits.see(560).size(), share < 0.9 ? 1U : 0U) << "those before may have found it";
+    }
 }
 
 // Promise: while it rests after a loop none is chosen, but what was found is remembered.

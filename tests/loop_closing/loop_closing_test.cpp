@@ -205,7 +205,6 @@ TEST(LoopClosing, ConfirmsWhereNothingDrifted) {
 TEST(LoopClosing, WhatIsWithinItsNoiseIsNoDrift) {
     Parameters configuration = configuration_of_ring();
     configuration.loop.correction_min_m = 0.0005;
-    configuration.loop.correction_min_rad = 0.0005;
     const auto go = [&](double chi2_min) {
         configuration.loop.correction_chi2_min = chi2_min;
         auto ring = std::make_unique<Ring>(configuration, true, false, 0.001);
@@ -228,7 +227,7 @@ TEST(LoopClosing, WhatIsWithinItsNoiseIsNoDrift) {
 // stands.
 TEST(LoopClosing, WaitsUntilThePastHasSpoken) {
     Parameters configuration = configuration_of_ring();
-    configuration.loop.settle_s = 0.7;
+    configuration.weights.proven_s = 0.7;
     auto ring = std::make_unique<Ring>(configuration, true, false);  // its clock stands still
     for (std::uint32_t i = 0; i < kLap + 10; ++i) {
         static_cast<void>(ring->add_keyframe(i));

@@ -36,7 +36,7 @@ inline Parameters configuration_of_ring() {
     out.features.count = 200;
     out.features.levels = 3;
     out.loop.gap_frames = 400;
-    out.loop.settle_s = 0;  // these keyframes come without a clock
+    out.weights.proven_s = 0;  // these keyframes come without a clock
     return out;
 }
 

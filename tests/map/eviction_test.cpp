@@ -102,7 +102,7 @@ TEST(Eviction, EachPlaceKeepsItsShare) {
             map->add_observation(keyframe, observation_of(seen[k].back()), {});
         }
         map->attach(keyframe);
-        ASSERT_EQ(test::find_fault(map), nullptr);
+        ASSERT_EQ(test::find_fault(*map), nullptr);
     }
     for (std::uint32_t k = 0; k < kKeyframes; ++k) {
         std::uint32_t alive = 0, often = 0;
@@ -155,7 +155,7 @@ TEST(Eviction, EvictsByPolicy) {
             map->add_observation(keyframes.back(), observation_of(points.back()));
             map->attach(keyframes.back());
         }
-        ASSERT_EQ(test::find_fault(map), nullptr);
+        ASSERT_EQ(test::find_fault(*map), nullptr);
         const std::uint64_t hash = map->changes_hash();
         EXPECT_TRUE(map->add_keyframe().is_null());
         EXPECT_EQ(map->changes_hash(), hash);
@@ -165,7 +165,7 @@ TEST(Eviction, EvictsByPolicy) {
         const std::size_t gone = is_older_empty ? 2 : 3;
         EXPECT_EQ(map->keyframes().find(keyframes[gone]), nullptr);
         EXPECT_EQ(map->points().find(points[gone]), nullptr);
-        ASSERT_EQ(test::find_fault(map), nullptr);
+        ASSERT_EQ(test::find_fault(*map), nullptr);
         map->keyframes().find(keyframes[1])->last_useful_frame = 1000;
         ASSERT_TRUE(evict_keyframe(*map, spared));
         EXPECT_EQ(map->keyframes().find(keyframes[is_older_empty ? 3 : 2]), nullptr) << "the least recently useful";
@@ -236,6 +236,31 @@ TEST(Eviction, KnowsRedundantKeyframes) {
     EXPECT_TRUE(is_redundant(*map, keyframes[4])) << "three nearer ones see it all";
     EXPECT_TRUE(is_redundant(*map, keyframes[3]));
     EXPECT_FALSE(is_redundant(*map, keyframes[0])) << "all others are farther away";
+}
+
+// Promise: so many of its points (redundant_permille) have to be seen by others for a keyframe to be redundant.
+TEST(Eviction, HowMuchMakesAKeyframeRedundant) {
+    for (const std::uint32_t permille : {900U, 901U}) {
+        const Limits limits = small(6, 40, 20);
+        ArenaPlan plan;
+        Map::plan(plan, limits);
+        const test::Memory memory(plan.used_bytes());
+        Arena arena(memory.span());
+        MapParameters parameters;
+        parameters.redundant_permille = permille;
+        Map map;
+        map.create(arena, limits, parameters);
+        std::vector<Handle<Keyframe>> keyframes;
+        for (std::uint64_t i = 0; i < 4; ++i) keyframes.push_back(add_keyframe(map, i + 1));
+        for (std::uint32_t i = 0; i < 20; ++i) {
+            const Handle<MapPoint> point = add_point(map);
+            map.points().find(point)->world[2] = 2;
+            for (std::size_t k = 0; k < 4; ++k) {
+                if (k == 0 || i >= 2) map.add_observation(keyframes[k], observation_of(point));
+            }
+        }
+        EXPECT_EQ(is_redundant(map, keyframes[0]), permille == 900) << "18 of 20";
+    }
 }
 
 }  // namespace

@@ -54,6 +54,28 @@ TEST(LocalMap, ListsAllThatIsInView) {
     }
 }
 
+// Promise: a point is listed up to farther_max times as far, or as near, as where it was made from.
+TEST(LocalMap, HowMuchFartherAPointIsListed) {
+    const Limits limits = small(8, 60, 20);
+    MapInMemory map(limits);
+    const Handle<Keyframe> here = add_keyframe(*map, 1);
+    for (const float made_at_m : {1.3F, 1.4F, 2.8F, 2.9F}) {  // all 2 m ahead
+        map->add_observation(here, observation_of(add_point_ahead(*map, {0, 0, 2}, made_at_m)));
+    }
+    for (const double farther_max : {1.42, 1.5, 3.0}) {
+        ArenaPlan plan;
+        LocalMap::plan(plan, limits);
+        const test::Memory memory(plan.used_bytes());
+        Arena arena(memory.span());
+        LocalMapParameters parameters;
+        parameters.farther_max = farther_max;
+        LocalMap local;
+        local.create(arena, limits, parameters);
+        local.build(*map, SE3{});
+        EXPECT_EQ(local.points().size(), farther_max < 1.45 ? 1U : farther_max < 1.54 ? 3U : 4U) << farther_max;
+    }
+}
+
 // Promise: the local map lists points once, new ones at once, never more than its limit, and at most half the
 // keyframes.
 TEST(LocalMap, ListsPointsOnce) {

@@ -56,7 +56,7 @@ public:
             for (int i = 0; i < 4; ++i) map->add_observation(handle, observation_of(some_point()));
         }
         for (int i = 0; i < 6; ++i) orphans.push_back(some_point());
-        EXPECT_EQ(test::find_fault(map), nullptr) << test::find_fault(map);
+        EXPECT_EQ(test::find_fault(*map), nullptr) << test::find_fault(*map);
         for (const Handle<Keyframe> handle : handles) before.push_back(pose(handle));
         points_before.resize(kPoints);
         for (std::uint32_t slot = 0; slot < kPoints; ++slot) {
@@ -167,7 +167,7 @@ TEST(MapCorrection, OlderChildrenGoAlong) {
             map->release_keyframe(forgotten);
         }
         ASSERT_TRUE(map->keyframes().find(child)->parent == newer);
-        ASSERT_EQ(test::find_fault(map), nullptr);
+        ASSERT_EQ(test::find_fault(*map), nullptr);
 
         SE3 moved;
         moved.translation.y() = 5;

@@ -36,7 +36,7 @@ TEST(Map, FusesDuplicates) {
     for (const Handle<Keyframe> keyframe : {one, two, both}) map->attach(keyframe);
     EXPECT_EQ(map->shared(one.slot(), two.slot()), 0U);
     map->fuse(a, b);
-    EXPECT_EQ(test::find_fault(map), nullptr);
+    EXPECT_EQ(test::find_fault(*map), nullptr);
     EXPECT_EQ(map->points().find(b), nullptr);
     EXPECT_EQ(map->shared(one.slot(), two.slot()), 1U);
     EXPECT_EQ(map->shared(two.slot(), both.slot()), 1U);
@@ -145,7 +145,8 @@ std::uint64_t live(std::uint64_t seed, const Limits& limits, int steps) {
                     map->points().at(slot).last_seen_frame = frame;
             }
         }
-        EXPECT_EQ(test::find_fault(map), nullptr) << test::find_fault(map) << " after step " << step << " of kind " << what;
+        EXPECT_EQ(test::find_fault(*map), nullptr)
+            << test::find_fault(*map) << " after step " << step << " of kind " << what;
         EXPECT_EQ(map->points().size() + map->points_forgotten() + released, points_added);
         EXPECT_EQ(map->keyframes().size() + map->keyframes_forgotten(), keyframes_added);
         for (std::uint32_t i = 1; i < map->keyframes().size(); ++i) {
@@ -174,18 +175,18 @@ TEST(Map, TheCheckerCanFail) {
     const Handle<MapPoint> point = add_point(*map);
     const Handle<Keyframe> a = add_keyframe(*map, 1), b = add_keyframe(*map, 2);
     map->add_observation(a, observation_of(point));
-    EXPECT_NE(test::find_fault(map), nullptr) << "b has no parent: two roots";
+    EXPECT_NE(test::find_fault(*map), nullptr) << "b has no parent: two roots";
     map->attach(a);
     map->attach(b);
-    EXPECT_EQ(test::find_fault(map), nullptr);
+    EXPECT_EQ(test::find_fault(*map), nullptr);
     map->points().find(point)->observers = 2;
-    EXPECT_NE(test::find_fault(map), nullptr);
+    EXPECT_NE(test::find_fault(*map), nullptr);
     map->points().find(point)->observers = 1;
     map->points().find(point)->reference = b;
-    EXPECT_NE(test::find_fault(map), nullptr);
+    EXPECT_NE(test::find_fault(*map), nullptr);
     map->points().find(point)->reference = a;
     map->keyframes().find(a)->parent = b;
-    EXPECT_NE(test::find_fault(map), nullptr);
+    EXPECT_NE(test::find_fault(*map), nullptr);
 }
 
 // Promise: a keyframe's measurement is the mean of the looks at it, a sliding one beyond the most that count; a look at
@@ -210,7 +211,7 @@ TEST(Map, AKeyframesMeasurementIsTheMeanOfItsLooks) {
     map->average(handle, 1, other, {1, 1, 1});
     map->average(handle, 0, point, {1, 1, 0});
     EXPECT_EQ(map->observations(handle)[0].normalised_x, 0.125F);
-    EXPECT_EQ(map->observations(handle)[0].looks, 1);
+    EXPECT_EQ(map->observations(handle)[0].averaged, 1);
     EXPECT_EQ(map->observations(handle)[1].normalised_x, 0.5F);
 
     const std::uint32_t before = map->keyframes().find(handle)->observations_changed;
@@ -226,15 +227,15 @@ TEST(Map, AKeyframesMeasurementIsTheMeanOfItsLooks) {
     EXPECT_NEAR(four.normalised_x, x / 4, 1e-6);
     EXPECT_NEAR(four.normalised_y, y / 4, 1e-6);
     EXPECT_NEAR(four.z_m, z / 4, 1e-6);
-    EXPECT_EQ(four.looks, 4);
+    EXPECT_EQ(four.averaged, 4);
     EXPECT_EQ(map->keyframes().find(handle)->observations_changed, before + 3);
 
-    const std::uint32_t most = map->parameters().looks_max;
+    const std::uint32_t most = map->parameters().averaged_max;
     for (std::uint32_t i = 4; i < most; ++i) map->average(handle, 0, point, {0.3, -0.3, 2.4});
-    EXPECT_EQ(map->observations(handle)[0].looks, most);
+    EXPECT_EQ(map->observations(handle)[0].averaged, most);
     const double mean_z = static_cast<double>(map->observations(handle)[0].z_m);
     map->average(handle, 0, point, {0, 0, 3});
-    EXPECT_EQ(map->observations(handle)[0].looks, most);
+    EXPECT_EQ(map->observations(handle)[0].averaged, most);
     const float sliding_z = map->observations(handle)[0].z_m;
     EXPECT_NEAR(sliding_z, mean_z + (3 - mean_z) / (most + 1), 1e-6);
 

@@ -125,7 +125,7 @@ TEST(LocalWindow, TheWorldIsHeld) {
     }
 
     configuration.mapping.settled_s = 1000;
-    configuration.mapping.fixed_shared_min = 100'000;
+    configuration.map.shared_min = 4000;
     Rig all(configuration);
     const SE3 oldest = all.at(kKeyframes - 4).world_from_camera;
     const SE3 newest = all.at(kKeyframes - 1).world_from_camera;
@@ -149,6 +149,30 @@ TEST(LocalWindow, FewPointsAreNotEnough) {
     Rig off(configuration);
     EXPECT_GT(off.choose(), 0U);
     EXPECT_FALSE(off.window.is_chosen());
+}
+
+// Promise: after first_iterations_max steps with outliers come second_iterations_max without them.
+TEST(LocalWindow, OutliersMakeASecondRound) {
+    std::uint64_t iterations[3] = {};
+    for (std::uint32_t second = 0; second < 3; ++second) {
+        Parameters configuration = test::configuration_of_ring();
+        configuration.mapping.first_iterations_max = 2;
+        configuration.mapping.second_iterations_max = second;
+        Rig rig(configuration);
+        // Every fifth point of the newest keyframe lies elsewhere: what was seen of it fits no place.
+        const std::span<const Observation> seen = rig.map().observations(rig.handles[kKeyframes - 1]);
+        for (std::size_t k = 0; k < seen.size(); k += 5) {
+            MapPoint* const point = rig.map().points().find(seen[k].point);
+            if (point != nullptr) point->world[0] += 1;
+        }
+        static_cast<void>(rig.choose(3));
+        rig.collect();
+        rig.finish();
+        iterations[second] = rig.statistics.adjustment_iterations;
+    }
+    EXPECT_EQ(iterations[0], 2U);
+    EXPECT_EQ(iterations[1], 3U);
+    EXPECT_EQ(iterations[2], 4U);
 }
 
 // Promise: a window that is given up leaves the map as it was, and the next one equals one of a new machine; whatever

@@ -177,8 +177,8 @@ TEST_F(Fusion, OnlyStillPointsInView) {
     EXPECT_EQ(shown(feature), rival);
 }
 
-// Promise: a feature is looked for within fusion_radius_px of its level's pixels, alike up to fusion_hamming_max, at a
-// scale off the expected one by at most fusion_scale_factor, and at the depth that noise allows: each exactly.
+// Promise: a feature is looked for within matching.radius_posed_px of its level's pixels, alike up to hamming_wide_max,
+// at a scale off the expected one by at most kScaleSlack, and at the depth that noise allows: each exactly.
 TEST_F(Fusion, AlikeWithinTheLimits) {
     struct Feature {
         double off_px = 0;
@@ -200,26 +200,24 @@ TEST_F(Fusion, AlikeWithinTheLimits) {
     for (const bool is_other : {false, true}) {
         Parameters p = test::small_parameters();
         if (is_other) {
-            p.mapping.fusion_radius_px = 7;
-            p.mapping.fusion_hamming_max = 20;
-            p.mapping.fusion_scale_factor = 1.25;
-            p.mapping.fusion_depth_chi2_max = 4;
+            p.matching.radius_posed_px = 7;
+            p.matching.hamming_wide_max = 20;
+            p.region.edge_chi2_max = 4;
         }
-        const MappingParameters& m = p.mapping;
+        const MatchingParameters& m = p.matching;
         const double level_scale = p.features.scale_factor;
-        EXPECT_TRUE(is_found(p, {.off_px = m.fusion_radius_px - 0.01}));
-        EXPECT_FALSE(is_found(p, {.off_px = m.fusion_radius_px + 0.01}));
-        EXPECT_TRUE(is_found(p, {.off_px = m.fusion_radius_px * level_scale - 0.01, .level = 1, .scale = level_scale}));
-        EXPECT_FALSE(
-            is_found(p, {.off_px = m.fusion_radius_px * level_scale + 0.01, .level = 1, .scale = level_scale}));
-        EXPECT_TRUE(is_found(p, {.bits = m.fusion_hamming_max}));
-        EXPECT_FALSE(is_found(p, {.bits = m.fusion_hamming_max + 1}));
-        EXPECT_TRUE(is_found(p, {.scale = m.fusion_scale_factor - 0.01}));
-        EXPECT_FALSE(is_found(p, {.scale = m.fusion_scale_factor + 0.01}));
-        EXPECT_TRUE(is_found(p, {.level = 1, .scale = level_scale / (m.fusion_scale_factor - 0.01)}));
-        EXPECT_FALSE(is_found(p, {.level = 1, .scale = level_scale / (m.fusion_scale_factor + 0.01)}));
+        EXPECT_TRUE(is_found(p, {.off_px = m.radius_posed_px - 0.01}));
+        EXPECT_FALSE(is_found(p, {.off_px = m.radius_posed_px + 0.01}));
+        EXPECT_TRUE(is_found(p, {.off_px = m.radius_posed_px * level_scale - 0.01, .level = 1, .scale = level_scale}));
+        EXPECT_FALSE(is_found(p, {.off_px = m.radius_posed_px * level_scale + 0.01, .level = 1, .scale = level_scale}));
+        EXPECT_TRUE(is_found(p, {.bits = m.hamming_wide_max}));
+        EXPECT_FALSE(is_found(p, {.bits = m.hamming_wide_max + 1}));
+        EXPECT_TRUE(is_found(p, {.scale = kScaleSlack - 0.01}));
+        EXPECT_FALSE(is_found(p, {.scale = kScaleSlack + 0.01}));
+        EXPECT_TRUE(is_found(p, {.level = 1, .scale = level_scale / (kScaleSlack - 0.01)}));
+        EXPECT_FALSE(is_found(p, {.level = 1, .scale = level_scale / (kScaleSlack + 0.01)}));
         for (const double noise : {1.0, 9.0}) {
-            const double end_m = std::sqrt(m.fusion_depth_chi2_max * noise * (1e-4 + 1e-4));
+            const double end_m = std::sqrt(p.region.edge_chi2_max * noise * (1e-4 + 1e-4));
             EXPECT_TRUE(is_found(p, {.z_m = 2 + end_m - 1e-4, .noise = noise}));
             EXPECT_FALSE(is_found(p, {.z_m = 2 + end_m + 1e-4, .noise = noise}));
             EXPECT_FALSE(is_found(p, {.z_m = 2 - end_m - 1e-4, .noise = noise}));
@@ -246,7 +244,7 @@ TEST_F(Fusion, TheSamePlaceAsFarAsKnown) {
         for (const double noise : {1.0, 3.0}) {
             Parameters parameters = test::small_parameters();
             parameters.region.point_chi2_max = chi2_max;
-            parameters.mapping.fusion_depth_chi2_max = 1000;
+            parameters.region.edge_chi2_max = 1000;
             const auto are_same = [&](const Vector3& off) {
                 start(parameters);
                 (*world_)->noise.depth = noise;

@@ -45,12 +45,11 @@ TEST(CommonTurn, AgreesAsCountingSays) {
         for (const auto& [negative, bin] : counts) ring[static_cast<std::size_t>(bin)] = -negative;
         std::sort(counts.begin(), counts.end());
         const std::uint32_t bins_max = 1 + random.below(6);
-        const std::uint32_t factor = 1 + random.below(12);
-        turn.choose(bins_max, factor);
+        turn.choose(bins_max);
         std::vector<bool> is_chosen(30);
         for (std::uint32_t rank = 0; rank < bins_max; ++rank) {
             const int of_bin = -counts[rank].first;
-            if (of_bin == 0 || static_cast<int>(factor) * of_bin < -counts[0].first) break;
+            if (of_bin == 0) break;
             is_chosen[static_cast<std::size_t>(counts[rank].second)] = true;
         }
         for (const auto& [from, to] : matches) {
@@ -68,7 +67,7 @@ TEST(CommonTurn, AgreesAsCountingSays) {
 TEST(CommonTurn, ATurnIsATurn) {
     CommonTurn turn;
     turn.add(0.3F, 0.3F);
-    turn.choose(1, 10);
+    turn.choose(1);
     for (const float angle : {-3.1F, -1.0F, 0.0F, 2.0F, 3.1F}) {
         EXPECT_TRUE(turn.has(angle, angle));
         EXPECT_TRUE(turn.has(angle, angle + 0.1F));
@@ -83,7 +82,7 @@ TEST(CommonTurn, ATurnIsATurn) {
 // Promise: without matches nothing agrees.
 TEST(CommonTurn, NothingAgreesWithNothing) {
     CommonTurn turn;
-    turn.choose(3, 10);
+    turn.choose(3);
     EXPECT_FALSE(turn.has(0.0F, 0.0F));
     EXPECT_EQ(turn.count_alike(), 0U);
 }

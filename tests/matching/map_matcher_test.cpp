@@ -203,7 +203,8 @@ TEST_F(MapMatcherTest, LooksWhereTheRowWasExposed) {
     EXPECT_EQ(claimed(0.5), points.size());
 }
 
-// Promise: matching by descriptor finds the points of a rolled picture, and drops those that turn otherwise.
+// Promise: matching by descriptor finds the points of a rolled picture, and drops those that turn otherwise, but for
+// those of the two turns (12 degrees) that come next.
 TEST_F(MapMatcherTest, OneTurnOfThePicture) {
     constexpr float kRoll = 2.5F;
     const Handle<Keyframe> keyframe = map_.add_keyframe();
@@ -218,7 +219,15 @@ TEST_F(MapMatcherTest, OneTurnOfThePicture) {
     }
     matcher_.begin(features_);
     matcher_.by_descriptor(map_, keyframe);
-    for (std::size_t i = 0; i < features_.size(); ++i) EXPECT_EQ(matcher_.claim(i).is_free(), i % 5 == 0) << i;
+    std::uint32_t kept = 0;
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        if (i % 5 != 0) {
+            EXPECT_FALSE(matcher_.claim(i).is_free()) << i;
+        } else {
+            kept += matcher_.claim(i).is_free() ? 0U : 1U;
+        }
+    }
+    EXPECT_LE(kept, 4U) << "of 24 that turn by all angles there is";
 }
 
 // Promise: matching by words claims what comparing all pairs under one node claims, at every level.

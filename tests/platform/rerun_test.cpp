@@ -282,7 +282,7 @@ TEST_F(Rerun, BadConfigurations) {
         {"--set features.fast_threshold_low=30",
          {"'features.fast_threshold_low' = 30", "above features.fast_threshold", "1 to 20"}},
         {"--set mapping.window_keyframes=0", {"'mapping.window_keyframes'", "0", "2 to 12"}},
-        {"--set weights.start=30", {"'weights.start' = 30", "above weights.max", "0 to 20"}},
+        {"--set weights.eligible=30", {"'weights.eligible' = 30", "above weights.max", "0 to 20"}},
     };
     for (const auto& one : cases) {
         const Answer answer = stillmesh_says("run --replay " + path("frames") + " " + one.arguments);

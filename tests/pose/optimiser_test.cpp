@@ -49,8 +49,8 @@ void differentiate(const std::vector<Correspondence>& correspondences, const SE3
             j.col(k) = (plus - minus) / (2 * kStep);
         }
         const Vector3 r = whitened(fixed, pose);
-        h += c.vote * (j.transpose() * j);
-        g += c.vote * (j.transpose() * r);
+        h += c.weight * (j.transpose() * j);
+        g += c.weight * (j.transpose() * r);
     }
 }
 
@@ -85,9 +85,9 @@ TEST(PoseOptimiser, InformationEqualsNumericalDifferentiation) {
         auto c = measure_scene(20, pose * test::random_motion(random, 0.02, 0.01), {2e-3, 2e-3, 3e-3}, random);
         for (Correspondence& one : c) {
             one.has_depth = random.below(3) != 0;
-            one.vote = random.uniform(0.1, 1.0);
+            one.weight = random.uniform(0.1, 1.0);
         }
-        c[0].vote = 1.0;  // votes are relative to the largest
+        c[0].weight = 1.0;  // weights are relative to the largest
         const PoseFit fit = optimise_pose(c, all_of(c), pose, kAll, 0);
         Matrix6 h;
         Vector6 g;
@@ -190,19 +190,19 @@ TEST(PoseOptimiser, PointsAtTheCameraVetoNothing) {
     }
 }
 
-// Promise: votes are relative: all of them halved give the same bits; a vote of nothing is no point.
+// Promise: weights are relative: all of them halved give the same bits; a weight of nothing is no point.
 TEST(PoseOptimiser, VotesAreRelative) {
     Random random(6);
     const SE3 truth = test::random_motion(random, 1.0, 0.8);
     auto c = measure_scene(50, truth, {1.5e-3, 1.5e-3, 0}, random);
-    for (Correspondence& one : c) one.vote = random.uniform(0.1, 1.0);
+    for (Correspondence& one : c) one.weight = random.uniform(0.1, 1.0);
     const PoseFit fit = optimise_pose(c, all_of(c), truth, kChi2Max, 10);
-    for (Correspondence& one : c) one.vote *= 0.5;
+    for (Correspondence& one : c) one.weight *= 0.5;
     const PoseFit halved = optimise_pose(c, all_of(c), truth, kChi2Max, 10);
     EXPECT_EQ(fit.world_from_camera.rotation, halved.world_from_camera.rotation);
     EXPECT_EQ(fit.world_from_camera.translation, halved.world_from_camera.translation);
     EXPECT_EQ(fit.information, halved.information);
-    for (Correspondence& one : c) one.vote = 0;
+    for (Correspondence& one : c) one.weight = 0;
     EXPECT_FALSE(optimise_pose(c, all_of(c), truth, kChi2Max, 10).is_valid);
 }
 

@@ -211,15 +211,15 @@ TEST(Ransac, DegenerateInputGivesNoPose) {
     const RansacResult result = ransac_pose(three, all_of(three), nullptr, options, samples);
     EXPECT_TRUE(result.is_valid);
     EXPECT_LT(test::metres_between(truth, result.world_from_camera), 1e-9);
-    // A vote of nothing at all.
+    // A weight of nothing at all.
     auto mute = measure_scene(30, truth, Noise{}, random);
-    for (Correspondence& c : mute) c.vote = 0;
+    for (Correspondence& c : mute) c.weight = 0;
     const RansacResult silent = ransac_pose(mute, all_of(mute), nullptr, options, samples);
     EXPECT_TRUE(test::is_finite(silent.world_from_camera));
     EXPECT_EQ(silent.inlier_share, 0.0);
 }
 
-// Promise: votes decide, not heads: few trusted points beat many that the past does not know.
+// Promise: weights decide, not numbers: few trusted points beat many that the past does not know.
 TEST(Ransac, VotesDecide) {
     Random random(8);
     const SE3 truth = test::random_motion(random, 1.0, 0.5);
@@ -227,13 +227,13 @@ TEST(Ransac, VotesDecide) {
     auto c = measure_scene(40, truth, Noise{}, random);
     for (const Correspondence& moving : measure_scene(80, other, Noise{}, random)) {
         c.push_back(moving);
-        c.back().vote = 0.1;
+        c.back().weight = 0.1;
     }
     RansacOptions options;
     options.inlier_ratio_start = 0.3;
     RansacResult result = ransac_pose(c, all_of(c), nullptr, options, random);
     EXPECT_LT(test::metres_between(truth, result.world_from_camera), 1e-6);
-    for (Correspondence& one : c) one.vote = 1;
+    for (Correspondence& one : c) one.weight = 1;
     result = ransac_pose(c, all_of(c), nullptr, options, random);
     EXPECT_LT(test::metres_between(other, result.world_from_camera), 1e-6);
 }

@@ -151,10 +151,10 @@ TEST(RollingShutter, CarriesByTheMotion) {
         speed.tail<3>() = test::random_vector(random, 4.0);
         const double time_s = random.uniform(-0.02, 0.02);
         const double angle = speed.tail<3>().norm() * std::abs(time_s);
-        const double way_m = speed.head<3>().norm() * std::abs(time_s);
+        const double travelled = speed.head<3>().norm() * std::abs(time_s);
         const Vector3 carried = RollingShutter::at_middle_row(p, time_s, speed);
         const double error_m = (carried - se3_exp(speed * time_s) * p).norm();
-        EXPECT_LE(error_m, angle * angle * angle / 6 * p.norm() + 0.5 * angle * way_m + 1e-14);
+        EXPECT_LE(error_m, angle * angle * angle / 6 * p.norm() + 0.5 * angle * travelled + 1e-14);
     }
 }
 

@@ -76,7 +76,7 @@ TEST_F(Places, OnWithAVocabularyAndAMap) {
 }
 
 // Promise: a keyframe has the words of all its features, and its bag is of those whose points stand still: known, with
-// a vote, and a weight of weights.eligible.
+// a weight, and a weight of weights.eligible.
 TEST_F(Places, WordsOfWhatStandsStill) {
     for (const std::uint32_t eligible : {10U, 16U}) {
         Parameters parameters = test::small_parameters();

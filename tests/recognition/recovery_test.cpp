@@ -78,22 +78,21 @@ TEST(Recovery, FindsThePoseAmongOutliers) {
     }
 }
 
-// Promise: what cannot be a place proposes none and leaves the pose alone: fewer than recovery.matches_min matches,
-// fewer than pose.inliers_min that agree, or fewer than inlier_share_min of all; exactly.
+// Promise: what cannot be a place proposes none and leaves the pose alone: fewer than pose.inliers_min that agree, or
+// fewer than inlier_share_min of all; exactly.
 TEST(Recovery, EnoughMustAgree) {
     struct Case {
-        std::uint32_t matches_min, inliers_min;
+        std::uint32_t inliers_min;
         double share_min;
         std::uint32_t right, wrong;
         bool is_found;
     };
-    const Case cases[] = {{10, 4, 0.1, 10, 0, true},  {10, 4, 0.1, 9, 0, false},   {9, 4, 0.1, 9, 0, true},
-                          {8, 12, 0.1, 12, 3, true},  {8, 12, 0.1, 11, 3, false},  {8, 11, 0.1, 11, 3, true},
-                          {8, 8, 0.6, 30, 20, true},  {8, 8, 0.62, 30, 20, false}, {8, 8, 0.5, 30, 30, true},
-                          {8, 8, 0.51, 30, 30, false}};
+    const Case cases[] = {{10, 0.1, 10, 0, true},  {10, 0.1, 9, 0, false},   {9, 0.1, 9, 0, true},
+                          {12, 0.1, 12, 3, true},  {12, 0.1, 11, 3, false},  {11, 0.1, 11, 3, true},
+                          {8, 0.6, 30, 20, true},  {8, 0.62, 30, 20, false}, {8, 0.5, 30, 30, true},
+                          {8, 0.51, 30, 30, false}};
     for (const Case& c : cases) {
         Parameters parameters;
-        parameters.recovery.matches_min = c.matches_min;
         parameters.pose.inliers_min = c.inliers_min;
         parameters.recovery.inlier_share_min = c.share_min;
         parameters.region.point_chi2_max = 30;  // all that are right agree

@@ -68,7 +68,7 @@ TEST(Relocalisation, BackOnTheMapAfterDarkness) {
 TEST(Relocalisation, NoFrameBearsWitnessForItself) {
     Parameters configuration = configuration_of_test();
     configuration.keyframes.tracked_urgent_permille = 1000;
-    configuration.keyframes.gap_urgent = 1;
+    configuration.keyframes.gap_min = 1;
     configuration.keyframes.new_points_min = 1;
     Lost lost(true, 90, configuration);
     const std::uint64_t keyframes = lost.engine().statistics().keyframes_made;
@@ -88,7 +88,7 @@ TEST(Relocalisation, NoFrameBearsWitnessForItself) {
 TEST(Relocalisation, FoundAgainNearby) {
     for (const bool has_vocabulary : {true, false}) {
         Parameters configuration = configuration_of_test();
-        configuration.recovery.matches_min = Parameters{}.recovery.matches_min;
+        configuration.recovery.inlier_share_min = Parameters{}.recovery.inlier_share_min;
         configuration.loop.inliers_min = 4000;  // no place is found anywhere
         Lost lost(has_vocabulary, 90, configuration, 40);
         std::uint32_t i = 90;
@@ -102,6 +102,21 @@ TEST(Relocalisation, FoundAgainNearby) {
         EXPECT_EQ(lost.engine().statistics().loop.matched_by_words > 0, has_vocabulary);
         EXPECT_LT(test::metres_off(in_the_map(lost.engine().pose()), home().frames[0].truth, home().frames[i].truth),
                   0.05);
+    }
+}
+
+// Promise: a lost camera is found by its words only where places are looked for.
+TEST(Relocalisation, MayBeSwitchedOff) {
+    for (const bool is_relocalising : {true, false}) {
+        Parameters configuration = configuration_of_test();
+        configuration.loop.is_relocalising = is_relocalising;
+        Lost lost(true, 90, configuration);
+        PoseState best = PoseState::kNone;
+        for (std::uint32_t i = 20; i < 50; ++i) {
+            lost.show(home().frames[i]);
+            best = std::max(best, lost.engine().pose().state);
+        }
+        EXPECT_EQ(best >= PoseState::kUnsure, is_relocalising);
     }
 }
 

@@ -26,13 +26,13 @@ struct Rig {
           hypotheses(limits_of(400)),
           chosen(std::size_t{400}),
           scratch(std::size_t{400}) {
-        for (Correspondence& c : scene.correspondences) c.vote = random.uniform(0.2, 1.0);
+        for (Correspondence& c : scene.correspondences) c.weight = random.uniform(0.2, 1.0);
     }
-    RegionInput input() { return {scene.correspondences, voters, *groups, configuration, context, *scratch}; }
+    RegionInput input() { return {scene.correspondences, weighted, *groups, configuration, context, *scratch}; }
     void propose(Random& random) {
-        voters.clear();
+        weighted.clear();
         for (const std::uint16_t i : all_of(scene.correspondences)) {
-            if (scene.correspondences[i].vote > 0) voters.push_back(i);
+            if (scene.correspondences[i].weight > 0) weighted.push_back(i);
         }
         groups->build(scene.correspondences, scene.keypoints, configuration.region, context);
         hypotheses->propose(input(), random);
@@ -44,7 +44,7 @@ struct Rig {
     InMemory<MeshGroups> groups;
     InMemory<Hypotheses> hypotheses;
     InMemory<FixedVector<std::uint16_t>> chosen, scratch;
-    std::vector<std::uint16_t> voters;
+    std::vector<std::uint16_t> weighted;
 };
 
 SE3 moved(double metres) {
@@ -72,22 +72,22 @@ TEST(Hypotheses, ScoreIsEquationOneWithWeights) {
         };
         double points = 0, points_all = 0, triangles = 0, triangles_all = 0;
         for (std::size_t i = 0; i < all.size(); ++i) {
-            const double area = all[i].vote * all[i].p_camera.z() * all[i].p_camera.z();
+            const double area = all[i].weight * all[i].p_camera.z() * all[i].p_camera.z();
             points += area * weight_of(i);
             points_all += area;
         }
         for (const MeshTriangle& t : rig.groups->mesh().triangles) {
-            double vote = 0, z = 0, least = 1;
+            double weight = 0, z = 0, least = 1;
             Vector3 corner[3];
             for (int k = 0; k < 3; ++k) {
                 const std::size_t i = rig.groups->correspondence_of(t.vertex[k]);
                 const PixelPoint p = rig.groups->mesh().vertices[t.vertex[k]];
                 corner[k] = Vector3(p.x, p.y, 0);
-                vote += all[i].vote / 3;
+                weight += all[i].weight / 3;
                 z += all[i].p_camera.z() / 3;
                 least = std::min(least, weight_of(i));
             }
-            const double area = (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() * vote * z * z;
+            const double area = (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() * weight * z * z;
             triangles += area * least;
             triangles_all += area;
         }
@@ -95,7 +95,7 @@ TEST(Hypotheses, ScoreIsEquationOneWithWeights) {
         const double d2 =
             off.translation.squaredNorm() / (0.02 * 0.02) + std::pow(so3_log(off.rotation).norm() / 0.02, 2);
         const double plausible = 1 / (1 + d2 / 25);
-        const double score = 0.5 * points / points_all + triangles / triangles_all + 0.25 / (1 + d2 / 9);
+        const double score = 0.5 * points / points_all + triangles / triangles_all + 0.25 / (1 + d2 / 25);
         EXPECT_NEAR(found.score, score * plausible / 1.75, 1e-9) << "seed " << seed;
         EXPECT_NEAR(found.plausibility, plausible, 1e-9);
         rig.context.has_prediction = false;
@@ -131,7 +131,7 @@ TEST(Hypotheses, EveryMotionIsProposed) {
             EXPECT_GT(own, 0.9 * static_cast<double>(rig.scene.count(body))) << "seed " << seed;
             EXPECT_LT(others, 0.1 * static_cast<double>(rig.scene.count(1 - body))) << "seed " << seed;
         }
-        EXPECT_GT(rig.hypotheses->explained_share(rig.voters), 0.95);
+        EXPECT_GT(rig.hypotheses->explained_share(rig.weighted), 0.95);
     }
 }
 
@@ -147,7 +147,8 @@ TEST(Choice, MarginByBruteForce) {
         const std::size_t best = best_of(*rig.hypotheses);
         for (const Hypothesis& h : all) EXPECT_LE(h.score, all[best].score);
         double area_all = 0, margin = 1;
-        for (const Correspondence& c : rig.scene.correspondences) area_all += c.vote * c.p_camera.z() * c.p_camera.z();
+        for (const Correspondence& c : rig.scene.correspondences)
+            area_all += c.weight * c.p_camera.z() * c.p_camera.z();
         for (std::size_t h = 0; h < all.size(); ++h) {
             if (metres_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005 &&
                 radians_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005) {
@@ -157,7 +158,7 @@ TEST(Choice, MarginByBruteForce) {
             for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
                 const Correspondence& c = rig.scene.correspondences[i];
                 const bool is_ours = rig.hypotheses->explains(best, i), is_theirs = rig.hypotheses->explains(h, i);
-                if (is_ours != is_theirs) only[is_theirs ? 1 : 0] += c.vote * c.p_camera.z() * c.p_camera.z();
+                if (is_ours != is_theirs) only[is_theirs ? 1 : 0] += c.weight * c.p_camera.z() * c.p_camera.z();
             }
             only[1] *= std::min(all[h].plausibility / all[best].plausibility, 1.0);
             if (only[1] < 0.05 * area_all) continue;
@@ -169,19 +170,19 @@ TEST(Choice, MarginByBruteForce) {
     EXPECT_GT(rivals, 5U);
 }
 
-// Promise: chosen is exactly what agrees with the choice, has a vote and belongs to no group that disagrees.
+// Promise: chosen is exactly what agrees with the choice, has a weight and belongs to no group that disagrees.
 TEST(Choice, ChosenIsWhatAgrees) {
     for (std::uint64_t seed = 0; seed < 20; ++seed) {
         Random random(seed);
         Rig rig(150, 100, moved(0.1), random);
-        for (std::size_t i = 0; i < rig.scene.body.size(); i += 7) rig.scene.correspondences[i].vote = 0;
+        for (std::size_t i = 0; i < rig.scene.body.size(); i += 7) rig.scene.correspondences[i].weight = 0;
         rig.propose(random);
         const RegionChoice choice = choose_best(rig.input(), *rig.hypotheses, *rig.chosen);
         ASSERT_TRUE(choice.is_valid);
         std::vector<std::uint16_t> wanted;
         for (std::uint16_t i = 0; i < rig.scene.body.size(); ++i) {
             const Correspondence& c = rig.scene.correspondences[i];
-            if (c.vote > 0 && chi2_of(c, choice.world_from_camera.inverse()) <= 11.34 &&
+            if (c.weight > 0 && chi2_of(c, choice.world_from_camera.inverse()) <= 11.34 &&
                 rig.hypotheses->motions().agreement_of(rig.groups->group_of(i)) > 0) {
                 wanted.push_back(i);
             }

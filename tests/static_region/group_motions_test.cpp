@@ -23,10 +23,10 @@ struct Rig {
           groups(limits_of(400)),
           scratch(std::size_t{400}) {
         groups->build(scene.correspondences, scene.keypoints, configuration.region, context);
-        voters = all_of(scene.correspondences);
+        weighted = all_of(scene.correspondences);
     }
     std::uint32_t fit(Random& random) {
-        return motions.fit({scene.correspondences, voters, *groups, configuration, context, *scratch}, random);
+        return motions.fit({scene.correspondences, weighted, *groups, configuration, context, *scratch}, random);
     }
     SE3 pose;
     Scene scene;
@@ -34,7 +34,7 @@ struct Rig {
     RegionContext context;
     InMemory<MeshGroups> groups;
     InMemory<FixedVector<std::uint16_t>> scratch;
-    std::vector<std::uint16_t> voters;
+    std::vector<std::uint16_t> weighted;
     GroupMotions motions;
 };
 
@@ -67,24 +67,25 @@ TEST(GroupMotions, EachBodyHasItsOwn) {
     EXPECT_EQ(bodies, 20U);
 }
 
-// Promise: a group below region.group_points_min voters has no motion, and hypotheses keep the cap of all groups.
+// Promise: a group of fewer than region.group_points_min points with a weight has no motion, and hypotheses keep the
+// cap of all groups.
 TEST(GroupMotions, SmallGroupsHaveNoneAndIterationsAreBounded) {
     Random random(3);
     SE3 motion;
     motion.translation = Vector3(0.2, 0, 0);
     Rig rig(150, 100, motion, random);
     std::vector<std::uint16_t> few;
-    for (const std::uint16_t i : rig.voters) {
+    for (const std::uint16_t i : rig.weighted) {
         if (rig.groups->group_of(i) == 0 || few.size() < 5) few.push_back(i);
     }
     std::uint32_t of_second = 0;
     for (const std::uint16_t i : few) of_second += rig.groups->group_of(i) == 1 ? 1U : 0U;
     ASSERT_LT(of_second, rig.configuration.region.group_points_min);
-    rig.voters = few;
+    rig.weighted = few;
     static_cast<void>(rig.fit(random));
     EXPECT_NE(rig.motions.motion_of(0), nullptr);
     EXPECT_EQ(rig.motions.motion_of(1), nullptr);
-    rig.voters = all_of(rig.scene.correspondences);
+    rig.weighted = all_of(rig.scene.correspondences);
     for (std::uint32_t most = 1; most < 40; ++most) {
         rig.configuration.pose.coarse_total_max = most;
         EXPECT_LE(rig.fit(random), most);
@@ -104,22 +105,22 @@ TEST(GroupMotions, AgreementByHand) {
     const RegionParameters& region = rig.configuration.region;
     const SE3 own = rig.motions.motion_of(0)->inverse();
     double mean = 0;
-    std::uint32_t voters = 0;
+    std::uint32_t weighted = 0;
     for (std::size_t i = 0; i < rig.scene.correspondences.size(); ++i) {
         if (rig.groups->group_of(i) != 0) continue;
-        mean += std::min(chi2_of(rig.scene.correspondences[i], own), region.badness_max);
-        ++voters;
+        mean += chi2_over_time(rig.scene.correspondences[i], own, rig.configuration);
+        ++weighted;
     }
-    mean /= voters;
+    mean /= weighted;
     for (const double more : {0.0, 0.05, 0.1, 0.5, 5.0}) {
         rig.motions.begin_agreement();
-        for (std::uint32_t k = 0; k < voters; ++k) {
-            rig.motions.add_residual(0, mean + more, region);
-            rig.motions.add_residual(kNoGroup, 1000, region);
+        for (std::uint32_t k = 0; k < weighted; ++k) {
+            rig.motions.add_residual(0, mean + more);
+            rig.motions.add_residual(kNoGroup, 1000);
         }
         rig.motions.end_agreement(region);
-        const double bearable = (10 + 0.1 * voters) * (mean + 0.5);
-        EXPECT_NEAR(rig.motions.agreement_of(0), std::max(1 - voters * more / bearable, 0.0), 1e-9) << more;
+        const double bearable = (10 + 0.1 * weighted) * (mean + 0.5);
+        EXPECT_NEAR(rig.motions.agreement_of(0), std::max(1 - weighted * more / bearable, 0.0), 1e-9) << more;
         EXPECT_EQ(rig.motions.agreement_of(kNoGroup), 1.0);
     }
 }

@@ -115,9 +115,8 @@ Parameters configuration_of(const Limits& limits) {
     out.keyframes.gap_min = 3;
     out.keyframes.new_points_min = 20;
     out.store.gap_frames = 20;
-    out.store.rest_frames = 20;
-    out.store.points_min = 10;
-    out.loop.settle_s = 0;  // keyframes of pools as small do not grow old
+    out.loop.inliers_min = 20;
+    out.weights.proven_s = 0.01;  // keyframes of pools as small do not grow old
     out.local_map.near_keyframes = 2;
     out.local_map.sharing_keyframes = 2;
     return out;
@@ -228,7 +227,7 @@ TEST(MapPager, AStoreMayFail) {
         MemoryStore store(fault);
         const Limits limits = small(true);
         Parameters configuration = configuration_of(limits);
-        configuration.store.patience_frames = 10;
+        configuration.store.gap_frames = 10;
         Rig rig(limits, configuration, &store);
         const Ran ran = rig.run();
         const StoreStatistics& s = ran.statistics.store;
@@ -317,7 +316,6 @@ TEST(MapPager, EveryPoolMayBeFull) {
             Parameters configuration = configuration_of(limits);
             configuration.store.pause_frames = 1;
             configuration.store.gap_frames = 5;
-            configuration.store.rest_frames = 2;
             Rig rig(limits, configuration, &store);
             const Ran ran = rig.run();
             EXPECT_GT(ran.statistics.store.kept, 0U);

@@ -31,11 +31,9 @@ Limits limits_of_test() {
 
 Parameters configuration_of_test() {
     Parameters out;
-    out.store.points_min = 20;
+    out.loop.inliers_min = 40;
     out.store.gap_frames = 10;
-    out.store.rest_frames = 50;
     out.store.pause_frames = 5;
-    out.store.patience_frames = 20;
     return out;
 }
 
@@ -353,6 +351,31 @@ TEST(RegionReturn, NothingIsMadeTwice) {
     EXPECT_TRUE(rig.map().is_observed_by(rig.map().observations(newest)[0].point.slot(), rig.of_frame(10).slot()));
 }
 
+// Promise: a question asks for score_share of what the newest keyframe's neighbours score.
+TEST(RegionReturn, HowMuchAlikeIsAskedFor) {
+    std::uint32_t asked[2] = {};
+    for (int i = 0; i < 2; ++i) {
+        Left rig;
+        rig.world().parameters.store.score_share = i == 0 ? 0.25 : 0.5;
+        EXPECT_GT(rig.returns.query(), 0U);
+        asked[i] = rig.store.questions.back().score_min;
+    }
+    EXPECT_GT(asked[0], 1U);
+    EXPECT_NEAR(asked[1], 2 * asked[0], 1);
+}
+
+// Promise: a lost camera's question asks for lost_score_min of a whole bag's score, however old the region.
+TEST(RegionReturn, HowMuchAlikeALostCameraAsksFor) {
+    Left rig;
+    rig.world().parameters.store.lost_score_min = 0.25;
+    rig.world().pose.state = PoseState::kNone;
+    rig.places.places.take(PlaceSearch::User::kRelocalisation);
+    rig.places.places.find_words(rig.map(), rig.of_frame(90), rig.world().parameters, rig.places.places.words());
+    EXPECT_GT(rig.returns.query(), 0U);
+    EXPECT_EQ(rig.store.questions.back().score_min, kBagWeightOne / 4);
+    EXPECT_EQ(rig.store.questions.back().older_than, ~std::uint64_t{0});
+}
+
 // Promise: an answer that does not come is given up after a while, and a spoilt one is counted; both leave nothing.
 TEST(RegionReturn, TheStoreMayFail) {
     Left mute;
@@ -360,7 +383,7 @@ TEST(RegionReturn, TheStoreMayFail) {
     EXPECT_GT(mute.returns.query(), 0U);
     EXPECT_EQ(mute.returns.receive(), 0U);
     EXPECT_FALSE(mute.returns.may_query());
-    mute.world().clock.frame += configuration_of_test().store.patience_frames + 1;
+    mute.world().clock.frame += configuration_of_test().store.gap_frames + 1;
     EXPECT_EQ(mute.returns.receive(), 0U);
     EXPECT_EQ(mute.state.statistics.late, 1U);
     EXPECT_TRUE(mute.returns.may_query());

@@ -114,7 +114,7 @@ TEST(RegionStore, AnswersAsAPlainMapDoes) {
             }
             ASSERT_EQ(store->content().regions, model.size());
             if (step % 50 == 0) {
-                ASSERT_EQ(store.find_fault(), "");
+                ASSERT_EQ(store->find_fault(), "");
             }
         }
         EXPECT_GT(store->counts().segments, 1U);

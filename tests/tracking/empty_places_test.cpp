@@ -125,7 +125,8 @@ protected:
     }
     // One frame; how many views in a row have now seen the first point's place empty, -1: it is gone.
     int look(double noise_depth = 1) {
-        places_.look(frame_->frame(), frame_->measured, SE3{}, 7, noise_depth, (*world_)->local_map, world_->map());
+        places_.note_empty(frame_->frame(), frame_->measured, SE3{}, 7, noise_depth, (*world_)->local_map,
+                           world_->map());
         const MapPoint* const point = world_->map().points().find(points_[0]);
         return point != nullptr ? point->empty_views : -1;
     }
@@ -210,7 +211,8 @@ TEST_F(EmptyPlace, AllAroundMustBeEmpty) {
     }
 }
 
-// Promise: a point that the frame saw is not empty, and its views are forgotten; those of one without a vote are kept.
+// Promise: a point that the frame saw is not empty, and its views are forgotten; those of one without a weight are
+// kept.
 TEST_F(EmptyPlace, WhatIsSeenIsNotEmpty) {
     EXPECT_EQ(look(), 1);
     MapPoint& point = (*world_)[points_[0]];

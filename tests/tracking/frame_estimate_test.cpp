@@ -139,8 +139,8 @@ TEST(FrameEstimator, CompletesByMoreMatchesButNotInThePaper) {
         std::size_t members = 0;
         for (const Correspondence& c : after) {
             const std::uint16_t group = rig.estimator().groups()[c.feature];
-            EXPECT_EQ(c.vote, group != kNoGroup && rig.estimator().region().agreement_of(group) == 1.0 ? 1.0 : 0.0);
-            members += c.vote > 0 ? 1U : 0U;
+            EXPECT_EQ(c.weight, group != kNoGroup && rig.estimator().region().agreement_of(group) == 1.0 ? 1.0 : 0.0);
+            members += c.weight > 0 ? 1U : 0U;
         }
         EXPECT_GT(members, 50U);
     }

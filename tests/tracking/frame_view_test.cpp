@@ -12,8 +12,9 @@
 namespace stillmesh {
 namespace {
 
-// Promise: every feature is shown where it is, with its group; as static where it voted for the pose, as moving where
-// it was matched and did not, and as neither where it was not matched. What the frame before showed is gone.
+// Promise: every feature is shown where it is, with its group; as static where the pose was estimated from it, as
+// moving where it was matched and did not, and as neither where it was not matched. What the frame before showed is
+// gone.
 TEST(FrameView, ShowsWhatBecameOfFeatures) {
     const Limits limits = test::limits_of(100);
     test::InMemory<FrameView> view(limits);

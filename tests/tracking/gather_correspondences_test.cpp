@@ -125,14 +125,14 @@ TEST_F(Gather, VariancesFollowTheNoise) {
 TEST_F(Gather, OutOfSightDrifts) {
     for (const double share : {0.001, 0.05}) {
         for (const double max_m : {0.02, 0.3}) {
-            for (const double way_m : {-3.0, 0.0, 4.0, 100.0}) {
+            for (const double travelled : {-3.0, 0.0, 4.0, 100.0}) {
                 Parameters parameters = test::small_parameters();
                 parameters.weights.drift_share = share;
                 parameters.weights.drift_max_m = max_m;
                 start(parameters);
-                context_.way_m = 7 + way_m;
-                add().agreed_way_m = 7;
-                const double drift_m = std::max(0.0, std::min(share * way_m, max_m));
+                context_.travelled = 7 + travelled;
+                add().agreed_travelled = 7;
+                const double drift_m = std::max(0.0, std::min(share * travelled, max_m));
                 EXPECT_NEAR(gather_one().drift_var, drift_m * drift_m, 1e-12);
             }
         }
@@ -166,8 +166,8 @@ TEST_F(Gather, AnchorsDriftWithTheirAge) {
     }
 }
 
-// Promise: a point's vote is its weight over the largest, from `unproven` of that when it is new to all of it after
-// proven_s, with the square of its age between; it never falls with age.
+// Promise: a correspondence's weight is its point's over the largest, from `unproven` of that when it is new to all of
+// it after proven_s, with the square of its age between; it never falls with age.
 TEST_F(Gather, VotesGrowWithThePast) {
     for (const double proven_s : {0.5, 2.0}) {
         for (const double unproven : {0.03, 0.5}) {
@@ -184,10 +184,10 @@ TEST_F(Gather, VotesGrowWithThePast) {
                     point.weight_tenths = 15;
                     const Correspondence c = gather_one();
                     const double past = std::min(age * age, 1.0);
-                    EXPECT_NEAR(c.vote, (unproven + (1 - unproven) * past) * 15 / max, 1e-12);
-                    EXPECT_GE(c.vote, before);
+                    EXPECT_NEAR(c.weight, (unproven + (1 - unproven) * past) * 15 / max, 1e-12);
+                    EXPECT_GE(c.weight, before);
                     EXPECT_FALSE(c.is_dynamic);
-                    before = c.vote;
+                    before = c.weight;
                 }
                 EXPECT_NEAR(before, 15.0 / max, 1e-12);
             }
@@ -195,22 +195,22 @@ TEST_F(Gather, VotesGrowWithThePast) {
     }
 }
 
-// Promise: a point that was seen to move has no vote, whatever its weight.
+// Promise: a point that was seen to move has no weight, whatever its weight.
 TEST_F(Gather, SuspectsDoNotVote) {
     add().is_suspect = true;
     const Correspondence c = gather_one();
     EXPECT_TRUE(c.is_dynamic);
-    EXPECT_EQ(c.vote, 0);
+    EXPECT_EQ(c.weight, 0);
 }
 
-// Promise: with the region disabled every match votes alike, whatever the map knows of its past: no suspects, no drift,
-// and the anchor is the place.
+// Promise: with the region disabled every match counts alike, whatever the map knows of its past: no suspects, no
+// drift, and the anchor is the place.
 TEST_F(Gather, WithoutARegionAllVoteAlike) {
     Parameters parameters = test::small_parameters();
     parameters.region.is_enabled = false;
     start(parameters);
     noise_ = {0.5, 2};
-    context_.way_m = 100;
+    context_.travelled = 100;
     add().is_suspect = true;
     add().weight_tenths = 1;
     MapPoint& point = add();
@@ -219,7 +219,7 @@ TEST_F(Gather, WithoutARegionAllVoteAlike) {
     point.var_z = 3e-4;
     ASSERT_EQ(gather().size(), 3U);
     for (const Correspondence& c : gathered_) {
-        EXPECT_EQ(c.vote, 1);
+        EXPECT_EQ(c.weight, 1);
         EXPECT_FALSE(c.is_dynamic);
         EXPECT_EQ(c.drift_var, 0);
         EXPECT_EQ((c.p_anchor - c.p_world).squaredNorm(), 0);

@@ -122,17 +122,18 @@ TEST_F(Inserter, WantedAtTheThresholds) {
     }
 }
 
-// Promise: where less than half of tracked_share_max of the last keyframe is tracked, or less than tracked_urgent_permille
-// of the features, gap_urgent frames suffice; likewise while nothing is known of what was tracked.
+// Promise: where less than half of tracked_share_max of the last keyframe is tracked, or less than
+// tracked_urgent_permille of the features, a quarter of gap_min suffices; likewise while nothing is known of what was
+// tracked.
 TEST_F(Inserter, UrgentlyWantedSooner) {
     for (const bool is_other : {false, true}) {
         Parameters p = test::small_parameters();
         p.keyframes.tracked_share_max = is_other ? 0.5 : 1.0;
         p.keyframes.tracked_urgent_permille = is_other ? 200 : 120;
-        p.keyframes.gap_urgent = is_other ? 4 : 2;
+        p.keyframes.gap_min = is_other ? 16 : 8;
         p.features.count = is_other ? 50 : 100;
         start(p);
-        const std::uint64_t due = 10 + p.keyframes.gap_urgent;
+        const std::uint64_t due = 10 + p.keyframes.gap_min / 4;
         const std::uint32_t share = is_other ? 50 : 100, count = is_other ? 10 : 12;
         const std::uint32_t possible = p.keyframes.new_points_min;
         inserter_.begin_after(10);
@@ -188,7 +189,7 @@ TEST_F(Inserter, KeyframesCarryTheFrame) {
     EXPECT_EQ(keyframe.last_useful_frame, kNumber);
     EXPECT_EQ(keyframe.time_ns, kNow_ns);
     EXPECT_EQ(keyframe.drift_m, 1.25F);
-    EXPECT_EQ(keyframe.way_m, 8.5F);
+    EXPECT_EQ(keyframe.travelled, 8.5F);
     EXPECT_EQ(keyframe.readout_s, 0.02);
     EXPECT_LT((keyframe.speed - motion / 0.04).cwiseAbs().maxCoeff(), 1e-9);
     EXPECT_EQ((keyframe.pose_by_readout - shutter_.pose_by_readout()).cwiseAbs().maxCoeff(), 0);
@@ -198,7 +199,7 @@ TEST_F(Inserter, KeyframesCarryTheFrame) {
 }
 
 // Promise: every feature becomes an observation, in its order; it shows its point where that stands still, or is
-// followed without a vote, but not where it has just moved.
+// followed without a weight, but not where it has just moved.
 TEST_F(Inserter, WhatDoesNotFitIsNoObservation) {
     const std::size_t still = add(Shows::kStill), moving = add(Shows::kMoving), suspect = add(Shows::kSuspect);
     const std::size_t blind = add(Shows::kNewWithoutDepth);
@@ -219,12 +220,12 @@ TEST_F(Inserter, WhatDoesNotFitIsNoObservation) {
     EXPECT_STREQ(test::find_fault(map()), nullptr);
 }
 
-// Promise: a new point lies where the frame sees it, as uncertain as it was measured, with weights.start, and tracking
-// looks for it from the next frame on.
+// Promise: a new point lies where the frame sees it, as uncertain as it was measured, with weights.eligible, and
+// tracking looks for it from the next frame on.
 TEST_F(Inserter, NewPointsAreWhatTheFrameSaw) {
     for (const std::uint32_t start_weight : {10U, 12U}) {
         Parameters parameters = test::small_parameters();
-        parameters.weights.start = start_weight;
+        parameters.weights.eligible = start_weight;
         parameters.camera.readout_s = 0.02;
         start(parameters);
         Vector6 motion;
@@ -256,7 +257,7 @@ TEST_F(Inserter, NewPointsAreWhatTheFrameSaw) {
         EXPECT_EQ(point->created_ns, kNow_ns);
         EXPECT_EQ(point->anchor_ns, kNow_ns);
         EXPECT_EQ(point->last_seen_frame, kNumber);
-        EXPECT_EQ(point->agreed_way_m, 8.5F);
+        EXPECT_EQ(point->agreed_travelled, 8.5F);
         EXPECT_EQ(point->weight_tenths, start_weight);
         EXPECT_FALSE(point->is_suspect);
         EXPECT_EQ(point->seen, 1);
@@ -295,7 +296,7 @@ TEST_F(Inserter, SharesAndWhatIsComparedWith) {
     EXPECT_EQ(insert(), 0) << "of an empty frame";
 }
 
-// Promise: a new feature with more moving than still ones near it, at its depth, begins without a vote and renews
+// Promise: a new feature with more moving than still ones near it, at its depth, begins without a weight and renews
 // nothing; neighbours without depth or at another depth say nothing, and a tie is no suspicion.
 TEST_F(Inserter, NewAmongMovingIsSuspicious) {
     struct Case {
@@ -340,8 +341,8 @@ TEST_F(Inserter, NewAmongMovingIsSuspicious) {
     }
 }
 
-// Promise: "near" is matching.radius_wide_px in the picture, up to a cell of the grid, and in depth near_m beside near_sigmas
-// deviations, exactly; weights.suspicious at the static threshold or above is no suspicion.
+// Promise: "near" is matching.radius_wide_px in the picture, up to a cell of the grid, and in depth near_m beside
+// near_sigmas deviations, exactly; weights.suspicious at the static threshold or above is no suspicion.
 TEST_F(Inserter, NearIsConfigured) {
     const auto is_suspicious = [&](Parameters parameters, std::uint32_t px, double dz_m) {
         start(parameters);

@@ -248,7 +248,7 @@ TEST_F(Measured, ObservationsShowNoPoint) {
     EXPECT_EQ(o.var_z, static_cast<float>(seen(0).var_z));
     EXPECT_EQ(o.angle_rad, 0.7F);
     EXPECT_EQ(o.level, 2);
-    EXPECT_EQ(o.looks, 1);
+    EXPECT_EQ(o.averaged, 1);
     EXPECT_LT(frame_.measured.observation_of(1).var_z, 0);
 }
 

@@ -141,7 +141,7 @@ TEST_F(NoiseScaleTest, AGuessThatIsRightStays) {
 }
 
 // Promise: a factor follows the median of its residuals over that of noise, at most by `fall` and `rise` in a frame,
-// by `fall_young` and `rise_young` in the first young_frames, and stays between its least and `max`.
+// by `fall_young` and `depth_try_factor` in the first young_frames, and stays between its least and `max`.
 TEST_F(NoiseScaleTest, FollowsTheMedianWithinItsLimits) {
     constexpr double kMedian2 = 1.386, kMedian1 = 0.455;
     for (const bool is_other : {false, true}) {
@@ -153,8 +153,8 @@ TEST_F(NoiseScaleTest, FollowsTheMedianWithinItsLimits) {
                  .depth_min = 0.4,
                  .max = 5,
                  .young_frames = 2,
+                 .depth_try_factor = 3,
                  .fall_young = 0.5,
-                 .rise_young = 3,
                  .fall = 0.8,
                  .rise = 1.5};
         }
@@ -169,7 +169,7 @@ TEST_F(NoiseScaleTest, FollowsTheMedianWithinItsLimits) {
                 const bool is_young = frame < p.young_frames;
                 EXPECT_EQ(noise.is_young(), is_young);
                 EXPECT_EQ(noise.frames(), frame);
-                const double least = is_young ? p.fall_young : p.fall, most = is_young ? p.rise_young : p.rise;
+                const double least = is_young ? p.fall_young : p.fall, most = is_young ? p.depth_try_factor : p.rise;
                 noise.begin_frame();
                 points.teach(noise);
                 noise.count_frame();
@@ -216,11 +216,10 @@ TEST_F(NoiseScaleTest, OnlyWhatHasBothTells) {
 }
 
 // Promise: a try raises the pixel variance by pixel_try_factor and the depth's by depth_try_factor, at most to `max`;
-// there are first_tries in the first frame and `tries` later, and no more than so many add up.
+// there are `tries`, and twice as many in the first frame, and no more than so many add up.
 TEST_F(NoiseScaleTest, TriesAreConfigured) {
     for (const bool is_other : {false, true}) {
         if (is_other) {
-            parameters_.first_tries = 3;
             parameters_.tries = 1;
             parameters_.pixel_try_factor = 1.5;
             parameters_.depth_try_factor = 4;
@@ -230,7 +229,7 @@ TEST_F(NoiseScaleTest, TriesAreConfigured) {
         for (const bool is_first : {true, false}) {
             noise_.reset();
             if (!is_first) noise_.count_frame();
-            EXPECT_EQ(noise_.tries_max(), is_first ? p.first_tries : p.tries);
+            EXPECT_EQ(noise_.tries_max(), is_first ? 2 * p.tries : p.tries);
             noise_.begin_frame();
             for (std::uint32_t i = 1; i <= noise_.tries_max() + 2; ++i) {
                 noise_.raise();
@@ -273,7 +272,7 @@ TEST(NoiseScaleByGroup, BodiesAreNoNoise) {
             if (is_by_group) {
                 noise.adapt_by_group(scene.correspondences, *region, SE3{});
             } else {
-                noise.adapt(scene.correspondences, region->voters(), SE3{});
+                noise.adapt(scene.correspondences, region->weighted(), SE3{});
             }
         }
         return noise.factors();

@@ -127,7 +127,7 @@ TEST(Odometry, GathersDriftByState) {
                 odometry.set_drift(2);
                 odometry.gather_drift(state, motion, 1'100'000'000, p);
                 const bool is_measured = state == PoseState::kTracked || state == PoseState::kUnsure;
-                EXPECT_NEAR(odometry.way_m(), is_measured ? 0.6 : 0, 1e-12);
+                EXPECT_NEAR(odometry.travelled(), is_measured ? 0.6 : 0, 1e-12);
                 return odometry.drift_m() - 2;
             };
             EXPECT_NEAR(gathered(PoseState::kTracked), share * 0.1, 1e-12);
@@ -145,23 +145,23 @@ TEST(Odometry, AddsUpAndForgets) {
     const Parameters p;
     Odometry odometry;
     SE3 pose;
-    double way_m = 0, drift_m = 0;
+    double travelled = 0, drift_m = 0;
     for (int i = 0; i < 50; ++i) {
         const Vector3 step_m = test::random_vector(random, 0.1), turn = test::random_vector(random, 0.2);
         SE3 next = pose;
         next.translation += pose.rotation * step_m;
         next.rotation = pose.rotation * so3_exp(turn);
         odometry.gather_drift(PoseState::kTracked, moved(pose, next), 1'100'000'000, p);
-        way_m += std::sqrt(step_m.squaredNorm()) + std::sqrt(turn.squaredNorm());
+        travelled += std::sqrt(step_m.squaredNorm()) + std::sqrt(turn.squaredNorm());
         drift_m += p.loop.drift_share * std::sqrt(step_m.squaredNorm());
         const SE3 correction = test::random_motion(random, 1, 1);
         odometry.jump(correction);
         pose = correction * next;
-        EXPECT_NEAR(odometry.way_m(), way_m, 1e-9);
+        EXPECT_NEAR(odometry.travelled(), travelled, 1e-9);
         EXPECT_NEAR(odometry.drift_m(), drift_m, 1e-9);
     }
     odometry.reset();
-    EXPECT_EQ(odometry.way_m(), 0);
+    EXPECT_EQ(odometry.travelled(), 0);
     EXPECT_EQ(odometry.drift_m(), 0);
     expect_same(Split(odometry, pose).map_from_odom, SE3{}, 1e-15);
 }

@@ -96,14 +96,14 @@ protected:
     std::int64_t time_ns_ = kNow_ns;
 };
 
-// Promise: a point stands still up to region.point_chi2_max at its place and anchor_inlier_factor times that at its
+// Promise: a point stands still up to region.point_chi2_max at its place and wide_factor times that at its
 // anchor, exactly; every other matched one moves; what is not matched has no verdict.
 TEST_F(Judge, StillUpToTheThresholds) {
     for (const double chi2_max : {4.0, 11.34}) {
         for (const double factor : {1.5, 2.0}) {
             Parameters parameters = test::small_parameters();
             parameters.region.point_chi2_max = chi2_max;
-            parameters.region.anchor_inlier_factor = factor;
+            parameters.region.wide_factor = factor;
             start(parameters);
             struct Case {
                 double place, anchor;  // shares of chi2_max
@@ -137,20 +137,20 @@ TEST_F(Judge, StillUpToTheThresholds) {
     }
 }
 
-// Promise: what only odometry's drift explains stands still and keeps its vote, but is neither refined nor taken for
+// Promise: what only odometry's drift explains stands still and keeps its weight, but is neither refined nor taken for
 // seen where it is.
 TEST_F(Judge, WhatDriftExplainsIsNotMoved) {
     const std::size_t drifted = add(2, 0.05), near = add();
     correspondences_[drifted].p_anchor = pose_ * seen(drifted).point();
     correspondences_[drifted].drift_var = 0.05 * 0.05;
     const Vector3 before = vector_of(point(drifted).world);
-    point(drifted).agreed_way_m = point(near).agreed_way_m = 3;
+    point(drifted).agreed_travelled = point(near).agreed_travelled = 3;
     EXPECT_EQ(judge(), 0U);
     EXPECT_EQ(still(), (std::vector<std::uint16_t>{0, 1}));
     EXPECT_EQ(verdict(drifted), Verdict::kStill);
     EXPECT_EQ((vector_of(point(drifted).world) - before).squaredNorm(), 0);
-    EXPECT_EQ(point(drifted).agreed_way_m, 3);
-    EXPECT_EQ(point(near).agreed_way_m, 12.5F);
+    EXPECT_EQ(point(drifted).agreed_travelled, 3);
+    EXPECT_EQ(point(near).agreed_travelled, 12.5F);
 }
 
 // Promise: a still point's weight rises by a tenth and is clamped at max, a moving one's falls by a tenth and is
@@ -189,7 +189,8 @@ TEST_F(Judge, WeightsMoveByTheta) {
     }
 }
 
-// Promise: a point loses its vote when its weight has fallen suspect_steps steps below the static threshold, no sooner.
+// Promise: a point loses its weight when its weight has fallen suspect_steps steps below the static threshold, no
+// sooner.
 TEST_F(Judge, OneBadFrameIsNotMotion) {
     for (const std::uint32_t suspect_steps : {0U, 1U, 3U, 6U}) {
         for (const std::uint32_t eligible : {8U, 10U}) {
@@ -209,91 +210,84 @@ TEST_F(Judge, OneBadFrameIsNotMotion) {
     }
 }
 
-// Promise: a point without a vote earns it back when it has stood at its anchor for more than anchor_proven_share of
-// anchor_age_s and its weight has come up to the threshold; it then counts as new. Off its anchor it loses weight; too
-// soon, neither.
+// Promise: a point without a weight earns it back when it has stood at its anchor for more than proven_s and its weight
+// has come up to the threshold; it then counts as new. Off its anchor it loses weight; too soon, neither.
 TEST_F(Judge, StandingStillEarnsTheVoteBack) {
-    for (const double age_s : {1.0, 2.0}) {
-        for (const double share : {0.25, 0.5}) {
-            Parameters parameters = test::small_parameters();
-            parameters.weights.anchor_age_s = age_s;
-            parameters.weights.anchor_proven_share = share;
-            start(parameters);
-            const std::size_t soon = add(), late = add(), weak = add(), off = add(2, 0.5), off_soon = add(2, 0.5);
-            const std::size_t a_little_off = add(2, off_of_chi2(1.5 * parameters.region.point_chi2_max));
-            const std::int64_t needed_ns = static_cast<std::int64_t>(share * age_s * 1e9);
-            for (const std::size_t i : {soon, late, weak, off, off_soon, a_little_off}) {
-                correspondences_[i].is_dynamic = true;
-                point(i).is_suspect = true;
-                point(i).weight_tenths = 9;
-                point(i).anchor_ns = kNow_ns - needed_ns - 1;
-            }
-            point(soon).anchor_ns = point(off_soon).anchor_ns = kNow_ns - needed_ns;
-            point(weak).weight_tenths = 8;
-            EXPECT_EQ(judge(), 6U) << "it votes from the next frame on";
-            EXPECT_TRUE(still().empty());
-            for (const std::size_t i : {soon, late, weak, off, off_soon}) EXPECT_EQ(verdict(i), Verdict::kMoving);
-            EXPECT_EQ(point(soon).weight_tenths, 9);
-            EXPECT_TRUE(point(soon).is_suspect);
-            EXPECT_EQ(point(late).weight_tenths, 10);
-            EXPECT_FALSE(point(late).is_suspect);
-            EXPECT_EQ(point(late).created_ns, kNow_ns);
-            EXPECT_EQ(point(weak).weight_tenths, 9);
-            EXPECT_TRUE(point(weak).is_suspect);
-            EXPECT_EQ(point(weak).created_ns, kNow_ns - 10 * kSecond);
-            EXPECT_EQ(point(off).weight_tenths, 8);
-            EXPECT_EQ(point(off_soon).weight_tenths, 8);
-            EXPECT_EQ(point(a_little_off).weight_tenths, 8) << "the anchor is sharper here than for those that vote";
-            EXPECT_TRUE(point(off).is_suspect);
+    for (const double proven_s : {0.7, 2.0}) {
+        Parameters parameters = test::small_parameters();
+        parameters.weights.proven_s = proven_s;
+        start(parameters);
+        const std::size_t soon = add(), late = add(), weak = add(), off = add(2, 0.5), off_soon = add(2, 0.5);
+        const std::size_t a_little_off = add(2, off_of_chi2(1.5 * parameters.region.point_chi2_max));
+        const std::int64_t needed_ns = static_cast<std::int64_t>(proven_s * 1e9);
+        for (const std::size_t i : {soon, late, weak, off, off_soon, a_little_off}) {
+            correspondences_[i].is_dynamic = true;
+            point(i).is_suspect = true;
+            point(i).weight_tenths = 9;
+            point(i).anchor_ns = kNow_ns - needed_ns - 1;
         }
+        point(soon).anchor_ns = point(off_soon).anchor_ns = kNow_ns - needed_ns;
+        point(weak).weight_tenths = 8;
+        EXPECT_EQ(judge(), 6U) << "it counts from the next frame on";
+        EXPECT_TRUE(still().empty());
+        for (const std::size_t i : {soon, late, weak, off, off_soon}) EXPECT_EQ(verdict(i), Verdict::kMoving);
+        EXPECT_EQ(point(soon).weight_tenths, 9);
+        EXPECT_TRUE(point(soon).is_suspect);
+        EXPECT_EQ(point(late).weight_tenths, 10);
+        EXPECT_FALSE(point(late).is_suspect);
+        EXPECT_EQ(point(late).created_ns, kNow_ns);
+        EXPECT_EQ(point(weak).weight_tenths, 9);
+        EXPECT_TRUE(point(weak).is_suspect);
+        EXPECT_EQ(point(weak).created_ns, kNow_ns - 10 * kSecond);
+        EXPECT_EQ(point(off).weight_tenths, 8);
+        EXPECT_EQ(point(off_soon).weight_tenths, 8);
+        EXPECT_EQ(point(a_little_off).weight_tenths, 8) << "the anchor is sharper here than for those with a weight";
+        EXPECT_TRUE(point(off).is_suspect);
     }
 }
 
 // Promise: a still point is refined by a Kalman filter in the camera's frame: its depth by the variances along the ray,
-// its direction by those across it; the gain is at least gain_min and the variance at least variance_min of one
-// measurement's, so that the map keeps learning.
+// its direction by those across it; the variance is at least variance_min of one measurement's, so that the
+// map keeps learning.
 TEST_F(Judge, StillPointsAreFiltered) {
-    for (const double gain_min : {0.03, 0.9}) {
-        for (const double variance_min : {0.1, 0.8}) {
-            Parameters parameters = test::small_parameters();
-            parameters.weights.gain_min = gain_min;
-            parameters.weights.variance_min = variance_min;
-            parameters.camera.readout_s = 0.02;
-            start(parameters);
-            Vector6 motion;
-            motion << 0.02, 0.01, -0.01, 0.01, 0.02, 0;
-            shutter_.set_motion(se3_exp(motion), 1.0 / 30);
-            const std::size_t i = add(2.5, 0.004);
-            MapPoint& point = this->point(i);
-            Correspondence& c = correspondences_[i];
-            c.p_world += pose_.rotation * Vector3(0.003, -0.002, 0);
-            const Vector3 readout_before(0.1, 0.2, -0.3);
-            store(readout_before, point.world_by_readout);
-            point.var_z = 3 * seen(i).var_z;
-            point.var_lateral = 0.5 * seen(i).var_pixel * 2.5 * 2.5;
-            c.map_var_z = point.var_z;  // whatever the noise of the frame is, the map's variances are the model's
-            const double gain_z = std::max(0.75, gain_min), gain_lateral = std::max(1.0 / 3, gain_min);
-            const Vector3 q = pose_.inverse() * c.p_world;
-            const Vector2 direction_before(q.x() / q.z(), q.y() / q.z());
-            ASSERT_EQ(judge(), 0U);
-            const Vector3 after = pose_.inverse() * vector_of(point.world);
-            EXPECT_NEAR(after.z(), q.z() + gain_z * (2.5 - q.z()), 1e-12);
-            for (int k = 0; k < 2; ++k) {
-                const double before = direction_before(k), measured = seen(i).normalised(k);
-                EXPECT_NEAR(after(k) / after.z(), before + gain_lateral * (measured - before), 1e-12);
-            }
-            EXPECT_NEAR(point.var_z / seen(i).var_z, std::max(3 * (1 - gain_z), variance_min), 1e-9);
-            EXPECT_NEAR(point.var_lateral / (seen(i).var_pixel * 2.5 * 2.5),
-                        std::max(0.5 * (1 - gain_lateral), variance_min), 1e-9);
-            // How the point moves with the readout, in the camera, with the same gains.
-            const Matrix3 to_camera = pose_.rotation.transpose();
-            const Vector3 told = to_camera * shutter_.by_readout(pose_, c.p_camera, frame_->measured.keypoint(i).y);
-            const Vector3 was = to_camera * readout_before, is = to_camera * vector_of(point.world_by_readout);
-            for (int k = 0; k < 3; ++k) {
-                EXPECT_NEAR(is(k), was(k) + (k < 2 ? gain_lateral : gain_z) * (told(k) - was(k)), 1e-6);
-            }
-            EXPECT_GT(std::sqrt((told - was).squaredNorm()), 0.05);
+    for (const double variance_min : {0.1, 0.8}) {
+        Parameters parameters = test::small_parameters();
+        parameters.weights.variance_min = variance_min;
+        parameters.camera.readout_s = 0.02;
+        start(parameters);
+        Vector6 motion;
+        motion << 0.02, 0.01, -0.01, 0.01, 0.02, 0;
+        shutter_.set_motion(se3_exp(motion), 1.0 / 30);
+        const std::size_t i = add(2.5, 0.004);
+        MapPoint& point = this->point(i);
+        Correspondence& c = correspondences_[i];
+        c.p_world += pose_.rotation * Vector3(0.003, -0.002, 0);
+        const Vector3 readout_before(0.1, 0.2, -0.3);
+        store(readout_before, point.world_by_readout);
+        point.var_z = 3 * seen(i).var_z;
+        point.var_lateral = 0.5 * seen(i).var_pixel * 2.5 * 2.5;
+        c.map_var_z = point.var_z;  // whatever the noise of the frame is, the map's variances are the model's
+        const double gain_z = 0.75, gain_lateral = 1.0 / 3;
+        const Vector3 q = pose_.inverse() * c.p_world;
+        const Vector2 direction_before(q.x() / q.z(), q.y() / q.z());
+        ASSERT_EQ(judge(), 0U);
+        const Vector3 after = pose_.inverse() * vector_of(point.world);
+        EXPECT_NEAR(after.z(), q.z() + gain_z * (2.5 - q.z()), 1e-12);
+        for (int k = 0; k < 2; ++k) {
+            const double before = direction_before(k), measured = seen(i).normalised(k);
+            EXPECT_NEAR(after(k) / after.z(), before + gain_lateral * (measured - before), 1e-12);
         }
+        EXPECT_NEAR(point.var_z / seen(i).var_z, std::max(3 * (1 - gain_z), variance_min), 1e-9);
+        EXPECT_NEAR(point.var_lateral / (seen(i).var_pixel * 2.5 * 2.5),
+                    std::max(0.5 * (1 - gain_lateral), variance_min), 1e-9);
+        // How the point moves with the readout, in the camera, with the same gains.
+        const Matrix3 to_camera = pose_.rotation.transpose();
+        const Vector3 told = to_camera * shutter_.by_readout(pose_, c.p_camera, frame_->measured.keypoint(i).y);
+        const Vector3 was = to_camera * readout_before, is = to_camera * vector_of(point.world_by_readout);
+        for (int k = 0; k < 3; ++k) {
+            EXPECT_NEAR(is(k), was(k) + (k < 2 ? gain_lateral : gain_z) * (told(k) - was(k)), 1e-6);
+        }
+        EXPECT_GT(std::sqrt((told - was).squaredNorm()), 0.05);
     }
 }
 
@@ -316,13 +310,14 @@ TEST_F(Judge, ManyLooksConverge) {
     EXPECT_LT(before_m, 1e-5);
 }
 
-// Promise: a point without a vote is where the frame sees it, and looks as it does there; its anchor stays until it is
-// anchor_age_s old, or until the point has just lost its vote. Not without depth, nor in a frozen map.
+// Promise: a point without a weight is where the frame sees it, and looks as it does there; its anchor stays until it
+// is half as old again as proven_s, or until the point has just lost its weight. Not without depth, nor in a frozen
+// map.
 TEST_F(Judge, PointsWithoutAVoteAreFollowed) {
     Parameters parameters = test::small_parameters();
     parameters.camera.readout_s = 0.02;
-    for (const double age_s : {1.0, 3.0}) {
-        parameters.weights.anchor_age_s = age_s;
+    for (const double proven_s : {0.5, 2.0}) {
+        parameters.weights.proven_s = proven_s;
         start(parameters);
         Vector6 motion;
         motion << 0.02, 0.01, -0.01, 0.01, 0.02, 0;
@@ -331,7 +326,7 @@ TEST_F(Judge, PointsWithoutAVoteAreFollowed) {
         frame_->extractor.keypoints[young].angle_rad = 0.4F;
         frame_->extractor.keypoints[young].level = 2;
         frame_->measure();
-        const std::int64_t age_ns = static_cast<std::int64_t>(age_s * 1e9);
+        const std::int64_t age_ns = static_cast<std::int64_t>(1.5 * proven_s * 1e9);
         for (const std::size_t i : {young, old, fallen, blind}) {
             correspondences_[i].is_dynamic = i != fallen;
             point(i).is_suspect = i != fallen;
@@ -362,7 +357,7 @@ TEST_F(Judge, PointsWithoutAVoteAreFollowed) {
             EXPECT_EQ(p.var_z, seen(i).var_z);
             EXPECT_EQ(p.var_lateral, seen(i).var_pixel * 4);
             EXPECT_EQ(p.descriptor, test::descriptor_of(i));
-            EXPECT_EQ(p.agreed_way_m, 12.5F);
+            EXPECT_EQ(p.agreed_travelled, 12.5F);
             EXPECT_EQ(p.distance_m, 2);
             EXPECT_EQ(p.level, i == young ? 2 : 0);
             EXPECT_EQ(p.angle_rad, i == young ? 0.4F : 0);

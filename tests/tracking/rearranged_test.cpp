@@ -206,7 +206,7 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
         const auto learnt = count(new_place, after);
         std::printf(
             "[ piece %zu ] old place: %zu of %zu voxels empty now, points %td before, %td left (and %td without "
-            "a vote); new place: %td points; error %.4f m, %u emptied\n",
+            "a weight); new place: %td points; error %.4f m, %u emptied\n",
             i, old_place.size(), whole, stood, left, without_vote, learnt, error_m,
             static_cast<std::uint32_t>(in.map.statistics().points_emptied));
         EXPECT_GE(stood, 20) << "too few to judge";

@@ -76,7 +76,7 @@ std::map<std::uint32_t, Seen> weights_of(const Map& map) {
 }
 
 // Promise: static weights (Algorithm 2): new points start at 1 (0.9 beside what moves), a frame adds or takes theta at
-// most, within [0, 2]; what stands still rises, what moves falls and loses its vote.
+// most, within [0, 2]; what stands still rises, what moves falls and loses its weight.
 TEST(Tracking, WeightsRiseAndFall) {
     for (const std::uint32_t max : {20U, 16U}) {
         const DrawnScene scene;
@@ -94,7 +94,7 @@ TEST(Tracking, WeightsRiseAndFall) {
                 ASSERT_LE(seen.weight, max);
                 const auto known = before.find(slot);
                 if (known == before.end() || known->second.generation != seen.generation) {
-                    ASSERT_TRUE(seen.weight == configuration.weights.start ||
+                    ASSERT_TRUE(seen.weight == configuration.weights.eligible ||
                                 seen.weight == configuration.weights.suspicious)
                         << seen.weight;
                     continue;
@@ -150,7 +150,7 @@ TEST(Tracking, UnsureFramesChangeNoWeight) {
                 EXPECT_EQ(rig.pose().state, PoseState::kUnsure) << i;
             }
             for (const auto& [slot, seen] : weights_of(rig.map())) {
-                ASSERT_TRUE(seen.weight == configuration.weights.start ||
+                ASSERT_TRUE(seen.weight == configuration.weights.eligible ||
                             seen.weight == configuration.weights.suspicious);
             }
         }
@@ -158,11 +158,11 @@ TEST(Tracking, UnsureFramesChangeNoWeight) {
     }
 }
 
-// Promise: points that come back into view as far aside as odometry may have drifted meanwhile keep their vote and stay
-// where they are; those that were in view all the time and lie as far aside have moved.
+// Promise: points that come back into view as far aside as odometry may have drifted meanwhile keep their weight and
+// stay where they are; those that were in view all the time and lie as far aside have moved.
 TEST(Tracking, DriftIsNoMotion) {
     constexpr double kAside_m = 0.035;
-    constexpr float kWay_m = 15;
+    constexpr float kTravelled = 15;
     constexpr std::int64_t kTime_ns = 20'000'000'000;
     DrawnScene scene;
     scene.has_board = false;
@@ -178,7 +178,7 @@ TEST(Tracking, DriftIsNoMotion) {
             MapPoint& point = points.at(slot);
             point.world[1] += kAside_m;
             point.anchor[1] += kAside_m;
-            if (was_out_of_view) point.agreed_way_m -= kWay_m;
+            if (was_out_of_view) point.agreed_travelled -= kTravelled;
             if (was_out_of_view) point.anchor_ns -= kTime_ns;
             aside[slot] = point.world[1];
         }
@@ -203,14 +203,14 @@ TEST(Tracking, DriftIsNoMotion) {
 }
 
 // Promise: the camera's way comes out, the wall's points lie on the wall, and nearly nothing on the board that slides
-// through the view votes.
+// through the view counts.
 TEST(Tracking, FollowsTheWallNotTheBoard) {
     for (const std::int32_t board_speed : {-4, 2, 3, 5}) {
         DrawnScene scene;
         scene.board_px_per_frame = board_speed;
         scene.board_left = board_speed > 0 ? 10 : 200;
         Rig rig(scene.camera(), fitting());
-        std::uint32_t wrong = 0, votes = 0, board = 0;
+        std::uint32_t wrong = 0, counted = 0, board = 0;
         for (std::uint32_t i = 0; i < 50; ++i) {
             const KeptFrame kept = scene.draw(i);
             rig->track(kept.frame());
@@ -227,10 +227,10 @@ TEST(Tracking, FollowsTheWallNotTheBoard) {
                 if (i < 15 || !f.is_matched) continue;
                 board += is_board;
                 wrong += f.is_static && is_board;
-                votes += f.is_static && !is_board;
+                counted += f.is_static && !is_board;
             }
         }
-        EXPECT_GT(votes, 2000U);
+        EXPECT_GT(counted, 2000U);
         EXPECT_GT(board, 300U) << "the board must stay matched, lest it breeds new points";
         EXPECT_LE(wrong, board / 50) << "speed " << board_speed;
         std::uint32_t off = 0, all = 0;
@@ -305,32 +305,30 @@ KeyframeLog log_of(const DrawnScene& scene, const Parameters& configuration, std
 }
 
 // Promise: keyframes (method.md 8): never without new points, never while enough is tracked, at least the gap apart
-// unless tracks run out, and then two frames apart.
+// unless tracks run out, and then a quarter of that.
 TEST(Tracking, KeyframesKeepTheirConditions) {
     DrawnScene scene;
     scene.wall_px_per_frame = 4;  // new wall comes into view quickly
     scene.has_board = false;
     Parameters configuration = fitting();
     configuration.keyframes.tracked_urgent_permille = 0;
-    configuration.keyframes.tracked_share_max = 1.0;
+    configuration.keyframes.tracked_share_max = 0.6;
     configuration.keyframes.new_points_min = 1;
     for (const std::uint32_t gap : {3U, 10U}) {
         configuration.keyframes.gap_min = gap;
-        configuration.keyframes.gap_urgent = gap;
         const KeyframeLog log = log_of(scene, configuration, 45);
-        ASSERT_GT(log.frames.size(), 45 / gap / 3);
+        ASSERT_GE(log.frames.size(), 3U);
         EXPECT_EQ(log.frames[0], 0U);
         for (std::size_t i = 1; i < log.frames.size(); ++i) EXPECT_GE(log.frames[i] - log.frames[i - 1], gap);
     }
     configuration.keyframes.tracked_share_max = 0;
-    configuration.keyframes.gap_urgent = 2;
     EXPECT_EQ(log_of(scene, configuration, 20).frames.size(), 1U) << "nothing is ever too little";
     configuration.keyframes.tracked_share_max = 1.0;
     configuration.keyframes.new_points_min = 4000;
     configuration.keyframes.tracked_urgent_permille = 1000;
     EXPECT_EQ(log_of(scene, configuration, 20).frames.size(), 1U) << "never so many new points";
     configuration.keyframes.new_points_min = 0;
-    configuration.keyframes.gap_min = 300;
+    configuration.keyframes.gap_min = 8;
     const KeyframeLog urgent = log_of(scene, configuration, 21);
     ASSERT_EQ(urgent.frames.size(), 11U);
     for (std::size_t i = 1; i < urgent.frames.size(); ++i) EXPECT_EQ(urgent.frames[i] - urgent.frames[i - 1], 2U);

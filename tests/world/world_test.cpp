@@ -26,7 +26,7 @@ TEST(World, BeginsAsConfigured) {
         parameters.noise.pixel_start = 0.7;
         parameters.noise.depth_start = 0.9;
         parameters.features.scale_factor = 1.5;
-        parameters.map.looks_max = 4;
+        parameters.map.averaged_max = 4;
         ArenaPlan plan;
         World::plan(plan, limits);
         const test::Memory memory(plan.used_bytes());
@@ -37,7 +37,7 @@ TEST(World, BeginsAsConfigured) {
         EXPECT_EQ(world.limits.keyframes_max, keyframes);
         EXPECT_EQ(world.map.keyframes().capacity(), keyframes);
         EXPECT_EQ(world.map.points().capacity(), limits.map_points_max);
-        EXPECT_EQ(world.map.parameters().looks_max, 4U);
+        EXPECT_EQ(world.map.parameters().averaged_max, 4U);
         EXPECT_EQ(world.keyframe_queue.capacity(), World::kKeyframeQueueMax);
         EXPECT_EQ(world.camera.width, 160U);
         EXPECT_EQ(world.noise.pixel, 0.7);

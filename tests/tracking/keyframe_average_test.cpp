@@ -1,4 +1,4 @@
-#include "engine/tracking/keyframe_looks.hpp"
+#include "engine/tracking/keyframe_average.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,9 +19,9 @@ class Looks : public testing::Test {
 protected:
     Looks() { start(test::small_parameters()); }
     void start(const Parameters& parameters) {
-        looks_.reset();
+        average_.reset();
         world_ = std::make_unique<test::SmallWorld>(parameters);
-        looks_ = std::make_unique<test::InWorld<KeyframeLooks>>(**world_);
+        average_ = std::make_unique<test::InWorld<KeyframeAverage>>(**world_);
         pose_ = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
         keyframe_ = world_->add_keyframe(pose_, 10);
         points_.clear();
@@ -38,9 +38,9 @@ protected:
         world_->map().add_observation(keyframe_, seen);
         return points_.size() - 1;
     }
-    void begin() { (*looks_)->begin(world_->map(), keyframe_); }
+    void begin() { (*average_)->begin(world_->map(), keyframe_); }
     // A frame at `pose` sees the i-th point at `p` in its own camera.
-    void look(std::size_t i, const Vector3& p, const SE3& pose, bool has_depth = true) {
+    void add(std::size_t i, const Vector3& p, const SE3& pose, bool has_depth = true) {
         std::vector<Correspondence> seen(2);  // the first is not chosen
         for (Correspondence& c : seen) {
             c.point_slot = points_[i].slot();
@@ -49,7 +49,7 @@ protected:
         }
         seen[0].p_camera *= 1.5;
         const std::uint16_t chosen[] = {1};
-        (*looks_)->look(seen, chosen, pose, world_->map());
+        (*average_)->add(seen, chosen, pose, world_->map());
     }
     [[nodiscard]] const Observation& seen(std::size_t i) { return world_->map().observations(keyframe_)[i]; }
     [[nodiscard]] Vector3 measured(std::size_t i) {  // x/z, y/z and z
@@ -58,7 +58,7 @@ protected:
     }
 
     std::unique_ptr<test::SmallWorld> world_;
-    std::unique_ptr<test::InWorld<KeyframeLooks>> looks_;
+    std::unique_ptr<test::InWorld<KeyframeAverage>> average_;
     SE3 pose_;
     Handle<Keyframe> keyframe_;
     std::vector<Handle<MapPoint>> points_;
@@ -68,12 +68,12 @@ Vector3 as_measured(const Vector3& p) {
     return {p.x() / p.z(), p.y() / p.z(), p.z()};
 }
 
-// Promise: up to map.looks_max looks the keyframe's measurement is their plain mean, its own included, in both
-// coordinates and in depth; beyond, each look counts one part in looks_max + 1.
+// Promise: up to map.averaged_max looks the keyframe's measurement is their plain mean, its own included, in both
+// coordinates and in depth; beyond, each counts one part in averaged_max + 1.
 TEST_F(Looks, APlainMean) {
-    for (const std::uint32_t looks_max : {1U, 4U, 10U}) {
+    for (const std::uint32_t averaged_max : {1U, 4U, 10U}) {
         Parameters parameters = test::small_parameters();
-        parameters.map.looks_max = looks_max;
+        parameters.map.averaged_max = averaged_max;
         start(parameters);
         Random random(1);
         const Vector3 truth(0.3, -0.2, 2.0);
@@ -81,23 +81,23 @@ TEST_F(Looks, APlainMean) {
         const std::size_t i = add(first);
         begin();
         Vector3 sum = as_measured(first), expected = sum;
-        for (std::uint32_t n = 2; n <= looks_max + 5; ++n) {
+        for (std::uint32_t n = 2; n <= averaged_max + 5; ++n) {
             const Vector3 p = truth + test::random_vector(random, 0.02);
-            look(i, p, pose_);
-            if (n <= looks_max) {
+            add(i, p, pose_);
+            if (n <= averaged_max) {
                 sum += as_measured(p);
                 expected = sum / n;
-                EXPECT_EQ(seen(i).looks, n);
+                EXPECT_EQ(seen(i).averaged, n);
             } else {
-                expected += (as_measured(p) - expected) / (looks_max + 1.0);
-                EXPECT_EQ(seen(i).looks, looks_max);
+                expected += (as_measured(p) - expected) / (averaged_max + 1.0);
+                EXPECT_EQ(seen(i).averaged, averaged_max);
             }
-            EXPECT_LT((measured(i) - expected).cwiseAbs().maxCoeff(), 2e-6) << n << " of " << looks_max;
+            EXPECT_LT((measured(i) - expected).cwiseAbs().maxCoeff(), 2e-6) << n << " of " << averaged_max;
         }
     }
 }
 
-// Promise: a frame elsewhere that sees the same place says the same: its look is carried over by both poses.
+// Promise: a frame elsewhere that sees the same place says the same: its measurement is carried over by both poses.
 TEST_F(Looks, LooksFromBesideAreCarriedOver) {
     Random random(2);
     std::vector<Vector3> places;
@@ -106,29 +106,29 @@ TEST_F(Looks, LooksFromBesideAreCarriedOver) {
     begin();
     for (int frame = 0; frame < 10; ++frame) {
         const SE3 beside = pose_ * test::random_motion(random, 0.04, 0.3);
-        for (std::size_t i = 0; i < places.size(); ++i) look(i, beside.inverse() * (pose_ * places[i]), beside);
+        for (std::size_t i = 0; i < places.size(); ++i) add(i, beside.inverse() * (pose_ * places[i]), beside);
     }
     for (std::size_t i = 0; i < places.size(); ++i) {
-        EXPECT_EQ(seen(i).looks, 10);
+        EXPECT_EQ(seen(i).averaged, 10);
         EXPECT_LT((measured(i) - as_measured(places[i])).cwiseAbs().maxCoeff(), 1e-6);
     }
 }
 
-// Promise: only looks from within map.looks_reach times the point's depth count, whatever the turn.
+// Promise: only looks from within map.averaged_reach times the point's depth count, whatever the turn.
 TEST_F(Looks, FromNearByOnly) {
     for (const double reach : {0.05, 0.2}) {
         Parameters parameters = test::small_parameters();
-        parameters.map.looks_reach = reach;
+        parameters.map.averaged_reach = reach;
         start(parameters);
         const std::size_t near = add(Vector3(0, 0, 1)), far = add(Vector3(0, 0, 3));
         begin();
         const auto looked = [&](double away_m) {
-            const int before_near = seen(near).looks, before_far = seen(far).looks;
+            const int before_near = seen(near).averaged, before_far = seen(far).averaged;
             SE3 away = se3_exp((Vector6() << 0, 0, 0, 0, 0.5, 0).finished());
             away.translation = Vector3(0.6 * away_m, 0.8 * away_m, 0);
-            look(near, Vector3(0, 0, 1), pose_ * away);
-            look(far, Vector3(0, 0, 3), pose_ * away);
-            return std::pair{seen(near).looks > before_near, seen(far).looks > before_far};
+            add(near, Vector3(0, 0, 1), pose_ * away);
+            add(far, Vector3(0, 0, 3), pose_ * away);
+            return std::pair{seen(near).averaged > before_near, seen(far).averaged > before_far};
         };
         EXPECT_EQ(looked(0.999 * reach), (std::pair{true, true}));
         EXPECT_EQ(looked(1.001 * reach), (std::pair{false, true}));
@@ -146,17 +146,17 @@ TEST_F(Looks, OnlyWhatTheKeyframeMeasured) {
     const std::uint32_t changes = (*world_)[keyframe_].observations_changed;
     points_.push_back(world_->add_point(pose_ * p));  // made after the keyframe
     const std::size_t stranger = points_.size() - 1;
-    look(stranger, off, pose_);
-    look(seen_well, off, pose_, false);
-    look(blind, off, pose_);
+    add(stranger, off, pose_);
+    add(seen_well, off, pose_, false);
+    add(blind, off, pose_);
     EXPECT_EQ((*world_)[keyframe_].observations_changed, changes);
     world_->map().unlink(keyframe_, static_cast<std::uint32_t>(fused));
     const Vector3 before = measured(fused);
-    look(fused, off, pose_);
+    add(fused, off, pose_);
     EXPECT_EQ((measured(fused) - before).squaredNorm(), 0);
-    look(seen_well, off, pose_);
-    EXPECT_EQ(seen(seen_well).looks, 2);
-    EXPECT_EQ(seen(blind).looks, 1);
+    add(seen_well, off, pose_);
+    EXPECT_EQ(seen(seen_well).averaged, 2);
+    EXPECT_EQ(seen(blind).averaged, 1);
 }
 
 // Promise: from begin() on it is the new keyframe whose measurements are averaged; none once it has left the map, or
@@ -173,21 +173,21 @@ TEST_F(Looks, OfOneKeyframe) {
     world_->map().add_observation(keyframe_, shows);  // shows no point
     shows.point = points_[i];
     world_->map().add_observation(keyframe_, shows);
-    look(i, p, pose_);
-    EXPECT_EQ(world_->map().observations(older)[0].looks, 2);
+    add(i, p, pose_);
+    EXPECT_EQ(world_->map().observations(older)[0].averaged, 2);
     begin();
-    look(i, p, pose_);
-    EXPECT_EQ(world_->map().observations(older)[0].looks, 2);
-    EXPECT_EQ(seen(0).looks, 1);
-    EXPECT_EQ(seen(1).looks, 2);
-    (*looks_)->reset();
-    look(i, p, pose_);
-    EXPECT_EQ(seen(1).looks, 2);
+    add(i, p, pose_);
+    EXPECT_EQ(world_->map().observations(older)[0].averaged, 2);
+    EXPECT_EQ(seen(0).averaged, 1);
+    EXPECT_EQ(seen(1).averaged, 2);
+    (*average_)->reset();
+    add(i, p, pose_);
+    EXPECT_EQ(seen(1).averaged, 2);
     begin();
     world_->map().release_keyframe(keyframe_);
     keyframe_ = older;
-    look(i, p, pose_);
-    EXPECT_EQ(seen(0).looks, 2);
+    add(i, p, pose_);
+    EXPECT_EQ(seen(0).averaged, 2);
 }
 
 }  // namespace

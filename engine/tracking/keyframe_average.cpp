@@ -1,15 +1,15 @@
-#include "engine/tracking/keyframe_looks.hpp"
+#include "engine/tracking/keyframe_average.hpp"
 
 #include <algorithm>
 
 namespace stillmesh {
 
-void KeyframeLooks::create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept {
-    reach_ = configuration.map.looks_reach;
+void KeyframeAverage::create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept {
+    reach_ = configuration.map.averaged_reach;
     feature_ = arena.array<std::uint16_t>(limits.map_points_max);
 }
 
-void KeyframeLooks::begin(const Map& map, Handle<Keyframe> keyframe) noexcept {
+void KeyframeAverage::begin(const Map& map, Handle<Keyframe> keyframe) noexcept {
     keyframe_ = keyframe;
     std::fill(feature_.begin(), feature_.end(), kNone);
     const std::span<const Observation> seen = map.observations(keyframe);
@@ -18,8 +18,8 @@ void KeyframeLooks::begin(const Map& map, Handle<Keyframe> keyframe) noexcept {
     }
 }
 
-void KeyframeLooks::look(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                         const SE3& world_from_camera, Map& map) const noexcept {
+void KeyframeAverage::add(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                          const SE3& world_from_camera, Map& map) const noexcept {
     const Keyframe* const keyframe = map.keyframes().find(keyframe_);
     if (keyframe == nullptr) return;
     const SE3 keyframe_from_camera = keyframe->world_from_camera.inverse() * world_from_camera;

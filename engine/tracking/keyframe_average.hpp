@@ -2,7 +2,7 @@
 // to go by while tracking's filter has every frame: with a camera that hardly moves the map would be known worse after
 // an adjustment than before (docs/mapping.md). From near by the pose between the two frames, known from hundreds of
 // points, takes a look over without adding to its error.
-// Limits: a number per map point. Cost: one product with a pose per point that votes.
+// Limits: a number per map point. Cost: one product with a pose per static point.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 
 namespace stillmesh {
 
-class KeyframeLooks {
+class KeyframeAverage {
 public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         arena.array<std::uint16_t>(limits.map_points_max);
@@ -27,8 +27,8 @@ public:
     // From now on it is this keyframe, which has just been made.
     void begin(const Map& map, Handle<Keyframe> keyframe) noexcept;
     // What a frame at `world_from_camera` saw of its points; `chosen` among the correspondences stand still.
-    void look(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-              const SE3& world_from_camera, Map& map) const noexcept;
+    void add(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+             const SE3& world_from_camera, Map& map) const noexcept;
 
 private:
     static constexpr std::uint16_t kNone = 0xffffU;
