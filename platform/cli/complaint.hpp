@@ -1,16 +1,16 @@
 // How the program says what is wrong: one sentence on standard error, an error in a journal.
 #pragma once
 
-#include <cstdio>
 #include <string>
 
 #include "platform/cli/exit_code.hpp"
 #include "platform/linux/service.hpp"
+#include "platform/linux/text_output.hpp"
 
 namespace stillmesh {
 
 inline void complain(const std::string& sentence, LogLevel level = LogLevel::kError) {
-    std::fprintf(stderr, "%sstillmesh: %s\n", log_prefix(level), sentence.c_str());
+    write_standard_error(std::string(log_prefix(level)) + "stillmesh: " + sentence + "\n");
 }
 
 inline int refuse(const std::string& sentence) {

@@ -295,6 +295,10 @@ public:
         return final_.finish();
     }
 
+    std::string news() override {
+        return map_saver_.take_news();
+    }
+
     void draw(MeshSnapshot& snapshot) override {
         const TrackingView view = engine_->tracking_view();
         for (const TrackedEdge& edge : view.edges) {
@@ -332,7 +336,8 @@ public:
         if (map_saver_.is_open()) {
             if (const std::string problem = map_saver_.finish(*engine_); !problem.empty()) {
                 record.problems.push_back(problem);
-            } else {
+            }
+            if (map_saver_.is_saved()) {
                 record.maps.push_back(map_record(map_out_, map_saver_.info(), map_saver_.last_save_s(), "written"));
                 record.maps.back().times = map_saver_.saves();
             }

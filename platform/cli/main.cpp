@@ -18,6 +18,7 @@
 #include "platform/cli/vocabulary_command.hpp"
 #include "platform/evaluation/evaluation.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/linux/text_output.hpp"
 
 namespace stillmesh {
 namespace {
@@ -331,6 +332,17 @@ int program(int argc, char** argv) {
         return refuse(std::string(error.what()) + "; 'stillmesh " + command + "--help' shows the " +
                       (command.empty() ? "commands." : "options."));
     }
+    // An empty value is a variable that was not set, not a wish for none.
+    for (const CLI::App* parsed = &app; parsed != nullptr;
+         parsed = parsed->get_subcommands().empty() ? nullptr : parsed->get_subcommands().front()) {
+        for (const CLI::Option* const option : parsed->get_options()) {
+            if (option->get_expected_min() == 0) continue;  // such as --reset, which may stand alone
+            for (const std::string& value : option->results()) {
+                if (value.empty())
+                    return refuse(option->get_name() + ": its value is empty; leave it out or give one.");
+            }
+        }
+    }
     for (const CLI::App* const command : later_commands) {
         if (command->parsed()) return refuse("the command '" + command->get_name() + "' is not in this build.");
     }
@@ -360,8 +372,13 @@ void stillmesh_check_failed(const char* expression, const char* file, std::int32
 }
 
 int main(int argc, char** argv) {
+    stillmesh::ignore_write_signals();
     try {
-        return stillmesh::program(argc, argv);
+        const int code = stillmesh::program(argc, argv);
+        std::string message;
+        if (stillmesh::write_standard_output({}, message)) return code;
+        stillmesh::complain(message);
+        return code == stillmesh::kExitDone ? stillmesh::kExitFailed : code;
     } catch (const std::exception& error) {
         stillmesh::complain(std::string(error.what()) + ".");
         return stillmesh::kExitFailed;

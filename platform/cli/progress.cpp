@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <string>
 
 #include "platform/linux/service.hpp"
+#include "platform/linux/text_output.hpp"
 
 namespace stillmesh {
 
@@ -24,22 +24,20 @@ void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_
     if (frames_expected_ > 0) line += fmt::format(" of {}", frames_expected_);
     line += fmt::format(", {:.0f} frames/s, {}", fps, pose_state_name(state));
     if (is_terminal_) {
-        std::fprintf(stderr, "\r%-60s", line.c_str());
+        write_standard_error(fmt::format("\r{:<60}", line));
         is_line_open_ = true;
     } else {
-        std::fprintf(stderr, "%s%s\n", log_prefix(LogLevel::kInfo), line.c_str());
+        write_standard_error(log_prefix(LogLevel::kInfo) + line + "\n");
     }
-    static_cast<void>(std::fflush(stderr));
 }
 
 void ProgressLine::say(const std::string& sentence) {
     finish();
-    std::fprintf(stderr, "%s%s\n", log_prefix(LogLevel::kNotice), sentence.c_str());
-    static_cast<void>(std::fflush(stderr));
+    write_standard_error(log_prefix(LogLevel::kNotice) + sentence + "\n");
 }
 
 void ProgressLine::finish() {
-    if (is_line_open_) std::fprintf(stderr, "\r%60s\r", "");
+    if (is_line_open_) write_standard_error(fmt::format("\r{:60}\r", ""));
     is_line_open_ = false;
 }
 

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "hal/faulty/faulty_camera.hpp"
 #include "hal/live/reconnecting_camera.hpp"
@@ -15,6 +17,7 @@
 #include "hal/replay/replay_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/cli/complaint.hpp"
+#include "platform/cli/destinations.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
@@ -132,6 +135,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
             if (code == kExitDone) code = kExitFailed;
         }
     }
+    release_stop_signals();  // all is written: whoever reads the summary slowly may end us
     std::fputs((arguments.is_json ? summary_json(record, report, code) : summary_text(record, report)).c_str(), stdout);
     static_cast<void>(std::fflush(stdout));
     for (const std::string& problem : record.problems) complain(problem);
@@ -312,6 +316,35 @@ int live(const RunArguments& arguments) {
     return tracked(source, record);
 }
 
+// What is wrong with where the run writes to, before anything is opened; empty: nothing.
+[[nodiscard]] std::string destinations_problem(const RunArguments& arguments) {
+    using enum DestinationKind;
+    const SessionOptions& session = arguments.session;
+    const Destination all[] = {
+        {"--trajectory", arguments.loop.trajectory, kLines},
+        {"--trajectory-final", arguments.loop.trajectory_final, kWhole},
+        {"--state-hashes", arguments.loop.state_hashes, kLines},
+        {"--record", session.record, kLines},
+        {"--record-frames", arguments.record_frames, kNewFolder},
+        {"--map-out", session.map_out, kFile},
+        {"--map-store", session.map_store, kFolder},
+        {"--report", arguments.report, kFolder},
+    };
+    std::vector<Destination> given;
+    for (const Destination& to : all) {
+        if (!to.path.empty()) given.push_back(to);
+    }
+    std::vector<Origin> origins = {{"--config", session.configuration},
+                                   {"--calibration", arguments.calibration},
+                                   {"--vocabulary", session.vocabulary},
+                                   {"--replay", arguments.replay}};
+    for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml", "camera.toml"}) {
+        if (!arguments.replay.empty()) origins.push_back({"--replay", arguments.replay + "/" + name});
+    }
+    origins.push_back({"--map-in", session.map_in, "--map-out"});  // a run may go on in its own map
+    return check_destinations(given, origins);
+}
+
 }  // namespace
 
 int run_command(const RunArguments& arguments, std::int64_t begin_ns) {
@@ -332,12 +365,14 @@ int run_command(const RunArguments& arguments, std::int64_t begin_ns) {
     if (session.is_localising && !session.map_store.empty()) {
         return refuse("--localize leaves the map as it is: nothing goes to --map-store, and nothing comes back.");
     }
+    if (!std::isfinite(session.map_every_s)) return refuse("--map-every: give a number of seconds.");
     if (session.map_every_s > 0 && session.map_out.empty()) {
         return refuse("--map-every: needs a file to write the map to: --map-out FILE.");
     }
     const int cameras = (arguments.replay.empty() ? 0 : 1) + (arguments.simulate.empty() ? 0 : 1) +
                         (arguments.live.camera.empty() ? 0 : 1);
     if (cameras != 1) return refuse("give one camera: --camera auto, --replay DIR or --simulate SCENE[:SEED].");
+    if (const std::string problem = destinations_problem(arguments); !problem.empty()) return refuse(problem);
     if (!arguments.live.camera.empty()) return live(arguments);
     return arguments.replay.empty() ? simulate(arguments, begin_ns) : replay(arguments, begin_ns);
 }

@@ -170,23 +170,26 @@ private:
 
 int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_message, TrackingSession& session,
              const RunLoopOptions& options, RunRecord& record) {
-    LineFile trajectory;
-    LineFile hashes;
+    CountedLines trajectory;
+    CountedLines hashes;
     std::string message;
     const auto give_up = [&](int code) {
         record.problems.push_back(message);
         return code;
     };
     constexpr const char* kHeader = "# timestamp tx ty tz qx qy qz qw (camera to world, s, m)\n";
-    if (!options.trajectory.empty() &&
-        (!trajectory.open(options.trajectory, message) || !trajectory.write(kHeader, message))) {
-        return give_up(kExitUsage);
-    }
+    if (!options.trajectory.empty() && !trajectory.open(options.trajectory, message)) return give_up(kExitUsage);
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
 
     ServiceNotifier service;
     service.ready();
     ProgressLine progress(options.show_progress, options.frames_expected);
+    // What cannot be written ends nothing: it is said once, counted, and the run fails when it is over.
+    const auto put = [&progress](CountedLines& lines, std::string_view text) {
+        if (!lines.is_open()) return;
+        if (const std::string sentence = lines.write(text); !sentence.empty()) progress.say(sentence);
+    };
+    put(trajectory, kHeader);
     SnapshotKeeper snapshots(options.snapshots_max);
     LossWatch loss;
     Trajectory given;  // for the poses as they are known at the end
@@ -222,7 +225,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
                 const double second = static_cast<double>(monotonic_ns() - wall_begin_ns) * 1e-9;
                 progress.say(sentence);
                 // Poses stop here: whoever reads the path later sees why.
-                if (trajectory.is_open()) static_cast<void>(trajectory.write("# " + sentence + "\n", message));
+                put(trajectory, "# " + sentence + "\n");
                 if (record.camera.events.size() < CameraRecord::kEventsMax) {
                     record.camera.events.push_back(fmt::format("second {:.1f}: {}", second, sentence));
                 }
@@ -268,17 +271,11 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             break;
         }
         out.world_from_camera.time_ns = frame.time_ns;
-        if (trajectory.is_open() && !trajectory.write(trajectory_line(out.state, out.world_from_camera), message)) {
-            code = give_up(kExitFailed);
-            break;
-        }
+        put(trajectory, trajectory_line(out.state, out.world_from_camera));
         snapshots.frame(record.frames_total, frame, out, session);
         session.work(options.times != nullptr ? std::optional(options.times->next_due_ns()) : std::nullopt, out);
-        if (hashes.is_open() &&
-            !hashes.write(fmt::format("{} {:016x}\n", time_text(frame.time_ns), out.state_hash), message)) {
-            code = give_up(kExitFailed);
-            break;
-        }
+        if (hashes.is_open()) put(hashes, fmt::format("{} {:016x}\n", time_text(frame.time_ns), out.state_hash));
+        if (std::string sentence = session.news(); !sentence.empty()) progress.say(sentence);
         if (!options.trajectory_final.empty() && out.state != PoseState::kNone) {
             given.push_back(out.world_from_camera);
             given_states.push_back(out.state);
@@ -300,6 +297,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     record.cpu_seconds = cpu_seconds() - cpu_begin;
     record.snapshots = snapshots.finish();
     const std::size_t problems = record.problems.size();
+    for (const CountedLines* const lines : {&trajectory, &hashes}) {
+        if (std::string problem = lines->problem(); !problem.empty()) record.problems.push_back(std::move(problem));
+    }
     session.account(record);
     if (options.frames != nullptr) {
         if (const std::string problem = options.frames->close(); !problem.empty()) record.problems.push_back(problem);

@@ -39,6 +39,9 @@ public:
     virtual void keep_final_trajectory() {}
     // Those poses, one for each frame that was given one; empty: as they were given out.
     [[nodiscard]] virtual std::optional<Trajectory> final_trajectory() { return std::nullopt; }
+    // What has happened since it was asked last that the user should hear of now (a map that could not be saved);
+    // empty: nothing.
+    [[nodiscard]] virtual std::string news() { return {}; }
     // What the last frame's mesh was, without the picture.
     virtual void draw(MeshSnapshot& snapshot) = 0;
     // Stages with their times, pools with their high-water marks, memory.

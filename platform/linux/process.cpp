@@ -67,6 +67,16 @@ void catch_stop_signals() noexcept {
     static_cast<void>(::sigaction(SIGTERM, &action, nullptr));
 }
 
+void release_stop_signals() noexcept {
+    static_cast<void>(std::signal(SIGINT, SIG_DFL));
+    static_cast<void>(std::signal(SIGTERM, SIG_DFL));
+}
+
+void ignore_write_signals() noexcept {
+    static_cast<void>(std::signal(SIGPIPE, SIG_IGN));
+    static_cast<void>(std::signal(SIGXFSZ, SIG_IGN));
+}
+
 int stop_signal() noexcept {
     return caught_signal;
 }

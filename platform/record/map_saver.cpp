@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <new>
+#include <system_error>
 #include <vector>
 
 #include "platform/linux/atomic_file.hpp"
@@ -57,13 +59,38 @@ void MapSaver::work(Engine& engine, std::int64_t now_ns, std::uint32_t units) {
     is_copying_ = false;
     join();
     is_writing_ = true;
-    thread_ = std::jthread([this] {
-        write();
+    try {
+        thread_ = std::jthread([this] {
+            write();
+            is_writing_ = false;
+        });
+    } catch (const std::system_error& error) {
+        fail(file_ + ": could not be saved, for want of a thread: " + error.what() + ".");
         is_writing_ = false;
-    });
+    }
+}
+
+void MapSaver::fail(const std::string& problem) {
+    has_news_ = problem_.empty();
+    problem_ = problem;
+    if (failures_++ == 0) first_problem_ = problem;
+}
+
+std::string MapSaver::take_news() {
+    if (file_.empty() || is_writing_ || !has_news_) return {};
+    has_news_ = false;
+    return problem_ + fmt::format(" It is tried again every {:g} s.", static_cast<double>(every_ns_) * 1e-9);
 }
 
 void MapSaver::write() {
+    try {
+        write_file();
+    } catch (const std::bad_alloc&) {
+        fail(file_ + ": could not be saved, for want of memory.");
+    }
+}
+
+void MapSaver::write_file() {
     MapFileWriter writer(workspace_.bytes());
     AtomicFile file;
     std::string message;
@@ -79,7 +106,7 @@ void MapSaver::write() {
         info_ = writer.info();
         problem_.clear();
     } else {
-        problem_ = message;
+        fail(message);
     }
 }
 
@@ -88,13 +115,16 @@ std::string MapSaver::finish(Engine& engine) {
     is_copying_ = false;
     const std::int64_t begin_ns = monotonic_ns();
     if (engine.begin_map_copy(workspace_.bytes(), extractor_) != Status::kOk) {
-        return file_ + ": was not written: there is no map, since no frame had enough depth to begin one.";
+        problem_ = file_ + ": was not written: there is no map, since no frame had enough depth to begin one.";
+        return problem_;
     }
     while (engine.step_map_copy(kAllUnits) == Progress::kWorking) {
     }
     write();
     last_save_s_ = static_cast<double>(monotonic_ns() - begin_ns) * 1e-9;
-    return problem_;
+    if (!problem_.empty() || failures_ == 0) return problem_;
+    return fmt::format("{} ({} of {} saves failed while it ran; at the end the map was written.)", first_problem_,
+                       failures_, failures_ + saves_);
 }
 
 std::string map_sentence(const std::string& file, const MapFileProblem& p) {

@@ -27,8 +27,11 @@ public:
     [[nodiscard]] bool is_open() const { return !file_.empty(); }
     // Between frames: begins a save when it is time, and goes on with it for so many units.
     void work(Engine& engine, std::int64_t now_ns, std::uint32_t units);
-    // The map as it is now, down to the disk. Empty: all is well; else a sentence.
+    // A save that has failed since this was asked last, and the one before had not; else empty.
+    [[nodiscard]] std::string take_news();
+    // The map as it is now, down to the disk. Empty: all saves went well; else a sentence, also for those before.
     [[nodiscard]] std::string finish(Engine& engine);
+    [[nodiscard]] bool is_saved() const { return problem_.empty(); }  // by finish()
 
     [[nodiscard]] std::uint64_t saves() const { return saves_; }
     [[nodiscard]] const MapFileInfo& info() const { return info_; }    // of the last save; after finish()
@@ -36,6 +39,8 @@ public:
 
 private:
     void write();
+    void write_file();
+    void fail(const std::string& problem);
     void join();
 
     std::string file_;
@@ -46,9 +51,10 @@ private:
     std::jthread thread_;
     std::atomic<bool> is_writing_ = false;
     bool is_copying_ = false;
-    std::uint64_t saves_ = 0;  // these three: the thread's while is_writing_
+    std::uint64_t saves_ = 0, failures_ = 0;  // these five: the thread's while is_writing_
     MapFileInfo info_;
-    std::string problem_;
+    std::string problem_, first_problem_;
+    bool has_news_ = false;
     double last_save_s_ = 0;
 };
 

@@ -179,7 +179,8 @@ TEST(RunLoop, ShortGapsAreNoted) {
         << outcome.record.notes[0];
 }
 
-// Promise: an output that cannot be written is refused before the first frame; a disk that fills up is a failure.
+// Promise: an output that cannot be opened is refused before the first frame; a disk that is full, or fills up, ends
+// nothing: all frames are tracked, the loss is counted, and the run fails when it is over.
 TEST(RunLoop, OutputsThatCannotBeWritten) {
     StoryCamera camera;
     StorySession session;
@@ -191,11 +192,18 @@ TEST(RunLoop, OutputsThatCannotBeWritten) {
                   camera, [] { return std::string(); }, session, options, record),
               2);
     EXPECT_NE(record.problems.at(0).find("/nowhere/t.txt: cannot be written"), std::string::npos);
-    options.trajectory = "/dev/full";
+    EXPECT_EQ(record.frames_total, 0U);
+    options.trajectory = options.state_hashes = "/dev/full";
     RunRecord full;
     EXPECT_EQ(run_loop(
                   camera, [] { return std::string(); }, session, options, full),
-              2);
+              1);
+    EXPECT_GT(full.frames_total, 50U);
+    ASSERT_EQ(full.problems.size(), 2U);
+    const std::string lines = std::to_string(full.frames_total);
+    EXPECT_NE(full.problems[1].find("No space left on device. " + lines + " of " + lines + " lines are missing"),
+              std::string::npos)
+        << full.problems[1];
 }
 
 // Promise: a signal ends the run after the frame at hand, with 128 + its number and every pose written. In a process of

@@ -1,0 +1,207 @@
+// What a run writes, and what becomes of it when the world around it fails.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "platform/cli/destinations.hpp"
+#include "platform/linux/process.hpp"
+#include "platform/linux/text_output.hpp"
+#include "tests/replay/recording_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::read_text;
+using test::TemporaryFolder;
+using test::write_text;
+
+constexpr const char* kRun = " run --simulate static_xyz:1 --frames 20 --limits pocket --vocabulary none ";
+
+// In a shell, in `folder`; its exit code.
+int shell(const TemporaryFolder& folder, const std::string& command) {
+    const int status = std::system(("cd " + folder.path() + " && " + command).c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+std::string run(const std::string& arguments) {
+    return std::string(STILLMESH_PROGRAM) + kRun + arguments;
+}
+std::size_t lines_of(const std::string& text) {
+    return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+}
+
+// Promise: a reader of standard output and error that leaves ends nothing: the run goes on to its end, its map and all
+// its poses are written, and it fails.
+TEST(Outputs, AReaderThatLeavesEndsNothing) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(shell(folder, "(" + run("--trajectory t.txt --map-out m.map 2>&1") + "; echo $? > code) | true"), 0);
+    EXPECT_EQ(read_text(folder.path("code")), "1\n");
+    EXPECT_EQ(lines_of(read_text(folder.path("t.txt"))), 21U);
+    EXPECT_TRUE(std::filesystem::exists(folder.path("m.map")));
+}
+
+// Promise: what cannot be written is said when it happens and again at the end, with how much it was; all else is
+// written. The file that was cut off ends with a whole line and can be read.
+TEST(Outputs, WhatCannotBeWrittenIsSaidTwice) {
+    const TemporaryFolder folder;
+    EXPECT_EQ(shell(folder, "ulimit -f 2; " + run("--trajectory t.txt > out 2> err")), 1);
+    const std::string err = read_text(folder.path("err"));
+    EXPECT_NE(err.find("t.txt: cannot be written: File too large. The run goes on without these lines.\n"),
+              std::string::npos)
+        << err;
+    EXPECT_NE(err.find(" of 21 lines are missing there.\n"), std::string::npos) << err;
+    const std::string text = read_text(folder.path("t.txt"));
+    ASSERT_FALSE(text.empty());
+    EXPECT_EQ(text.back(), '\n');
+    EXPECT_LT(lines_of(text), 21U);
+    EXPECT_NE(read_text(folder.path("out")).find("frames        20 ("), std::string::npos) << "all frames were tracked";
+}
+
+// Promise: a summary that cannot be written is a failure, of every command.
+TEST(Outputs, StandardOutputCounts) {
+    const TemporaryFolder folder;
+    EXPECT_EQ(shell(folder, run("--json > /dev/full 2> err")), 1);
+    EXPECT_NE(read_text(folder.path("err")).find("standard output cannot be written"), std::string::npos);
+    EXPECT_EQ(shell(folder, run("--print-config > /dev/full 2> err")), 1);
+    EXPECT_EQ(shell(folder, std::string(STILLMESH_PROGRAM) + " --help > /dev/full 2> err"), 1);
+}
+
+// Promise: a start that is refused changes no file, whichever destination is wrong and wherever it stands among them.
+TEST(Outputs, ARefusedStartChangesNothing) {
+    const TemporaryFolder folder;
+    const std::vector<std::string> names = {"t.txt", "f.txt", "h.txt", "r.rec", "m.map"};
+    for (const std::string& name : names) write_text(folder.path(name), "of the last run");
+    std::filesystem::create_directories(folder.path("taken/full"));
+    const std::string good[] = {"--trajectory t.txt", "--trajectory-final f.txt", "--state-hashes h.txt",
+                                "--record r.rec", "--map-out m.map"};
+    const std::string bad[] = {
+        "--trajectory taken",    "--trajectory no/t",     "--trajectory-final taken", "--trajectory-final no/f",
+        "--state-hashes taken",  "--state-hashes no/h",   "--record taken",           "--record no/r",
+        "--map-out taken",       "--map-out no/m",        "--map-out /dev/null",      "--report t.txt",
+        "--record-frames t.txt", "--record-frames taken", "--map-store t.txt",        "--map-every nan",
+        "--trajectory h.txt",    "--map-out ./t.txt",     "--trajectory ''",          "--config none.toml",
+        "--map-in none.map",     "--vocabulary none.voc", "--calibration none.yaml",  "--set nothing=1"};
+    for (const std::string& one : bad) {
+        std::string arguments = one;
+        for (const std::string& other : good) {
+            if (other.substr(0, other.find(' ')) != one.substr(0, one.find(' '))) arguments += " " + other;
+        }
+        EXPECT_EQ(shell(folder, run(arguments + " > out 2> err")), 2) << arguments << read_text(folder.path("err"));
+        EXPECT_EQ(lines_of(read_text(folder.path("err"))), 1U) << read_text(folder.path("err"));
+        for (const std::string& name : names) {
+            EXPECT_EQ(read_text(folder.path(name)), "of the last run") << name << " with " << arguments;
+        }
+    }
+}
+
+// Promise: destinations are checked as one finds them: what is one place by two names, what would be written over, what
+// may be (a map that a run goes on in), and what is no file at all.
+TEST(Destinations, AreToldApart) {
+    using enum DestinationKind;
+    const TemporaryFolder folder;
+    write_text(folder.path("a"), "");
+    std::filesystem::create_symlink(folder.path("a"), folder.path("b"));
+    const auto check = [&](const std::vector<Destination>& to, const std::vector<Origin>& from = {}) {
+        return check_destinations(to, from);
+    };
+    const std::string a = folder.path("a"), b = folder.path("b"), c = folder.path("c");
+    EXPECT_EQ(check({{"--one", a, kLines}, {"--two", c, kWhole}}), "");
+    EXPECT_NE(check({{"--one", a, kLines}, {"--two", b, kWhole}}).find("--one and --two name one place"),
+              std::string::npos);
+    EXPECT_NE(check({{"--one", c, kLines}, {"--two", folder.path("./c"), kWhole}}).find("name one place"),
+              std::string::npos);
+    EXPECT_NE(check({{"--one", a, kLines}}, {{"--in", b}}).find("write over what --in reads"), std::string::npos);
+    EXPECT_EQ(check({{"--one", a, kLines}}, {{"--in", b, "--one"}}), "");
+    EXPECT_EQ(check({{"--one", "/dev/null", kLines}, {"--two", "/dev/null", kWhole}}), "");
+    EXPECT_NE(check({{"--one", "/dev/null", kFile}}).find("no regular file"), std::string::npos);
+    EXPECT_NE(check({{"--one", folder.path(), kWhole}}).find("is a folder"), std::string::npos);
+    EXPECT_NE(check({{"--one", c + "/", kLines}}).find("name of a folder"), std::string::npos);
+    EXPECT_NE(check({{"--one", a + "/x", kLines}}).find("cannot be written"), std::string::npos);
+    EXPECT_NE(check({{"--one", a, kFolder}}).find("is no folder"), std::string::npos);
+    EXPECT_EQ(check({{"--one", folder.path("new/deep"), kFolder}}), "");
+    EXPECT_FALSE(std::filesystem::exists(folder.path("new"))) << "nothing is made";
+}
+
+// Promise: a named pipe needs no reader to be opened and is never waited for: lines without a reader, and those that a
+// slow reader has no room for, are counted; what is read are whole lines in their order, and a reader that comes later
+// gets the later ones.
+TEST(CountedLines, PipesAreNeverWaitedFor) {
+    ignore_write_signals();
+    const TemporaryFolder folder;
+    const std::string pipe = folder.path("pipe");
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    CountedLines lines;
+    std::string message;
+    ASSERT_TRUE(lines.open(pipe, message)) << message;
+    EXPECT_NE(lines.write("lost\n").find("nobody reads it. The run goes on"), std::string::npos);
+    EXPECT_EQ(lines.write("lost too\n"), "") << "said once";
+    const int reader = ::open(pipe.c_str(), O_RDONLY | O_NONBLOCK);
+    ASSERT_GE(reader, 0);
+    const std::string line = std::string(99, 'x') + "\n";
+    for (int i = 0; i < 2000; ++i) EXPECT_EQ(lines.write(line), "");  // far more than a pipe holds
+    std::string got(400'000, '\0');
+    const ssize_t count = ::read(reader, got.data(), got.size());
+    ASSERT_GT(count, 4096);
+    EXPECT_EQ(static_cast<std::size_t>(count) % line.size(), 0U);
+    EXPECT_EQ(lines.write("after\n"), "");
+    ASSERT_EQ(::read(reader, got.data(), got.size()), 6);
+    ::close(reader);
+    EXPECT_EQ(lines.write("gone\n"), "");
+    const std::string problem = lines.problem();
+    const auto missing = 2003 - static_cast<std::size_t>(count) / line.size();
+    EXPECT_NE(problem.find(" " + std::to_string(missing) + " of 2004 lines are missing"), std::string::npos) << problem;
+}
+
+// Promise: a line that does not fit is taken back whole, and what comes when there is room again follows in lines.
+TEST(CountedLines, NoLineIsTorn) {
+    ignore_write_signals();
+    const TemporaryFolder folder;
+    CountedLines lines;
+    std::string message;
+    ASSERT_TRUE(lines.open(folder.path("f"), message)) << message;
+    const pid_t child = ::fork();
+    if (child == 0) {  // the limit is for good
+        rlimit limit{1000, 1000};
+        static_cast<void>(::setrlimit(RLIMIT_FSIZE, &limit));
+        for (int i = 0; i < 30; ++i) static_cast<void>(lines.write(std::string(70, 'a') + "\n"));
+        static_cast<void>(lines.write("short\n"));
+        ::_exit(lines.problem().find("16 of 31 lines") != std::string::npos ? 0 : 1);
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    EXPECT_EQ(WEXITSTATUS(status), 0);
+    std::string wanted;
+    for (int i = 0; i < 14; ++i) wanted += std::string(70, 'a') + "\n";
+    EXPECT_EQ(read_text(folder.path("f")), wanted + "short\n");
+}
+
+// Promise: a file is replaced as a whole; a device is written to and stays what it is.
+TEST(TextOutput, DevicesAreNotReplaced) {
+    const TemporaryFolder folder;
+    std::string message;
+    ASSERT_TRUE(write_whole_file("/dev/null", "text\n", message)) << message;
+    EXPECT_TRUE(std::filesystem::is_character_file("/dev/null"));
+    EXPECT_FALSE(write_whole_file("/dev/full", "text\n", message));
+    EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
+    EXPECT_NE(message.find("/dev/full: cannot be written: No space left on device"), std::string::npos) << message;
+    EXPECT_FALSE(write_whole_file(folder.path(), "text\n", message));
+    write_text(folder.path("f"), "old");
+    EXPECT_TRUE(write_whole_file(folder.path("f"), "new\n", message));
+    EXPECT_EQ(read_text(folder.path("f")), "new\n");
+    EXPECT_FALSE(std::filesystem::exists(folder.path("f.part")));
+}
+
+}  // namespace
+}  // namespace stillmesh
