@@ -1,9 +1,12 @@
 #include "hal/calibration/toml_document.hpp"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstring>
 #include <exception>
-#include <fstream>
 #include <stdexcept>
 
 namespace {
@@ -74,18 +77,30 @@ Status parse_toml_document(std::string_view text, const std::string& file, std::
 }
 
 Status read_small_file(const std::string& file, std::size_t bytes_max, std::string& text, std::string& message) {
-    std::ifstream stream(file, std::ios::binary);
-    if (!stream) {
+    // O_NONBLOCK: opening a pipe would wait for its writer.
+    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (descriptor < 0) {
         message = file + ": cannot be opened: " + std::strerror(errno) + ".";
         return Status::kUnavailable;
     }
+    struct stat status {};
+    const bool is_file = ::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
     text.assign(bytes_max + 1, '\0');
-    stream.read(text.data(), static_cast<std::streamsize>(text.size()));
-    if (stream.bad()) {
-        message = file + ": cannot be read; is it a folder?";
+    std::size_t size = 0;
+    ssize_t count = 0;
+    while (is_file && size < text.size()) {
+        count = ::read(descriptor, text.data() + size, text.size() - size);
+        if (count < 0 && errno == EINTR) continue;
+        if (count <= 0) break;
+        size += static_cast<std::size_t>(count);
+    }
+    const int error = errno;
+    static_cast<void>(::close(descriptor));
+    text.resize(size);
+    if (!is_file || count < 0) {
+        message = file + ": cannot be read: " + (is_file ? std::strerror(error) : "it is no regular file") + ".";
         return Status::kUnavailable;
     }
-    text.resize(static_cast<std::size_t>(stream.gcount()));
     if (text.size() > bytes_max) {
         message = file + ": is longer than " + std::to_string(bytes_max) + " bytes; is it the right file?";
         return Status::kInvalid;

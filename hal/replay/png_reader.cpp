@@ -1,6 +1,9 @@
 #include "hal/replay/png_reader.hpp"
 
+#include <fcntl.h>
 #include <spng.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
@@ -101,9 +104,16 @@ Status pixels_of(spng_ctx* context, const std::string& name, const PngHeader& ex
 }
 
 Status open_file(const std::string& name, File& file, std::string& message) {
-    file.reset(std::fopen(name.c_str(), "rb"));
+    // O_NONBLOCK: opening a pipe would wait for its writer.
+    const int descriptor = ::open(name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    struct stat status {};
+    const bool is_file = descriptor >= 0 && ::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
+    if (is_file) file.reset(::fdopen(descriptor, "rb"));
     if (file != nullptr) return Status::kOk;
-    message = name + ": cannot be opened: " + std::strerror(errno) + "; is the recording complete?";
+    message = descriptor >= 0 && !is_file
+                  ? name + ": is no regular file; is the recording complete?"
+                  : name + ": cannot be opened: " + std::strerror(errno) + "; is the recording complete?";
+    if (descriptor >= 0) static_cast<void>(::close(descriptor));
     return Status::kUnavailable;
 }
 

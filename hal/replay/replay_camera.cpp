@@ -60,15 +60,26 @@ void ReplayCamera::close() noexcept {
     next_ = 0;
 }
 
+namespace {
+
+constexpr off_t kListBytesMax = off_t{256} << 20U;  // two days at 30 images a second
+
+}  // namespace
+
 Status ReplayCamera::read_list(const char* name, std::string& text, std::vector<ListedImage>& images) {
     const std::string file = options_.folder + "/" + name;
     int& list = lists_[std::strcmp(name, "rgb.txt") == 0 ? kColour : kDepth];
-    list = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+    list = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe must not let us wait
     struct stat about {};
     if (list < 0 || ::fstat(list, &about) != 0 || !S_ISREG(about.st_mode)) {
         message_ = file + ": " + (list < 0 ? std::strerror(errno) : "not a file") +
                    "; a recording needs rgb.txt and depth.txt with lines 'seconds file'.";
         return Status::kUnavailable;
+    }
+    if (about.st_size > kListBytesMax) {
+        message_ = file + ": is larger than a list of images can be (" + std::to_string(kListBytesMax >> 20U) +
+                   " MiB); is it the right file?";
+        return Status::kInvalid;
     }
     text.resize(static_cast<std::size_t>(about.st_size));
     std::size_t read_bytes = 0;

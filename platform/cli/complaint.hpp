@@ -10,7 +10,7 @@
 namespace stillmesh {
 
 inline void complain(const std::string& sentence, LogLevel level = LogLevel::kError) {
-    write_standard_error(std::string(log_prefix(level)) + "stillmesh: " + sentence + "\n");
+    write_standard_error(std::string(log_prefix(level)) + "stillmesh: " + printable(sentence) + "\n");
 }
 
 inline int refuse(const std::string& sentence) {

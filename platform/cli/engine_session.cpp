@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <iterator>
 #include <type_traits>
 #include <vector>
 
 #include "engine/engine.hpp"
+#include "hal/calibration/toml_document.hpp"
 #include "platform/cli/configuration_file.hpp"
 #include "platform/cli/step_pacer.hpp"
 #include "platform/evaluation/final_trajectory.hpp"
@@ -44,22 +44,6 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
     return parameters;
 }
 
-[[nodiscard]] Status read_file(const std::string& file, std::string& text, std::string& message) {
-    std::ifstream stream(file, std::ios::binary);
-    text.resize(kConfigurationBytesMax + 1);
-    stream.read(text.data(), static_cast<std::streamsize>(text.size()));
-    text.resize(static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
-    if (!stream.is_open() || stream.bad()) {
-        message = file + ": cannot be read; 'stillmesh run --print-config' writes one to start from.";
-        return Status::kUnavailable;
-    }
-    if (text.size() > kConfigurationBytesMax) {
-        message = fmt::format("{}: larger than {} KiB; this is no configuration.", file, kConfigurationBytesMax / 1024);
-        return Status::kInvalid;
-    }
-    return Status::kOk;
-}
-
 // What the options give: the preset's limits, the scene's and the method's defaults, fitted into them, and what the
 // camera knows of itself, then the file, then single assignments.
 [[nodiscard]] Status configuration_of(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
@@ -82,7 +66,11 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
     if (!options.configuration.empty()) {
         source = options.configuration;
         std::string text;
-        STILLMESH_TRY(read_file(source, text, message));
+        if (const Status status = read_small_file(source, kConfigurationBytesMax, text, message);
+            status != Status::kOk) {
+            message += " 'stillmesh run --print-config' writes one to start from.";
+            return status;
+        }
         STILLMESH_TRY(apply_configuration(text, source, parameters, message));
     }
     for (const std::string& assignment : options.assignments) {

@@ -136,7 +136,9 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         }
     }
     release_stop_signals();  // all is written: whoever reads the summary slowly may end us
-    std::fputs((arguments.is_json ? summary_json(record, report, code) : summary_text(record, report)).c_str(), stdout);
+    std::fputs(
+        (arguments.is_json ? summary_json(record, report, code) : printable(summary_text(record, report))).c_str(),
+        stdout);
     static_cast<void>(std::fflush(stdout));
     for (const std::string& problem : record.problems) complain(problem);
     return code;

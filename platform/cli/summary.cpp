@@ -27,6 +27,7 @@ using Json = nlohmann::ordered_json;
             {"rpe_pairs", e.rpe_pairs},
             {"rpe_translation_rmse_m", number(e.rpe_translation_rmse_m)},
             {"rpe_rotation_rmse_deg", number(e.rpe_rotation_rmse_deg)},
+            {"scale", number(e.scale)},
             {"coverage", number(e.coverage)}};
 }
 
@@ -41,6 +42,11 @@ std::string evaluation_text(const Evaluation& e) {
                             e.rpe_translation_rmse_m, e.rpe_rotation_rmse_deg, e.rpe_pairs);
     } else {
         text += "RPE           shorter than a second: none\n";
+    }
+    // Noise of a centimetre in a way of some metres is less.
+    if (std::fabs(std::log(e.scale)) > 0.05) {
+        text += fmt::format("scale         {:.3f} times the path would fit the truth best: is the depth unit right?\n",
+                            e.scale);
     }
     return text;
 }

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <queue>
+#include <tuple>
 
 #include "engine/base/check.hpp"
 // After CHECK: Eigen's assertions are ours.
@@ -31,42 +33,93 @@ struct Rigid {
     return {Eigen::Quaterniond(pose.q[3], pose.q[0], pose.q[1], pose.q[2]).toRotationMatrix(), position(pose)};
 }
 
-[[nodiscard]] std::vector<PosePair> associate_poses(const Trajectory& truth, const Trajectory& estimate,
-                                                    std::int64_t gap_max_ns) {
-    struct Candidate {
-        std::int64_t gap_ns;
-        std::size_t truth;
-        std::size_t estimate;
+// Poses of one trajectory with one time, in the list of all times of both.
+struct Run {
+    std::int64_t time_ns = 0;
+    bool is_truth = false;
+    std::size_t next_pose = 0, end_pose = 0;  // those not paired yet
+    std::size_t before = 0, after = 0;        // runs that are not used up; kNoRun: none
+};
+constexpr std::size_t kNoRun = ~std::size_t{0};
+
+[[nodiscard]] std::vector<Run> runs_of(const Trajectory& truth, const Trajectory& estimate) {
+    std::vector<Run> runs;
+    const auto take_run = [&runs](const Trajectory& from, std::size_t& at, bool is_truth) {
+        const std::size_t begin = at;
+        while (at < from.size() && from[at].time_ns == from[begin].time_ns) ++at;
+        runs.push_back({from[begin].time_ns, is_truth, begin, at, kNoRun, kNoRun});
     };
-    std::vector<Candidate> candidates;
-    std::size_t first = 0;
-    for (std::size_t i = 0; i < estimate.size(); ++i) {
-        const std::int64_t time_ns = estimate[i].time_ns;
-        while (first < truth.size() && truth[first].time_ns < time_ns - gap_max_ns) ++first;
-        for (std::size_t k = first; k < truth.size() && truth[k].time_ns < time_ns + gap_max_ns; ++k) {
-            candidates.push_back({std::abs(truth[k].time_ns - time_ns), k, i});
+    for (std::size_t t = 0, e = 0; t < truth.size() || e < estimate.size();) {
+        const bool is_truth = e == estimate.size() || (t < truth.size() && truth[t].time_ns <= estimate[e].time_ns);
+        if (is_truth) {
+            take_run(truth, t, true);
+        } else {
+            take_run(estimate, e, false);
         }
     }
-    std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-        if (a.gap_ns != b.gap_ns) return a.gap_ns < b.gap_ns;
-        return a.truth != b.truth ? a.truth < b.truth : a.estimate < b.estimate;
-    });
-    std::vector<bool> is_truth_used(truth.size(), false);
-    std::vector<bool> is_estimate_used(estimate.size(), false);
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+        if (i > 0) runs[i].before = i - 1;
+        if (i + 1 < runs.size()) runs[i].after = i + 1;
+    }
+    return runs;
+}
+
+// The nearest in time first, as the TUM tools do; of equal gaps the first pose of the truth, then of the estimate. Two
+// poses that are nearest to each other have no unpaired one between them, so that only neighbours in time are looked
+// at: as much memory as poses, however many share one time.
+[[nodiscard]] std::vector<PosePair> associate_poses(const Trajectory& truth, const Trajectory& estimate,
+                                                    std::int64_t gap_max_ns) {
+    std::vector<Run> runs = runs_of(truth, estimate);
+    struct Candidate {
+        std::int64_t gap_ns;
+        std::size_t truth, estimate;  // poses
+        std::size_t truth_run, estimate_run;
+        [[nodiscard]] bool operator<(const Candidate& other) const {  // the last goes first
+            return std::tie(other.gap_ns, other.truth, other.estimate) < std::tie(gap_ns, truth, estimate);
+        }
+    };
+    std::priority_queue<Candidate> candidates;
+    const auto propose = [&](std::size_t a, std::size_t b) {
+        if (a == kNoRun || b == kNoRun || runs[a].is_truth == runs[b].is_truth) return;
+        if (runs[a].next_pose == runs[a].end_pose || runs[b].next_pose == runs[b].end_pose) return;
+        const std::size_t t = runs[a].is_truth ? a : b, e = runs[a].is_truth ? b : a;
+        const std::int64_t gap_ns = runs[t].time_ns - runs[e].time_ns;
+        if (gap_ns < -gap_max_ns || gap_ns >= gap_max_ns) return;
+        candidates.push({std::abs(gap_ns), runs[t].next_pose, runs[e].next_pose, t, e});
+    };
+    for (std::size_t i = 0; i + 1 < runs.size(); ++i) propose(i, i + 1);
+    const auto leave = [&runs](std::size_t i) {
+        if (runs[i].before != kNoRun) runs[runs[i].before].after = runs[i].after;
+        if (runs[i].after != kNoRun) runs[runs[i].after].before = runs[i].before;
+    };
     std::vector<PosePair> pairs;
-    for (const Candidate& candidate : candidates) {
-        if (is_truth_used[candidate.truth] || is_estimate_used[candidate.estimate]) continue;
-        is_truth_used[candidate.truth] = true;
-        is_estimate_used[candidate.estimate] = true;
-        pairs.push_back({candidate.truth, candidate.estimate, 0.0, {}});
+    while (!candidates.empty()) {
+        const Candidate best = candidates.top();
+        candidates.pop();
+        Run& t = runs[best.truth_run];
+        Run& e = runs[best.estimate_run];
+        if (t.next_pose != best.truth || e.next_pose != best.estimate) continue;  // one of them has gone on
+        pairs.push_back({best.truth, best.estimate, 0.0, {}});
+        ++t.next_pose;
+        ++e.next_pose;
+        for (const std::size_t i : {best.truth_run, best.estimate_run}) {
+            if (runs[i].next_pose == runs[i].end_pose) leave(i);
+        }
+        for (const std::size_t i : {best.truth_run, best.estimate_run}) {
+            const bool is_left = runs[i].next_pose < runs[i].end_pose;
+            propose(runs[i].before, is_left ? i : runs[i].after);
+            if (is_left) propose(i, runs[i].after);
+        }
     }
     std::sort(pairs.begin(), pairs.end(),
               [](const PosePair& a, const PosePair& b) { return a.estimate_index < b.estimate_index; });
     return pairs;
 }
 
-// truth = R estimate + t, least squares (Umeyama 1991 without scale).
-[[nodiscard]] Rigid align(const Trajectory& truth, const Trajectory& estimate, const std::vector<PosePair>& pairs) {
+// truth = R estimate + t, least squares (Umeyama 1991 without scale); `scale`: what it would be with one. A path that
+// stands still has none: 1.
+[[nodiscard]] Rigid align(const Trajectory& truth, const Trajectory& estimate, const std::vector<PosePair>& pairs,
+                          double& scale) {
     Vector truth_mean = Vector::Zero();
     Vector estimate_mean = Vector::Zero();
     for (const PosePair& pair : pairs) {
@@ -77,14 +130,19 @@ struct Rigid {
     truth_mean /= count;
     estimate_mean /= count;
     Matrix covariance = Matrix::Zero();
+    double variance = 0;
     for (const PosePair& pair : pairs) {
-        covariance += (position(truth[pair.truth_index]) - truth_mean) *
-                      (position(estimate[pair.estimate_index]) - estimate_mean).transpose();
+        const Vector off = position(estimate[pair.estimate_index]) - estimate_mean;
+        covariance += (position(truth[pair.truth_index]) - truth_mean) * off.transpose();
+        variance += off.squaredNorm();
     }
     covariance /= count;
+    variance /= count;
     const Eigen::JacobiSVD<Matrix> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
     Matrix sign = Matrix::Identity();
     if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) sign(2, 2) = -1;
+    const double along = svd.singularValues().dot(sign.diagonal());
+    scale = variance > 1e-12 && along > 0 ? along / variance : 1.0;
     const Matrix r = svd.matrixU() * sign * svd.matrixV().transpose();
     return {r, truth_mean - r * estimate_mean};
 }
@@ -124,7 +182,7 @@ std::optional<Evaluation> evaluate(const Trajectory& truth, const Trajectory& es
     std::vector<PosePair>& pairs = result.pairs;
     if (pairs.size() < 3) return std::nullopt;
 
-    const Rigid truth_from_estimate = align(truth, estimate, pairs);
+    const Rigid truth_from_estimate = align(truth, estimate, pairs, result.scale);
     std::vector<double> errors;
     errors.reserve(pairs.size());
     for (PosePair& pair : pairs) {

@@ -33,6 +33,7 @@ struct Evaluation {
     double rpe_rotation_rmse_deg = 0;
     // Share of the truth's time in which the trajectory has poses without a hole.
     double coverage = 0;
+    double scale = 1;  // the path times this would fit the truth best; the errors above are without it
     std::array<double, 9> truth_from_estimate_r{};  // row-major
     std::array<double, 3> truth_from_estimate_t{};
 };

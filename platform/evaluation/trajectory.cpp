@@ -1,44 +1,75 @@
 #include "platform/evaluation/trajectory.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <fstream>
-#include <iterator>
+#include <span>
 
 #include "hal/replay/decimal_time.hpp"
+#include "platform/linux/atomic_file.hpp"
+#include "platform/linux/memory_block.hpp"
 
 namespace stillmesh {
 
+namespace {
+
+constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+constexpr std::size_t kColumns = 8;
+constexpr std::size_t kBytesMax = std::size_t{256} << 20U;  // a day at 30 poses a second
+
+// The first kColumns words of a line, and how many there are.
+std::size_t split(std::string_view line, std::string_view separators, std::array<std::string, kColumns>& words) {
+    std::size_t count = 0;
+    for (std::size_t at = line.find_first_not_of(separators); at < line.size(); ++count) {
+        const std::size_t end = std::min(line.find_first_of(separators, at), line.size());
+        if (count < words.size()) words[count] = line.substr(at, end - at);
+        at = line.find_first_not_of(separators, end);
+    }
+    return count;
+}
+
+// Columns are parted by blanks; or by commas, with blanks or without. In blank-parted columns a comma is that of a
+// decimal number.
+std::size_t columns_of(std::string_view line, std::array<std::string, kColumns>& words) {
+    constexpr std::string_view kBlanks = " \t\r";
+    constexpr std::string_view kBlanksAndCommas = " \t\r,";
+    if (split(line, kBlanks, words) != kColumns) return split(line, kBlanksAndCommas, words);
+    for (std::string& word : words) {
+        if (word.size() > 1 && word.back() == ',') word.pop_back();
+        std::replace(word.begin(), word.end(), ',', '.');
+    }
+    return kColumns;
+}
+
+}  // namespace
+
 Status parse_trajectory(std::string_view text, const std::string& file, Trajectory& trajectory, std::string& message) {
-    constexpr std::string_view kBlanks = " \t\r,";
     trajectory.clear();
+    if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
     std::size_t line_number = 0;
     for (std::size_t begin = 0; begin < text.size();) {
         const std::size_t end = std::min(text.find('\n', begin), text.size());
         const std::string_view line = text.substr(begin, end - begin);
         begin = end + 1;
         ++line_number;
-        std::array<std::string_view, 8> words;
-        std::size_t count = 0;
-        for (std::size_t at = line.find_first_not_of(kBlanks); at < line.size() && count < words.size(); ++count) {
-            const std::size_t word_end = std::min(line.find_first_of(kBlanks, at), line.size());
-            words[count] = line.substr(at, word_end - at);
-            at = line.find_first_not_of(kBlanks, word_end);
-        }
-        if (count == 0 || words[0][0] == '#') continue;
+        const std::size_t first = line.find_first_not_of(" \t\r,");
+        if (first == std::string_view::npos || line[first] == '#') continue;
         const auto fail = [&](const std::string& sentence) {
             message = file + ", line " + std::to_string(line_number) + ": " + sentence +
                       "; a line is 'timestamp tx ty tz qx qy qz qw'.";
             return Status::kInvalid;
         };
-        if (count < words.size()) return fail("only " + std::to_string(count) + " words");
+        std::array<std::string, kColumns> words;
+        const std::size_t count = columns_of(line, words);
+        if (count < kColumns) return fail("only " + std::to_string(count) + " words");
+        if (count > kColumns) {
+            const bool has_commas = line.find(',') != std::string_view::npos;
+            return fail(std::to_string(count) + " words" + (has_commas ? " (are there decimal commas?)" : ""));
+        }
         TrajectoryPose pose;
         const auto time_ns = parse_time_ns(words[0]);
-        if (!time_ns) return fail("'" + std::string(words[0].substr(0, 40)) + "' is not a time in seconds");
+        if (!time_ns) return fail("'" + words[0].substr(0, 40) + "' is not a time in seconds");
         pose.time_ns = *time_ns;
         bool is_finite = true;
         for (std::size_t i = 1; i < words.size(); ++i) {
@@ -65,17 +96,10 @@ Status parse_trajectory(std::string_view text, const std::string& file, Trajecto
 }
 
 Status read_trajectory(const std::string& file, Trajectory& trajectory, std::string& message) {
-    std::ifstream stream(file, std::ios::binary);
-    if (!stream) {
-        message = file + ": cannot be opened: " + std::strerror(errno) + ".";
-        return Status::kUnavailable;
-    }
-    const std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-    if (stream.bad()) {
-        message = file + ": cannot be read; is it a folder?";
-        return Status::kUnavailable;
-    }
-    return parse_trajectory(text, file, trajectory, message);
+    MemoryBlock block;
+    std::span<const std::byte> bytes;
+    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
+    return parse_trajectory({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file, trajectory, message);
 }
 
 std::string time_text(std::int64_t time_ns) {

@@ -112,7 +112,7 @@ bool read_whole_file(const std::string& file, std::size_t bytes_max, MemoryBlock
     } else if (!S_ISREG(status.st_mode)) {
         problem = "it is no regular file";
     } else if (status.st_size < 0 || static_cast<std::uint64_t>(status.st_size) > bytes_max) {
-        problem = "it is larger than anything that fits the limits";
+        problem = "it is larger than such a file can be";
     } else if (size = static_cast<std::size_t>(status.st_size); size > 0 && !block.allocate(size)) {
         problem = "there is not enough memory left";
     }

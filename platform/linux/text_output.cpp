@@ -172,6 +172,17 @@ bool write_whole_file(const std::string& file, std::string_view text, std::strin
     return false;
 }
 
+std::string printable(std::string text) {
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const auto byte = static_cast<unsigned char>(text[i]);
+        if ((byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7f) text[i] = '?';
+        if (byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0) {
+            text.replace(i, 2, "?");
+        }
+    }
+    return text;
+}
+
 bool write_standard_output(std::string_view text, std::string& message) {
     errno = 0;
     const bool is_written = std::fwrite(text.data(), 1, text.size(), stdout) == text.size() &&

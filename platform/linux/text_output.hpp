@@ -63,6 +63,10 @@ private:
 // a few seconds to take it.
 [[nodiscard]] bool write_whole_file(const std::string& file, std::string_view text, std::string& message);
 
+// Without what commands a terminal: control bytes, alone or as UTF-8 (U+0080 to U+009F), are question marks; ends of
+// lines and tabs stay. For sentences that quote files.
+[[nodiscard]] std::string printable(std::string text);
+
 // Writes to standard output. False: this, or something before it, could not be (a full disk, a closed pipe).
 [[nodiscard]] bool write_standard_output(std::string_view text, std::string& message);
 // Writes to standard error what a run says while it runs. Never waits: where a pipe is full, or has no reader, it is

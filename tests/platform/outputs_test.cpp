@@ -187,6 +187,21 @@ TEST(CountedLines, NoLineIsTorn) {
     EXPECT_EQ(read_text(folder.path("f")), wanted + "short\n");
 }
 
+// Promise: what a file contains cannot command the terminal that it is quoted on: whatever the byte, it is none that
+// does; letters of all languages stay.
+TEST(TextOutput, FilesDoNotCommandTheTerminal) {
+    EXPECT_EQ(printable("a\tb\nc \xc3\xa9 \xe6\x97\xa5"), "a\tb\nc \xc3\xa9 \xe6\x97\xa5");
+    EXPECT_EQ(printable("\x1b[2J\a\r\x7f\xc2\x9b"
+                        "1m"),
+              "?[2J????1m");
+    const TemporaryFolder folder;
+    write_text(folder.path("t.txt"), "\x1b[31mred 0 0 0 0 0 0 1\n");
+    EXPECT_EQ(shell(folder, std::string(STILLMESH_PROGRAM) + " eval --groundtruth t.txt --trajectory t.txt 2> err"), 2);
+    EXPECT_EQ(read_text(folder.path("err")).find('\x1b'), std::string::npos);
+    EXPECT_EQ(shell(folder, std::string(STILLMESH_PROGRAM) + " $(printf 'bogus\\033[2J') 2> err"), 2);
+    EXPECT_EQ(read_text(folder.path("err")).find('\x1b'), std::string::npos);
+}
+
 // Promise: a file is replaced as a whole; a device is written to and stays what it is.
 TEST(TextOutput, DevicesAreNotReplaced) {
     const TemporaryFolder folder;

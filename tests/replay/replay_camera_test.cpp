@@ -1,6 +1,7 @@
 #include "hal/replay/replay_camera.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cstdlib>
 #include <functional>
@@ -114,6 +115,21 @@ INSTANTIATE_TEST_SUITE_P(
                   std::filesystem::create_directory(f + "/rgb.txt");
               },
               Status::kUnavailable, "/rgb.txt: not a file"},
+        Fault{"list_is_a_pipe",
+              [](const std::string& f) {
+                  std::filesystem::remove(f + "/depth.txt");
+                  ASSERT_EQ(::mkfifo((f + "/depth.txt").c_str(), 0600), 0);
+              },
+              Status::kUnavailable, "/depth.txt: not a file"},
+        Fault{"list_of_gigabytes",
+              [](const std::string& f) { std::filesystem::resize_file(f + "/rgb.txt", std::uintmax_t{3} << 30U); },
+              Status::kInvalid, "/rgb.txt: is larger than a list of images can be (256 MiB)"},
+        Fault{"calibration_is_a_pipe",
+              [](const std::string& f) {
+                  std::filesystem::remove(f + "/camera.toml");
+                  ASSERT_EQ(::mkfifo((f + "/camera.toml").c_str(), 0600), 0);
+              },
+              Status::kUnavailable, "/camera.toml: cannot be read: it is no regular file"},
         Fault{"empty_list", [](const std::string& f) { write_text(f + "/rgb.txt", "# nothing\n"); }, Status::kInvalid,
               "/rgb.txt: the list is empty"},
         Fault{"time_repeats",
@@ -137,6 +153,12 @@ INSTANTIATE_TEST_SUITE_P(
               "tum-fr1: is for 640x480 pixels, the images are 64x48", "tum-fr1"},
         Fault{"image_missing", [](const std::string& f) { std::filesystem::remove(f + "/rgb/0.png"); },
               Status::kUnavailable, "/rgb/0.png: cannot be opened"},
+        Fault{"image_is_a_pipe",
+              [](const std::string& f) {
+                  std::filesystem::remove(f + "/depth/0.png");
+                  ASSERT_EQ(::mkfifo((f + "/depth/0.png").c_str(), 0600), 0);
+              },
+              Status::kUnavailable, "/depth/0.png: is no regular file"},
         Fault{"image_is_text",
               [](const std::string& f) {
                   write_text(f + "/rgb/0.png", "GIF89a, not a PNG at all, and long enough to have had a header");
