@@ -173,9 +173,14 @@ public:
             const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
             const std::int64_t begin_ns = monotonic_ns();
             if (!load_map_file(options.map_in, *engine_, use, extractor_number, map_in_info_, message)) {
-                return Status::kInvalid;
+                if (!options.is_map_own) return Status::kInvalid;
+                const std::string aside = options.map_in + ".1";
+                if (std::rename(options.map_in.c_str(), aside.c_str()) != 0) return Status::kInvalid;
+                note_ += (note_.empty() ? "" : " ") + message + " A new map begins; that one is kept as " + aside + ".";
+                message.clear();
+            } else {
+                map_in_ = options.map_in;
             }
-            map_in_ = options.map_in;
             map_load_s_ = static_cast<double>(monotonic_ns() - begin_ns) * 1e-9;
             is_localising_ = options.is_localising;
         }

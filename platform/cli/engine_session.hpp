@@ -20,6 +20,7 @@ struct SessionOptions {
     std::vector<std::string> assignments;  // "key=value", applied after the file
     std::string record;                    // recording to write; empty: none
     std::string map_in;                    // map to begin in; empty: none
+    bool is_map_own = false;               // map_in need not be there, and is kept aside if it cannot be read
     std::string map_out;                   // map to write at the end; empty: none
     std::string map_store;                 // folder for places that memory has no room for; empty: none
     double map_every_s = 0;                // and as often while running; 0: not

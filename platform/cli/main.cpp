@@ -111,6 +111,18 @@ int program(int argc, char** argv) {
     run_app->add_option("--trajectory", arguments.loop.trajectory, "each pose as it was given out, TUM format")
         ->type_name("FILE")
         ->group("What comes out");
+    run_app->add_flag("--append", arguments.loop.adds_to_trajectory, "with --trajectory: added to what is there")
+        ->group("What comes out");
+    run_app
+        ->add_option_function<double>(
+            "--trajectory-limit",
+            [&arguments](double mib) {
+                arguments.loop.trajectory_bytes_max = static_cast<std::uint64_t>(mib * 1048576.0);
+            },
+            "a trajectory that has grown beyond becomes FILE.1 and begins anew")
+        ->check(CLI::Range(0.001, 1e6).description(""))
+        ->type_name("MIB")
+        ->group("What comes out");
     run_app->add_option("--trajectory-final", arguments.loop.trajectory_final, "each pose as it is known at the end")
         ->type_name("FILE")
         ->group("What comes out");
@@ -125,6 +137,11 @@ int program(int argc, char** argv) {
     run_app->add_option("--record-frames", arguments.record_frames, "the frames, as a folder to replay")
         ->type_name("DIR")
         ->group("What comes out");
+    run_app
+        ->add_option("--map", arguments.map,
+                     "go on in this map if it is there, and write it: every minute (--map-every) and at the end")
+        ->type_name("FILE")
+        ->group("Map");
     run_app
         ->add_option("--map-out", arguments.session.map_out,
                      "the map, when the run ends; Ctrl-C and SIGTERM end it too. Replaced as a whole or not at all")

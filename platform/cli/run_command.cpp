@@ -27,6 +27,8 @@
 namespace stillmesh {
 namespace {
 
+constexpr double kMapEvery_s = 60;  // of --map, where --map-every does not say
+
 // A simulated camera that writes down where it truly was.
 class TruthfulCamera final : public DepthCamera {
 public:
@@ -349,7 +351,19 @@ int live(const RunArguments& arguments) {
 
 }  // namespace
 
-int run_command(const RunArguments& arguments, std::int64_t begin_ns) {
+int run_command(const RunArguments& given, std::int64_t begin_ns) {
+    RunArguments arguments = given;
+    if (!arguments.map.empty()) {
+        SessionOptions& session = arguments.session;
+        if (!session.map_in.empty() || !session.map_out.empty()) {
+            return refuse("--map: goes on in the map and writes it; leave out --map-in and --map-out.");
+        }
+        std::error_code error;
+        session.is_map_own = true;
+        session.map_out = arguments.map;
+        if (std::filesystem::exists(arguments.map, error)) session.map_in = arguments.map;
+        if (session.map_every_s == 0) session.map_every_s = kMapEvery_s;
+    }
     if (arguments.print_config) {
         std::string toml;
         std::string message;
@@ -366,6 +380,9 @@ int run_command(const RunArguments& arguments, std::int64_t begin_ns) {
     }
     if (session.is_localising && !session.map_store.empty()) {
         return refuse("--localize leaves the map as it is: nothing goes to --map-store, and nothing comes back.");
+    }
+    if (arguments.loop.adds_to_trajectory && arguments.loop.trajectory.empty()) {
+        return refuse("--append: needs a file to add to: --trajectory FILE.");
     }
     if (!std::isfinite(session.map_every_s)) return refuse("--map-every: give a number of seconds.");
     if (session.map_every_s > 0 && session.map_out.empty()) {

@@ -19,6 +19,7 @@ struct RunArguments {
     std::string calibration;    // file or name; empty: the folder's own
     std::string report;         // folder; empty: none
     std::string record_frames;  // folder; empty: none
+    std::string map;            // to go on in if it is there, and to write; empty: none
     std::string command;        // as it was typed
     SessionOptions session;
     RunLoopOptions loop;

@@ -178,6 +178,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         return code;
     };
     constexpr const char* kHeader = "# timestamp tx ty tz qx qy qz qw (camera to world, s, m)\n";
+    if (options.adds_to_trajectory) trajectory.add_to_it();
+    trajectory.limit_to(options.trajectory_bytes_max);
     if (!options.trajectory.empty() && !trajectory.open(options.trajectory, message)) return give_up(kExitUsage);
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
 

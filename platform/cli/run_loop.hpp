@@ -14,13 +14,15 @@
 namespace stillmesh {
 
 struct RunLoopOptions {
-    std::string trajectory;             // file; empty: none
-    std::string trajectory_final;       // file; empty: none
-    std::string state_hashes;           // file, a line per frame; empty: none
-    std::uint64_t frames_max = 0;       // 0: all
-    std::uint64_t frames_expected = 0;  // 0: unknown; only for the progress
-    std::uint32_t snapshots_max = 0;    // meshes kept for a report
-    bool keep_trajectory = false;       // in record.estimate
+    std::string trajectory;                  // file; empty: none
+    bool adds_to_trajectory = false;         // to what is in the file already
+    std::uint64_t trajectory_bytes_max = 0;  // beyond, it becomes FILE.1 and begins anew; 0: no limit
+    std::string trajectory_final;            // file; empty: none
+    std::string state_hashes;                // file, a line per frame; empty: none
+    std::uint64_t frames_max = 0;            // 0: all
+    std::uint64_t frames_expected = 0;       // 0: unknown; only for the progress
+    std::uint32_t snapshots_max = 0;         // meshes kept for a report
+    bool keep_trajectory = false;            // in record.estimate
     bool show_progress = true;
     FrameTimes* times = nullptr;           // the camera's, if frames come by the clock: late ones are dropped
     bool is_live = false;                  // a silence is the camera's life, and no failure of the run

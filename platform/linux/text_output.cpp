@@ -49,9 +49,27 @@ bool LineFile::open_with(int flags, std::string& message) {
 bool LineFile::open(const std::string& file, std::string& message) {
     close();
     file_ = file;
-    if (open_with(O_TRUNC, message)) return true;
-    file_.clear();
-    return false;
+    if (!open_with(is_added_to_ ? O_APPEND : O_TRUNC, message)) {
+        file_.clear();
+        return false;
+    }
+    if (is_added_to_ && is_regular_) {
+        const int reader = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+        char last = '\n';
+        const off_t end = reader >= 0 ? ::lseek(reader, 0, SEEK_END) : 0;
+        is_torn_ = end > 0 && ::pread(reader, &last, 1, end - 1) == 1 && last != '\n';
+        if (reader >= 0) static_cast<void>(::close(reader));
+    }
+    return true;
+}
+
+// Where it cannot be renamed, or opened anew, the old one grows on: better a large file than none.
+void LineFile::begin_anew_if_large() {
+    if (bytes_max_ == 0 || !is_regular_) return;
+    const off_t end = ::lseek(descriptor_, 0, SEEK_END);
+    if (end < 0 || static_cast<std::uint64_t>(end) < bytes_max_) return;
+    std::string ignored;
+    if (std::rename(file_.c_str(), (file_ + ".1").c_str()) == 0) static_cast<void>(open_with(O_TRUNC, ignored));
 }
 
 bool LineFile::reopen(std::string& message) {
@@ -122,7 +140,10 @@ bool LineFile::write(std::string_view lines, std::string& message) {
         }
         is_torn_ = false;
     }
-    if (write_all(lines)) return true;
+    if (write_all(lines)) {
+        begin_anew_if_large();
+        return true;
+    }
     message = file_ + ": cannot be written: " + reason(errno) + ".";
     return false;
 }

@@ -16,8 +16,13 @@ public:
     LineFile(const LineFile&) = delete;
     LineFile& operator=(const LineFile&) = delete;
 
-    // Replaces the file; a pipe, a terminal or another device is written to as it is, and a named pipe needs no reader
-    // yet. False: `message` says why.
+    // What is there already is added to (a last line that a crash has cut is ended first), from open() on.
+    void add_to_it() { is_added_to_ = true; }
+    // A file that has grown beyond becomes FILE.1, replacing the one before, and begins anew; 0: no limit. Before
+    // open().
+    void limit_to(std::uint64_t bytes) { bytes_max_ = bytes; }
+    // Replaces the file, or adds to it; a pipe, a terminal or another device is written to as it is, and a named pipe
+    // needs no reader yet. False: `message` says why.
     [[nodiscard]] bool open(const std::string& file, std::string& message);
     // The file under the same name anew, after it was moved away; one that is still there is added to. False: as open,
     // and the old one is kept.
@@ -34,7 +39,11 @@ private:
     // False: errno says why.
     [[nodiscard]] bool write_all(std::string_view lines);
 
+    void begin_anew_if_large();
+
     std::string file_;
+    std::uint64_t bytes_max_ = 0;
+    bool is_added_to_ = false;
     int descriptor_ = -1;
     int patience_ms_ = 0;
     bool is_regular_ = true;
@@ -44,6 +53,9 @@ private:
 // A line file whose failures end nothing: lines that could not be written are counted.
 class CountedLines {
 public:
+    // As those of a line file.
+    void add_to_it() { lines_.add_to_it(); }
+    void limit_to(std::uint64_t bytes) { lines_.limit_to(bytes); }
     [[nodiscard]] bool open(const std::string& file, std::string& message) { return lines_.open(file, message); }
     [[nodiscard]] bool reopen(std::string& message) { return lines_.reopen(message); }
     [[nodiscard]] bool is_open() const { return lines_.is_open(); }

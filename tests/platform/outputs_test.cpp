@@ -106,6 +106,47 @@ TEST(Outputs, ARefusedStartChangesNothing) {
     }
 }
 
+// Promise: a path is added to from run to run, also behind a line that a crash has cut, and what has grown beyond the
+// limit is kept beside.
+TEST(Outputs, APathIsAddedTo) {
+    const TemporaryFolder folder;
+    write_text(folder.path("t.txt"), "1 0 0 0 0 0 0 1\n2 0 0 0 0");
+    ASSERT_EQ(shell(folder, run("--trajectory t.txt --append > out 2> err")), 0) << read_text(folder.path("err"));
+    std::string text = read_text(folder.path("t.txt"));
+    EXPECT_EQ(text.rfind("1 0 0 0 0 0 0 1\n2 0 0 0 0\n# timestamp", 0), 0U) << text;
+    EXPECT_EQ(lines_of(text), 23U);
+    ASSERT_EQ(shell(folder, run("--trajectory t.txt --append --trajectory-limit 0.003 > out 2> err")), 0);
+    const std::string before = read_text(folder.path("t.txt.1"));
+    text = read_text(folder.path("t.txt"));
+    EXPECT_EQ(lines_of(before) + lines_of(text), 23U + 21U) << "no line is lost";
+    EXPECT_GE(before.size(), 3145U);
+    EXPECT_EQ(before.back(), '\n');
+    EXPECT_EQ(shell(folder, run("--append > out 2> err")), 2);
+    ASSERT_EQ(shell(folder, run("--trajectory t.txt > out 2> err")), 0);
+    EXPECT_EQ(lines_of(read_text(folder.path("t.txt"))), 21U) << "replaced without --append";
+}
+
+// Promise: --map begins without a map, goes on in one, and keeps one that it cannot go on in aside, with a sentence.
+TEST(Outputs, AMapOfItsOwn) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(shell(folder, run("--map m.map --json > out 2> err")), 0) << read_text(folder.path("err"));
+    EXPECT_EQ(read_text(folder.path("out")).find("\"read\""), std::string::npos);
+    const std::string first = read_text(folder.path("m.map"));
+    ASSERT_GT(first.size(), 1000U);
+    ASSERT_EQ(shell(folder, run("--map m.map > out 2> err")), 0) << read_text(folder.path("err"));
+    EXPECT_NE(read_text(folder.path("out")).find("m.map"), std::string::npos);
+    EXPECT_FALSE(std::filesystem::exists(folder.path("m.map.1")));
+    const std::string second = read_text(folder.path("m.map"));
+    EXPECT_NE(second, first);
+    write_text(folder.path("m.map"), second.substr(0, second.size() / 2));
+    ASSERT_EQ(shell(folder, run("--map m.map > out 2> err")), 0) << read_text(folder.path("err"));
+    EXPECT_NE(read_text(folder.path("out")).find("is cut off"), std::string::npos) << read_text(folder.path("out"));
+    EXPECT_NE(read_text(folder.path("out")).find("A new map begins; that one is kept as m.map.1."), std::string::npos);
+    EXPECT_EQ(read_text(folder.path("m.map.1")).size(), second.size() / 2);
+    EXPECT_GT(read_text(folder.path("m.map")).size(), 1000U);
+    EXPECT_EQ(shell(folder, run("--map m.map --map-out n.map > out 2> err")), 2);
+}
+
 // Promise: destinations are checked as one finds them: what is one place by two names, what would be written over, what
 // may be (a map that a run goes on in), and what is no file at all.
 TEST(Destinations, AreToldApart) {
