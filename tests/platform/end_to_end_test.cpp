@@ -493,7 +493,7 @@ TEST(EndToEnd, TakesParameters) {
         {"--set features.count=2000",
          "'features.count' = 2000 is more than limits.features_max; allowed beside the others: 50 to 1000"},
         {"--set depth.z_min_m=4 --set depth.z_max_m=2", "'depth.z_min_m' = 4 is not below depth.z_max_m"},
-        {"--config /none.toml", "/none.toml: cannot be read"},
+        {"--config /none.toml", "/none.toml: cannot be opened"},
         {"--config .", "cannot be read"},
     };
     for (const auto& bad : bads) {
