@@ -54,6 +54,7 @@ public:
     // Believes what was learnt, if it is worth it: false, and nothing changed, within step_s.
     bool adopt() noexcept;
 
+private:
     ShutterParameters parameters_;
     double prior_info_ = 0;
     double given_s_ = -1;
