@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <iterator>
+#include <system_error>
 #include <type_traits>
 #include <vector>
 
@@ -169,14 +171,13 @@ public:
             return Status::kInvalid;
         }
         engine_ = engine.value();
+        std::string not_gone_on_in;  // why not in the map that is there
         if (!options.map_in.empty()) {
             const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
             const std::int64_t begin_ns = monotonic_ns();
             if (!load_map_file(options.map_in, *engine_, use, extractor_number, map_in_info_, message)) {
                 if (!options.is_map_own) return Status::kInvalid;
-                const std::string aside = options.map_in + ".1";
-                if (std::rename(options.map_in.c_str(), aside.c_str()) != 0) return Status::kInvalid;
-                note_ += (note_.empty() ? "" : " ") + message + " A new map begins; that one is kept as " + aside + ".";
+                not_gone_on_in = message;
                 message.clear();
             } else {
                 map_in_ = options.map_in;
@@ -205,6 +206,9 @@ public:
                 return Status::kUnavailable;
             }
         }
+        // Last of all: a start that is refused moves nothing.
+        if (!not_gone_on_in.empty() && !keep_aside(options.map_in, not_gone_on_in, message))
+            return Status::kUnavailable;
         engine_->set_stage_observer({on_stage, this});
         for (std::uint32_t i = 0; i < kStages; ++i) stages_[i].name = stage_name(static_cast<Stage>(i));
         return Status::kOk;
@@ -344,6 +348,20 @@ public:
     }
 
 private:
+    // Renames a map that cannot be gone on in to the first free FILE.1, FILE.2, ...: none of those kept before is lost.
+    [[nodiscard]] bool keep_aside(const std::string& map, const std::string& why, std::string& message) {
+        std::error_code error;
+        std::string aside;
+        for (int i = 1; aside.empty() || std::filesystem::exists(aside, error); ++i)
+            aside = fmt::format("{}.{}", map, i);
+        std::filesystem::rename(map, aside, error);
+        if (error) {
+            message = why + " It cannot be kept as " + aside + " either: " + error.message() + ".";
+            return false;
+        }
+        note_ += (note_.empty() ? "" : " ") + why + " A new map begins; that one is kept as " + aside + ".";
+        return true;
+    }
     [[nodiscard]] bool open_store(const SessionOptions& options, const Configuration& configuration,
                                   const CameraModel& camera, std::uint8_t extractor, std::string& message) {
         if (!has_vocabulary_) {

@@ -144,6 +144,13 @@ TEST(Outputs, AMapOfItsOwn) {
     EXPECT_NE(read_text(folder.path("out")).find("A new map begins; that one is kept as m.map.1."), std::string::npos);
     EXPECT_EQ(read_text(folder.path("m.map.1")).size(), second.size() / 2);
     EXPECT_GT(read_text(folder.path("m.map")).size(), 1000U);
+    // A second one that cannot be gone on in takes the next name; a start that is refused moves none.
+    write_text(folder.path("m.map"), "no map");
+    EXPECT_EQ(shell(folder, run("--map m.map --record no/r > out 2> err")), 2);
+    EXPECT_EQ(read_text(folder.path("m.map")), "no map");
+    ASSERT_EQ(shell(folder, run("--map m.map > out 2> err")), 0);
+    EXPECT_EQ(read_text(folder.path("m.map.1")).size(), second.size() / 2);
+    EXPECT_EQ(read_text(folder.path("m.map.2")), "no map");
     EXPECT_EQ(shell(folder, run("--map m.map --map-out n.map > out 2> err")), 2);
 }
 
