@@ -74,7 +74,7 @@ TEST(LostCamera, APlaceThatTakesTooLongIsLeft) {
             EXPECT_LT(off_m(), 1e-3) << i;
         }
     }
-    EXPECT_GE(on_probation, 4 * configuration.recovery.probation_frames - 2);
+    EXPECT_EQ(on_probation, 1 + 4 * configuration.recovery.probation_frames) << "and the frame that began it";
     EXPECT_GT(after, 10U);
 }
 
