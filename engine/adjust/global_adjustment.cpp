@@ -1,10 +1,6 @@
 #include "engine/adjust/global_adjustment.hpp"
 
-#include <cmath>
-
-#include "engine/adjust/point_factor.hpp"
 #include "engine/base/check.hpp"
-#include "engine/base/numbers.hpp"
 #include "engine/geometry/cholesky.hpp"
 
 namespace stillmesh {
@@ -46,29 +42,13 @@ void GlobalAdjustment::create(Arena& arena, const GlobalSizes& sizes) noexcept {
 }
 
 void GlobalAdjustment::begin() noexcept {
-    state_ = State::kCollecting;
-    keyframe_count_ = point_count_ = observation_count_ = fixed_count_ = 0;
+    forget();
     summary_ = GlobalSummary{};
 }
 
 Result<std::uint32_t> GlobalAdjustment::add_keyframe(const SE3& world_from_camera, bool is_fixed) noexcept {
-    STILLMESH_CHECK(state_ == State::kCollecting);
     if (keyframe_count_ == keyframes_.size()) return Status::kFull;
-    Keyframe& keyframe = keyframes_[keyframe_count_];
-    keyframe.used = 0;
-    keyframe.is_fixed = is_fixed;
-    keyframe.begin(world_from_camera);
-    if (is_fixed) ++fixed_count_;
-    return keyframe_count_++;
-}
-
-Result<std::uint32_t> GlobalAdjustment::add_point(const Vector3& world) noexcept {
-    STILLMESH_CHECK(state_ == State::kCollecting);
-    if (point_count_ == points_.size()) return Status::kFull;
-    Point& point = points_[point_count_];
-    point = Point{};
-    point.place(world);
-    return point_count_++;
+    return take_keyframe(world_from_camera, is_fixed);
 }
 
 Status GlobalAdjustment::reserve(std::uint32_t point) noexcept {
@@ -115,25 +95,11 @@ void GlobalAdjustment::start(const GlobalOptions& options) noexcept {
     const std::uint32_t observations = summary_.observations;
     run(options);
     summary_.observations = observations;
-    if (fixed_count_ == 0 && keyframe_count_ > 0) keyframes_[0].is_fixed = true;
+    fix_one();
     for (std::uint32_t i = 0; i < keyframe_count_; ++i) {
         keyframes_[i].moves = !keyframes_[i].is_fixed && keyframes_[i].used >= kKeyframeObservationsMin;
     }
     next_iteration();
-}
-
-const SE3& GlobalAdjustment::pose(std::uint32_t keyframe) const noexcept {
-    STILLMESH_CHECK(is_done() && keyframe < keyframe_count_);
-    return keyframes_[keyframe].pose[current_];
-}
-Vector3 GlobalAdjustment::point(std::uint32_t point) const noexcept {
-    STILLMESH_CHECK(is_done() && point < point_count_);
-    const double* const w = points_[point].world[current_];
-    return {w[0], w[1], w[2]};
-}
-bool GlobalAdjustment::is_point_used(std::uint32_t point) const noexcept {
-    STILLMESH_CHECK(is_done() && point < point_count_);
-    return points_[point].is_used;
 }
 
 std::uint32_t GlobalAdjustment::next_piece() noexcept {
@@ -158,16 +124,17 @@ void GlobalAdjustment::each_moving(const Point& p, Visit&& visit) noexcept {
         const Observation& o = observations_[i];
         Keyframe& keyframe = keyframes_[o.keyframe];
         if (!keyframe.moves) continue;
-        const SightingResidual r = sighting_residual(keyframe.camera[current_], p.world[current_], sighting_of(o));
-        if (!r.is_far()) visit(keyframe, derivatives_of(o, r));
+        const CameraRows& camera = keyframe.camera[current_];
+        const Sighting seen = o.seen();
+        const SightingResidual r = sighting_residual(camera, p.world[current_], seen);
+        if (!r.is_far()) visit(keyframe, derivatives_of(camera, seen, r));
     }
 }
 
-GlobalAdjustment::Derivatives GlobalAdjustment::derivatives_of(const Observation& o,
+GlobalAdjustment::Derivatives GlobalAdjustment::derivatives_of(const CameraRows& camera, const Sighting& seen,
                                                                const SightingResidual& r) const noexcept {
-    const double weight = huber_weight(r.chi2, threshold_of(o));
-    return {pose_rows(r), point_rows(keyframes_[o.keyframe].camera[current_], r), weight * static_cast<double>(o.info),
-            weight * static_cast<double>(o.info_z)};
+    const double weight = huber_weight(r.chi2, threshold_of(seen));
+    return {pose_rows(r), point_rows(camera, r), weight * seen.info, weight * seen.info_z};
 }
 
 void GlobalAdjustment::clear(Keyframe& keyframe) noexcept {
@@ -197,10 +164,12 @@ void GlobalAdjustment::sum_up(Point& p) noexcept {
     for (std::uint32_t i = p.begin; i < p.end; ++i) {
         const Observation& o = observations_[i];
         Keyframe& keyframe = keyframes_[o.keyframe];
-        const SightingResidual r = sighting_residual(keyframe.camera[current_], p.world[current_], sighting_of(o));
-        descent_.cost += huber_cost(r.chi2, threshold_of(o));
+        const CameraRows& camera = keyframe.camera[current_];
+        const Sighting seen = o.seen();
+        const SightingResidual r = sighting_residual(camera, p.world[current_], seen);
+        descent_.cost += huber_cost(r.chi2, threshold_of(seen));
         if (r.is_far()) continue;
-        const Derivatives d = derivatives_of(o, r);
+        const Derivatives d = derivatives_of(camera, seen, r);
         d.pull_point(r.x, r.y, r.z, g);
         int at = 0;
         for (int row = 0; row < 3; ++row) {
@@ -221,13 +190,7 @@ void GlobalAdjustment::sum_up(Point& p) noexcept {
             keyframe.hessian[row] += h;
         }
     }
-    for (int k = 0; k < 3; ++k) {
-        double& diagonal = v[kPointDiagonal[k]];
-        p.damping[k] = descent_.damping_of(diagonal, kBundleDiagonalMin);
-        diagonal += p.damping[k];
-        p.gradient[k] = g[k];
-    }
-    p.can_move = factor_point(v, p.factor);
+    p.factorise(v, g, descent_);
 }
 
 void GlobalAdjustment::eliminate(const Point& p) noexcept {
@@ -320,15 +283,15 @@ void GlobalAdjustment::move(Keyframe& keyframe) noexcept {
 }
 
 std::uint32_t GlobalAdjustment::evaluate(Point& p) noexcept {
-    double* const candidate = p.world[1 - current_];
-    for (int k = 0; k < 3; ++k) candidate[k] = p.world[current_][k];
+    p.stay(current_);
     if (!p.is_used) return 1;
     if (p.can_move) move_point(p);
     for (std::uint32_t i = p.begin; i < p.end; ++i) {
         const Observation& o = observations_[i];
-        const SightingResidual r =
-            sighting_residual(keyframes_[o.keyframe].camera[1 - current_], candidate, sighting_of(o));
-        descent_.candidate_cost += huber_cost(r.chi2, threshold_of(o));
+        const Sighting seen = o.seen();
+        const CameraRows& camera = keyframes_[o.keyframe].camera[1 - current_];
+        descent_.candidate_cost +=
+            huber_cost(sighting_residual(camera, p.world[1 - current_], seen).chi2, threshold_of(seen));
     }
     return 1 + 2 * (p.end - p.begin);
 }

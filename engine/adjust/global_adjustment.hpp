@@ -13,11 +13,8 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/adjust/adjustment_job.hpp"
 #include "engine/adjust/bundle.hpp"
 #include "engine/base/arena.hpp"
-#include "engine/base/status.hpp"
-#include "engine/geometry/se3.hpp"
 
 namespace stillmesh {
 
@@ -58,7 +55,14 @@ enum class GlobalPhase : std::uint8_t {
     kEvaluate,   // point by point: the point's step, cost there
 };
 
-class GlobalAdjustment : public MatrixFreeJob<GlobalAdjustment, GlobalPhase, GlobalOptions, GlobalSummary> {
+// `diagonal`: of the reduced system.
+struct GlobalKeyframe : DescentBlock, BundleKeyframe {
+    Vector6 hessian;  // diagonal of the poses' own Hessian: what damping scales with
+    Vector6 reduced;  // right-hand side of the reduced system
+};
+
+class GlobalAdjustment : public BundleJob<MatrixFreeJob<GlobalAdjustment, GlobalPhase, GlobalOptions, GlobalSummary>,
+                                          GlobalKeyframe, BundlePoint> {
 public:
     static constexpr void plan(ArenaPlan& arena, const GlobalSizes& sizes) noexcept {
         arena.array<Keyframe>(sizes.keyframes_max);
@@ -69,27 +73,18 @@ public:
 
     // Forgets everything, a running job too.
     void begin() noexcept;
-    // kFull.
+    // kFull. kInvalid: not finite, or not a rotation.
     [[nodiscard]] Result<std::uint32_t> add_keyframe(const SE3& world_from_camera, bool is_fixed) noexcept;
-    [[nodiscard]] Result<std::uint32_t> add_point(const Vector3& world) noexcept;
     // One more observation of the point will come. kFull: there is no room for it.
     [[nodiscard]] Status reserve(std::uint32_t point) noexcept;
     void fill() noexcept;
     // kFull: more than were reserved for the point. kInvalid: a number that is not finite, or no variance.
     [[nodiscard]] Status add_observation(const AdjustmentObservation& given) noexcept;
-    // If no keyframe is fixed the first one is.
     void start(const GlobalOptions& options) noexcept;
 
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept {
         return 4 * static_cast<std::uint32_t>(keyframes_.size()) + 32;
     }
-    [[nodiscard]] std::uint32_t keyframes() const noexcept { return keyframe_count_; }
-    [[nodiscard]] std::uint32_t points() const noexcept { return point_count_; }
-
-    // Only when is_done() (CHECK).
-    [[nodiscard]] const SE3& pose(std::uint32_t keyframe) const noexcept;
-    [[nodiscard]] Vector3 point(std::uint32_t point) const noexcept;
-    [[nodiscard]] bool is_point_used(std::uint32_t point) const noexcept;
 
 private:
     friend MatrixFreeJob;
@@ -99,15 +94,16 @@ private:
     static constexpr std::uint32_t kBlockUnits = 8;
     static constexpr std::uint32_t kTermsOfPiece = 1;
 
-    // `diagonal`: of the reduced system.
-    struct Keyframe : DescentBlock, BundleKeyframe {
-        Vector6 hessian;  // diagonal of the poses' own Hessian: what damping scales with
-        Vector6 reduced;  // right-hand side of the reduced system
-    };
+    using Keyframe = GlobalKeyframe;
     using Point = BundlePoint;
     struct Observation {
         float x = 0, y = 0, z_m = 0, info = 0, info_z = 0;
         std::uint16_t keyframe = 0;
+
+        [[nodiscard]] Sighting seen() const noexcept {
+            return {static_cast<double>(x), static_cast<double>(y), static_cast<double>(z_m), static_cast<double>(info),
+                    static_cast<double>(info_z)};
+        }
     };
 
     struct Derivatives;
@@ -122,14 +118,8 @@ private:
     // Calls visit(keyframe, derivatives) for each observation of the point by a keyframe that moves.
     template <typename Visit>
     void each_moving(const Point& p, Visit&& visit) noexcept;
-    [[nodiscard]] static Sighting sighting_of(const Observation& o) noexcept {
-        return {static_cast<double>(o.x), static_cast<double>(o.y), static_cast<double>(o.z_m),
-                static_cast<double>(o.info), static_cast<double>(o.info_z)};
-    }
-    [[nodiscard]] double threshold_of(const Observation& o) const noexcept {
-        return o.info_z > 0 ? options_.chi2_max_depth : options_.chi2_max_pixel;
-    }
-    [[nodiscard]] Derivatives derivatives_of(const Observation& o, const SightingResidual& r) const noexcept;
+    [[nodiscard]] Derivatives derivatives_of(const CameraRows& camera, const Sighting& seen,
+                                             const SightingResidual& r) const noexcept;
     void clear(Keyframe& keyframe) noexcept;
     std::uint32_t linearise(Point& p) noexcept;
     void sum_up(Point& p) noexcept;
@@ -141,10 +131,7 @@ private:
     std::uint32_t evaluate(Point& p) noexcept;
     void move_point(Point& p) noexcept;
 
-    std::span<Keyframe> keyframes_;
-    std::span<Point> points_;
     std::span<Observation> observations_;
-    std::uint32_t keyframe_count_ = 0, point_count_ = 0, observation_count_ = 0, fixed_count_ = 0;
 };
 
 }  // namespace stillmesh

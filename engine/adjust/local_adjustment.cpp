@@ -2,9 +2,7 @@
 
 #include <utility>
 
-#include "engine/adjust/point_factor.hpp"
 #include "engine/base/check.hpp"
-#include "engine/base/numbers.hpp"
 
 namespace stillmesh {
 namespace {
@@ -67,33 +65,15 @@ void LocalAdjustment::create(Arena& arena, const AdjustmentSizes& sizes) noexcep
 }
 
 void LocalAdjustment::begin() noexcept {
-    state_ = State::kCollecting;
-    keyframe_count_ = fixed_count_ = point_count_ = observation_count_ = 0;
+    forget();
 }
 
 Result<std::uint32_t> LocalAdjustment::add_keyframe(const SE3& world_from_camera, bool is_fixed) noexcept {
-    STILLMESH_CHECK(state_ == State::kCollecting);
     const std::uint32_t of_kind = is_fixed ? fixed_count_ : keyframe_count_ - fixed_count_;
     if (of_kind == (is_fixed ? sizes_.fixed_keyframes_max : sizes_.free_keyframes_max)) return Status::kFull;
-    const Vector3& t = world_from_camera.translation;
-    if (!is_finite(t.x()) || !is_finite(t.y()) || !is_finite(t.z())) return Status::kInvalid;
-    if (!is_rotation(world_from_camera.rotation)) return Status::kInvalid;
-    Keyframe& keyframe = keyframes_[keyframe_count_];
-    keyframe = Keyframe{};
-    keyframe.is_fixed = is_fixed;
-    keyframe.begin(world_from_camera);
-    if (is_fixed) ++fixed_count_;
-    return keyframe_count_++;
-}
-
-Result<std::uint32_t> LocalAdjustment::add_point(const Vector3& world) noexcept {
-    STILLMESH_CHECK(state_ == State::kCollecting);
-    if (point_count_ == points_.size()) return Status::kFull;
-    if (!is_finite(world.x()) || !is_finite(world.y()) || !is_finite(world.z())) return Status::kInvalid;
-    Point& point = points_[point_count_];
-    point = Point{};
-    point.place(world);
-    return point_count_++;
+    const Result<std::uint32_t> taken = take_keyframe(world_from_camera, is_fixed);
+    if (taken.is_ok()) keyframes_[taken.value()].observations = 0;
+    return taken;
 }
 
 Status LocalAdjustment::add_observation(const AdjustmentObservation& given) noexcept {
@@ -123,10 +103,7 @@ Status LocalAdjustment::add_observation(const AdjustmentObservation& given) noex
 void LocalAdjustment::start(const AdjustmentOptions& options) noexcept {
     STILLMESH_CHECK(options.chi2_max_pixel > 0 && options.chi2_max_depth > 0);
     run(options);
-    if (fixed_count_ == 0 && keyframe_count_ > 0) {
-        keyframes_[0].is_fixed = true;
-        fixed_count_ = 1;
-    }
+    fix_one();
     std::uint32_t at = 0;
     for (std::uint32_t i = 0; i < keyframe_count_; ++i) {
         const std::uint32_t count = keyframes_[i].observations;
@@ -233,7 +210,7 @@ std::uint32_t LocalAdjustment::select() noexcept {
             if (o.seen.info_z > 0) ++depths;
         }
         p.is_used = seen >= 2 || depths >= 1;
-        for (int k = 0; k < 3; ++k) p.world[1 - current_][k] = p.world[current_][k];
+        p.stay(current_);
         if (!p.is_used) continue;
         ++summary_.points_used;
         summary_.observations_used += seen;
@@ -304,7 +281,7 @@ std::uint32_t LocalAdjustment::linearise_point(Point& p) noexcept {
         const Keyframe& keyframe = keyframes_[o.keyframe];
         const CameraRows& camera = keyframe.camera[current_];
         const SightingResidual r = sighting_residual(camera, world, o.seen);
-        const double threshold = threshold_of(o);
+        const double threshold = threshold_of(o.seen);
         descent_.cost += huber_cost(r.chi2, threshold);
         if (r.is_far()) continue;
         const double weight = huber_weight(r.chi2, threshold);
@@ -336,14 +313,7 @@ std::uint32_t LocalAdjustment::linearise_point(Point& p) noexcept {
             for (int c = 0; c < 6; ++c) w.row[k][c] = ax[k] * j.x[c] + ay[k] * j.y[c] + bz[k] * j.z[c];
         }
     }
-    double damped[6];
-    for (int k = 0; k < 6; ++k) damped[k] = v[k];
-    for (int k = 0; k < 3; ++k) {
-        p.gradient[k] = g[k];
-        p.damping[k] = descent_.damping_of(v[kPointDiagonal[k]], kBundleDiagonalMin);
-        damped[kPointDiagonal[k]] += p.damping[k];
-    }
-    p.can_move = factor_point(damped, p.factor);
+    p.factorise(v, g, descent_);
     const std::uint32_t units = 1 + (p.end - p.begin) + coupled * (coupled + 1) / 4;
     if (!p.can_move) return units;  // it counts as known in this iteration
     // Schur complement: S -= Z^T Z, right side += Z^T L^-1 g, with Z = L^-1 W.
@@ -434,7 +404,7 @@ std::uint32_t LocalAdjustment::evaluate_point(Point& p) noexcept {
             const CameraRows& camera = keyframe.camera[current_];
             const SightingResidual r = sighting_residual(camera, world, o.seen);
             if (r.is_far()) continue;
-            const double weight = huber_weight(r.chi2, threshold_of(o));
+            const double weight = huber_weight(r.chi2, threshold_of(o.seen));
             const double a = weight * o.seen.info;
             const double b = weight * o.seen.info_z;
             // How the residuals move with the keyframe's step: dq = -v + q x w.
@@ -456,13 +426,13 @@ std::uint32_t LocalAdjustment::evaluate_point(Point& p) noexcept {
             descent_.predicted += step * (p.damping[k] * step - p.gradient[k]);
         }
     } else {
-        for (int k = 0; k < 3; ++k) candidate[k] = world[k];
+        p.stay(current_);
     }
     for (std::uint32_t i = p.begin; i < p.end; ++i) {
         const Observation& o = observations_[i];
         if (o.is_dropped) continue;
         const SightingResidual r = sighting_residual(keyframes_[o.keyframe].camera[1 - current_], candidate, o.seen);
-        descent_.candidate_cost += huber_cost(r.chi2, threshold_of(o));
+        descent_.candidate_cost += huber_cost(r.chi2, threshold_of(o.seen));
     }
     return 1 + (p.end - p.begin);
 }
@@ -483,7 +453,7 @@ std::uint32_t LocalAdjustment::classify() noexcept {
             o.chi2 =
                 sighting_residual(keyframes_[o.keyframe].camera[current_], points_[o.point].world[current_], o.seen)
                     .chi2;
-            o.is_outlier = !(o.chi2 <= threshold_of(o));
+            o.is_outlier = !(o.chi2 <= threshold_of(o.seen));
         }
         if (o.is_outlier) ++summary_.outliers;
     }
@@ -504,22 +474,6 @@ void LocalAdjustment::finish() noexcept {
         summary_.outcome = AdjustmentOutcome::kIterationsEnded;
     }
     state_ = State::kDone;
-}
-
-const SE3& LocalAdjustment::pose(std::uint32_t keyframe) const noexcept {
-    STILLMESH_CHECK(is_done() && keyframe < keyframe_count_);
-    return keyframes_[keyframe].pose[current_];
-}
-
-Vector3 LocalAdjustment::point(std::uint32_t point) const noexcept {
-    STILLMESH_CHECK(is_done() && point < point_count_);
-    const double* const world = points_[point].world[current_];
-    return {world[0], world[1], world[2]};
-}
-
-bool LocalAdjustment::is_point_used(std::uint32_t point) const noexcept {
-    STILLMESH_CHECK(is_done() && point < point_count_);
-    return points_[point].is_used;
 }
 
 double LocalAdjustment::chi2(std::uint32_t observation) const noexcept {

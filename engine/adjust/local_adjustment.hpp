@@ -15,12 +15,9 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/adjust/adjustment_job.hpp"
 #include "engine/adjust/bundle.hpp"
 #include "engine/adjust/reduced_system.hpp"
 #include "engine/base/arena.hpp"
-#include "engine/base/status.hpp"
-#include "engine/geometry/se3.hpp"
 
 namespace stillmesh {
 
@@ -78,7 +75,18 @@ enum class LocalPhase : std::uint8_t {
     kClassify,        // chi2 of every observation at the result of the round
 };
 
-class LocalAdjustment : public AdjustmentJob<LocalAdjustment, LocalPhase, AdjustmentOptions, AdjustmentSummary> {
+struct LocalKeyframe : BundleKeyframe {
+    std::uint32_t observations = 0;  // given; later where they go in order_
+    std::int32_t column = -1;        // in the reduced system; -1: holds still
+};
+// From `end` to the next point's `begin` lie duplicates.
+struct LocalPoint : BundlePoint {
+    std::int32_t last_keyframe = -1;  // sorted in so far
+};
+
+class LocalAdjustment
+    : public BundleJob<AdjustmentJob<LocalAdjustment, LocalPhase, AdjustmentOptions, AdjustmentSummary>, LocalKeyframe,
+                       LocalPoint> {
     // All arrays, for the plan and for the arena. Above plan(): clang evaluates no template that it has not seen.
     template <typename A>
     constexpr void take_arrays(A& arena, const AdjustmentSizes& sizes) noexcept {
@@ -106,23 +114,14 @@ public:
     void begin() noexcept;
     // kFull: no room for one more of its kind. kInvalid: not finite, or not a rotation.
     [[nodiscard]] Result<std::uint32_t> add_keyframe(const SE3& world_from_camera, bool is_fixed) noexcept;
-    // kFull. kInvalid: not finite.
-    [[nodiscard]] Result<std::uint32_t> add_point(const Vector3& world) noexcept;
     // kFull. kInvalid: not finite, or a variance that is not positive. A second observation of a point by the same
     // keyframe is taken, counts as an outlier, and has no say. Observations are numbered 0, 1, ... in this order.
     [[nodiscard]] Status add_observation(const AdjustmentObservation& given) noexcept;
-    // If no keyframe is fixed the first one is: somebody must say where the world is.
     void start(const AdjustmentOptions& options) noexcept;
 
-    [[nodiscard]] std::uint32_t keyframes() const noexcept { return keyframe_count_; }
-    [[nodiscard]] std::uint32_t points() const noexcept { return point_count_; }
     [[nodiscard]] std::uint32_t observations() const noexcept { return observation_count_; }
 
     // Results: only when is_done() (CHECK).
-    [[nodiscard]] const SE3& pose(std::uint32_t keyframe) const noexcept;  // world_from_camera
-    [[nodiscard]] Vector3 point(std::uint32_t point) const noexcept;
-    // Was part of the last round: its position is worth writing back. Others have too few good observations.
-    [[nodiscard]] bool is_point_used(std::uint32_t point) const noexcept;
     // Squared sigmas at the result; kAdjustChi2Far: behind the camera, beyond all measure, or a duplicate.
     [[nodiscard]] double chi2(std::uint32_t observation) const noexcept;
     [[nodiscard]] bool is_outlier(std::uint32_t observation) const noexcept;
@@ -130,19 +129,13 @@ public:
 private:
     friend AdjustmentJob;
     using Phase = LocalPhase;
-    struct Keyframe : BundleKeyframe {
-        std::uint32_t observations = 0;  // given; later where they go in order_
-        std::int32_t column = -1;        // in the reduced system; -1: holds still
-    };
+    using Keyframe = LocalKeyframe;
+    using Point = LocalPoint;
     // Sums over the observations of a free keyframe.
     struct Column {
         double hessian[ReducedSystem::kBlockSize];  // lower triangle
         double gradient[6];
         std::uint32_t keyframe;
-    };
-    // From `end` to the next point's `begin` lie duplicates.
-    struct Point : BundlePoint {
-        std::int32_t last_keyframe = -1;  // sorted in so far
     };
     struct Observation {
         Sighting seen;
@@ -174,25 +167,16 @@ private:
     void next_iteration() noexcept;
     void end_round() noexcept;
     void finish() noexcept;
-    [[nodiscard]] double threshold_of(const Observation& o) const noexcept {
-        return o.seen.info_z > 0 ? options_.chi2_max_depth : options_.chi2_max_pixel;
-    }
     [[nodiscard]] std::uint32_t linearise_point(Point& p) noexcept;
     [[nodiscard]] std::uint32_t evaluate_point(Point& p) noexcept;
 
     AdjustmentSizes sizes_;
-    std::span<Keyframe> keyframes_;
     std::span<Column> columns_;
-    std::span<Point> points_;
     std::span<Observation> observations_;
     std::span<std::uint32_t> order_;
     std::span<std::uint32_t> position_;
     ReducedSystem system_;
 
-    std::uint32_t keyframe_count_ = 0;
-    std::uint32_t fixed_count_ = 0;
-    std::uint32_t point_count_ = 0;
-    std::uint32_t observation_count_ = 0;
     std::uint32_t column_count_ = 0;
     std::uint32_t round_ = 0;
     std::uint32_t iteration_ = 0;  // in the round

@@ -1,7 +1,5 @@
 #include "engine/adjust/pose_graph.hpp"
 
-#include <cmath>
-
 #include "engine/base/check.hpp"
 #include "engine/base/numbers.hpp"
 #include "engine/geometry/cholesky.hpp"
