@@ -115,12 +115,6 @@ Lanes plus(Lanes a, Lanes b) noexcept {
 Lanes minus(Lanes a, Lanes b) noexcept {
     return _mm256_subs_epu8(a, b);
 }
-Lanes either(Lanes a, Lanes b) noexcept {
-    return _mm256_or_si256(a, b);
-}
-Lanes both(Lanes a, Lanes b) noexcept {
-    return _mm256_and_si256(a, b);
-}
 std::uint32_t set_lanes(Lanes v) noexcept {
     return ~static_cast<std::uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(v, _mm256_setzero_si256())));
 }
@@ -181,12 +175,8 @@ Moments moments(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
         running = _mm256_sub_epi64(running, _mm256_sad_epu8(_mm256_and_si256(above, inside), zero));
         y = _mm256_add_epi64(y, running);
     }
-    __m128i x4 = _mm_add_epi32(_mm256_castsi256_si128(x), _mm256_extracti128_si256(x, 1));
-    x4 = _mm_add_epi32(x4, _mm_shuffle_epi32(x4, 0x4e));
-    x4 = _mm_add_epi32(x4, _mm_shuffle_epi32(x4, 0xb1));
-    __m128i y2 = _mm_add_epi64(_mm256_castsi256_si128(y), _mm256_extracti128_si256(y, 1));
-    y2 = _mm_add_epi64(y2, _mm_shuffle_epi32(y2, 0x4e));
-    return {_mm_cvtsi128_si32(x4), _mm_cvtsi128_si32(y2)};
+    return {total(_mm_add_epi32(_mm256_castsi256_si128(x), _mm256_extracti128_si256(x, 1))),
+            total_of_two(_mm_add_epi64(_mm256_castsi256_si128(y), _mm256_extracti128_si256(y, 1)))};
 }
 
 std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexcept {
@@ -200,19 +190,14 @@ constexpr Kernels kAvx2 = {"avx2",   grey_row<true>, grey_row<false>, scale_row,
                            blur_row, moments,        tensors,         hamming,   hamming_many};
 
 }  // namespace
-
-const Kernels* avx2_kernels() noexcept {
-    return &kAvx2;
-}
-
-}  // namespace stillmesh
-
-#else
-
-namespace stillmesh {
-const Kernels* avx2_kernels() noexcept {
-    return nullptr;
-}
 }  // namespace stillmesh
 
 #endif
+
+const stillmesh::Kernels* stillmesh::avx2_kernels() noexcept {
+#if defined(__AVX2__) && defined(__POPCNT__)
+    return &kAvx2;
+#else
+    return nullptr;
+#endif
+}

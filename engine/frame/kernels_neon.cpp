@@ -105,12 +105,6 @@ Lanes plus(Lanes a, Lanes b) noexcept {
 Lanes minus(Lanes a, Lanes b) noexcept {
     return vqsubq_u8(a, b);
 }
-Lanes either(Lanes a, Lanes b) noexcept {
-    return vorrq_u8(a, b);
-}
-Lanes both(Lanes a, Lanes b) noexcept {
-    return vandq_u8(a, b);
-}
 bool is_any_above(Lanes a, Lanes b, Lanes c, Lanes d) noexcept {
     return is_any_set(vorrq_u8(vcgtq_u8(a, b), vcgtq_u8(c, d)));
 }
@@ -282,19 +276,14 @@ constexpr Kernels kNeon = {"neon",   grey_row<true>, grey_row<false>, scale_row,
                            blur_row, moments,        tensors,         hamming,   hamming_many};
 
 }  // namespace
-
-const Kernels* neon_kernels() noexcept {
-    return &kNeon;
-}
-
-}  // namespace stillmesh
-
-#else
-
-namespace stillmesh {
-const Kernels* neon_kernels() noexcept {
-    return nullptr;
-}
 }  // namespace stillmesh
 
 #endif
+
+const stillmesh::Kernels* stillmesh::neon_kernels() noexcept {
+#if defined(__ARM_NEON)
+    return &kNeon;
+#else
+    return nullptr;
+#endif
+}

@@ -89,12 +89,6 @@ Lanes plus(Lanes a, Lanes b) noexcept {
 Lanes minus(Lanes a, Lanes b) noexcept {
     return _mm_subs_epu8(a, b);
 }
-Lanes either(Lanes a, Lanes b) noexcept {
-    return _mm_or_si128(a, b);
-}
-Lanes both(Lanes a, Lanes b) noexcept {
-    return _mm_and_si128(a, b);
-}
 std::uint32_t set_lanes(Lanes v) noexcept {
     return ~static_cast<std::uint32_t>(_mm_movemask_epi8(_mm_cmpeq_epi8(v, _mm_setzero_si128()))) & 0xffffU;
 }
@@ -152,10 +146,7 @@ Moments moments(const std::uint8_t* centre, std::ptrdiff_t stride) noexcept {
         }
         y = _mm_add_epi64(y, running);
     }
-    x = _mm_add_epi32(x, _mm_shuffle_epi32(x, 0x4e));
-    x = _mm_add_epi32(x, _mm_shuffle_epi32(x, 0xb1));
-    y = _mm_add_epi64(y, _mm_shuffle_epi32(y, 0x4e));
-    return {_mm_cvtsi128_si32(x), _mm_cvtsi128_si32(y)};
+    return {total(x), total_of_two(y)};
 }
 
 // Bits of the bytes by halves, then the bytes summed.
@@ -170,9 +161,7 @@ std::uint32_t hamming(const std::uint64_t a[4], const std::uint64_t b[4]) noexce
     const __m128i* const q = reinterpret_cast<const __m128i*>(b);
     const __m128i low = bit_counts(_mm_xor_si128(_mm_loadu_si128(p), _mm_loadu_si128(q)));
     const __m128i high = bit_counts(_mm_xor_si128(_mm_loadu_si128(p + 1), _mm_loadu_si128(q + 1)));
-    __m128i sum = _mm_sad_epu8(_mm_add_epi8(low, high), _mm_setzero_si128());
-    sum = _mm_add_epi64(sum, _mm_shuffle_epi32(sum, 0x4e));
-    return static_cast<std::uint32_t>(_mm_cvtsi128_si32(sum));
+    return static_cast<std::uint32_t>(total_of_two(_mm_sad_epu8(_mm_add_epi8(low, high), _mm_setzero_si128())));
 }
 
 #include "engine/frame/kernels_lanes.inc"
@@ -182,19 +171,14 @@ constexpr Kernels kSse2 = {
     hamming, hamming_many};
 
 }  // namespace
-
-const Kernels* sse2_kernels() noexcept {
-    return &kSse2;
-}
-
-}  // namespace stillmesh
-
-#else
-
-namespace stillmesh {
-const Kernels* sse2_kernels() noexcept {
-    return nullptr;
-}
 }  // namespace stillmesh
 
 #endif
+
+const stillmesh::Kernels* stillmesh::sse2_kernels() noexcept {
+#if defined(__SSE2__)
+    return &kSse2;
+#else
+    return nullptr;
+#endif
+}
