@@ -40,14 +40,8 @@ ExpTerms exp_terms(double t2) noexcept {
 // (1 - (t/2) cot(t/2)) / t^2: the second-order coefficient of the inverse of se3's left Jacobian.
 double inverse_jacobian_term(double t2) noexcept {
     if (t2 < kSmallAngle2) {  // |B_2n| / (2n)!; the ninth term is below 1e-17 of the first
-        double sum = 3617.0 / 10670622842880000.0;
-        sum = sum * t2 + 1.0 / 74724249600.0;
-        sum = sum * t2 + 691.0 / 1307674368000.0;
-        sum = sum * t2 + 1.0 / 47900160.0;
-        sum = sum * t2 + 1.0 / 1209600.0;
-        sum = sum * t2 + 1.0 / 30240.0;
-        sum = sum * t2 + 1.0 / 720.0;
-        return sum * t2 + 1.0 / 12.0;
+        return polynomial(t2, 3617.0 / 10670622842880000.0, 1.0 / 74724249600.0, 691.0 / 1307674368000.0,
+                          1.0 / 47900160.0, 1.0 / 1209600.0, 1.0 / 30240.0, 1.0 / 720.0, 1.0 / 12.0);
     }
     const double half_t = 0.5 * std::sqrt(t2);
     const SinCos half = sin_cos(half_t);

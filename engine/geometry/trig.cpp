@@ -25,23 +25,15 @@ Pair exact_difference(double a, double b) noexcept {
 // x (and its tail) in [-pi/4, pi/4]; the tail is below half an ulp of x.
 double sin_near_zero(double x, double tail) noexcept {
     const double u = x * x;
-    double p = 0x1.5d944541dfb87p-33;
-    p = p * u - 0x1.ae5e6b02635d2p-26;
-    p = p * u + 0x1.71de357e879a5p-19;
-    p = p * u - 0x1.a01a019c1aa21p-13;
-    p = p * u + 0x1.111111110f8d1p-7;
-    p = p * u - 0x1.5555555555549p-3;
+    const double p = polynomial(u, 0x1.5d944541dfb87p-33, -0x1.ae5e6b02635d2p-26, 0x1.71de357e879a5p-19,
+                                -0x1.a01a019c1aa21p-13, 0x1.111111110f8d1p-7, -0x1.5555555555549p-3);
     return x + (x * (u * p) + tail * (1.0 - 0.5 * u));
 }
 
 double cos_near_zero(double x, double tail) noexcept {
     const double u = x * x;
-    double p = -0x1.8fbdbbc483fa7p-37;
-    p = p * u + 0x1.1eea0ba328cf6p-29;
-    p = p * u - 0x1.27e4f83d4acb5p-22;
-    p = p * u + 0x1.a01a019d01484p-16;
-    p = p * u - 0x1.6c16c16c15523p-10;
-    p = p * u + 0x1.555555555554ep-5;
+    const double p = polynomial(u, -0x1.8fbdbbc483fa7p-37, 0x1.1eea0ba328cf6p-29, -0x1.27e4f83d4acb5p-22,
+                                0x1.a01a019d01484p-16, -0x1.6c16c16c15523p-10, 0x1.555555555554ep-5);
     // 1 - u/2 rounds; what it loses is known exactly and goes into the small terms.
     const double half = 0.5 * u;
     const double head = 1.0 - half;
@@ -51,17 +43,10 @@ double cos_near_zero(double x, double tail) noexcept {
 // |x| <= tan(pi/8).
 double atan_near_zero(double x) noexcept {
     const double u = x * x;
-    double p = -0x1.26f07d2c11bbbp-6;
-    p = p * u + 0x1.38919f1dde324p-5;
-    p = p * u - 0x1.9d21326f3140dp-5;
-    p = p * u + 0x1.df21de1d8ab71p-5;
-    p = p * u - 0x1.10ed175446228p-4;
-    p = p * u + 0x1.3b113a984f815p-4;
-    p = p * u - 0x1.745cfaed1e9f9p-4;
-    p = p * u + 0x1.c71c70fa8e881p-4;
-    p = p * u - 0x1.24924922e937ep-3;
-    p = p * u + 0x1.99999999963a5p-3;
-    p = p * u - 0x1.5555555555543p-2;
+    const double p =
+        polynomial(u, -0x1.26f07d2c11bbbp-6, 0x1.38919f1dde324p-5, -0x1.9d21326f3140dp-5, 0x1.df21de1d8ab71p-5,
+                   -0x1.10ed175446228p-4, 0x1.3b113a984f815p-4, -0x1.745cfaed1e9f9p-4, 0x1.c71c70fa8e881p-4,
+                   -0x1.24924922e937ep-3, 0x1.99999999963a5p-3, -0x1.5555555555543p-2);
     return x + x * (u * p);
 }
 

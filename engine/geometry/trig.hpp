@@ -4,6 +4,13 @@
 
 namespace stillmesh {
 
+// Horner's rule, the coefficient of the highest power first: written out at compile time.
+template <typename... Coefficients>
+[[nodiscard]] constexpr double polynomial(double x, double highest, Coefficients... lower) noexcept {
+    ((highest = highest * x + lower), ...);
+    return highest;
+}
+
 struct SinCos {
     double sin;
     double cos;
