@@ -86,51 +86,10 @@ std::span<const WordOfFeature> KeyframeDatabase::direct_index(std::uint32_t slot
     return direct_.subspan(static_cast<std::size_t>(slot) * features_max_, entries_[slot].features);
 }
 
-std::uint32_t KeyframeDatabase::score(std::uint32_t slot, std::span<const WordWeight> bag) const noexcept {
-    STILLMESH_CHECK(slot < entries_.size() && entries_[slot].is_in);
-    return bag_score(bag_of(slot), bag);
-}
-
 std::uint32_t KeyframeDatabase::score(std::uint32_t slot_a, std::uint32_t slot_b) const noexcept {
     STILLMESH_CHECK(slot_a < entries_.size() && entries_[slot_a].is_in);
     STILLMESH_CHECK(slot_b < entries_.size() && entries_[slot_b].is_in);
     return bag_score(bag_of(slot_a), bag_of(slot_b));
-}
-
-const char* KeyframeDatabase::find_fault() const noexcept {
-    std::uint32_t in = 0;
-    std::size_t words = 0;
-    for (std::uint32_t slot = 0; slot < entries_.size(); ++slot) {
-        if (!entries_[slot].is_in) continue;
-        ++in;
-        words += entries_[slot].words;
-        std::int32_t last = -1;
-        for (const WordWeight& entry : bag_of(slot)) {
-            if (entry.word <= last) return "words out of order";
-            last = entry.word;
-            std::uint32_t found = 0;
-            visit_keyframes(entry.word, [&](std::uint32_t other, std::uint32_t weight) {
-                found += other == slot && weight == entry.weight;
-            });
-            if (found != 1) return "a word of a keyframe that its chain does not have once";
-        }
-    }
-    if (in != size_) return "size is not what is in";
-    std::size_t postings = 0;
-    std::size_t blocks = 0;
-    for (const std::uint32_t first : first_of_word_) {
-        for (std::uint32_t at = first; at != 0; at = blocks_[at - 1].next_plus_one) {
-            const Block& block = blocks_[at - 1];
-            if (++blocks > blocks_.size()) return "a chain without an end";
-            if (block.count == 0 || (at != first && block.count != kBlockPostings)) return "a block with room inside";
-            postings += block.count;
-        }
-    }
-    for (std::uint32_t at = first_free_; at != 0; at = blocks_[at - 1].next_plus_one) {
-        if (++blocks > blocks_.size()) return "a block that is free and in use";
-    }
-    if (blocks != blocks_.size()) return "a block that is lost";
-    return postings == words ? nullptr : "a posting of nobody";
 }
 
 void PlaceQuery::create(Arena& arena, const Limits& limits) noexcept {

@@ -48,8 +48,7 @@ public:
     [[nodiscard]] std::span<const WordWeight> bag(std::uint32_t slot) const noexcept {
         return entries_[slot].is_in ? bag_of(slot) : std::span<const WordWeight>{};
     }
-    // How alike a keyframe and a bag, or two keyframes, are: bag_score().
-    [[nodiscard]] std::uint32_t score(std::uint32_t slot, std::span<const WordWeight> bag) const noexcept;
+    // How alike two keyframes are: bag_score().
     [[nodiscard]] std::uint32_t score(std::uint32_t slot_a, std::uint32_t slot_b) const noexcept;
 
     // Calls visit(keyframe slot, weight) for every keyframe that has the word, the latest added first. Returns how
@@ -74,9 +73,6 @@ public:
     // Grows with every add(): what was added after a query began does not belong to it.
     [[nodiscard]] std::uint64_t adds() const noexcept { return adds_; }
     [[nodiscard]] std::uint64_t added_at(std::uint32_t slot) const noexcept { return entries_[slot].added_at; }
-
-    // Everything computed anew: nullptr, or what is wrong. For tests; slow.
-    [[nodiscard]] const char* find_fault() const noexcept;
 
 private:
     static constexpr std::uint32_t kBlockPostings = 9;

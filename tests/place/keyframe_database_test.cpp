@@ -53,6 +53,23 @@ protected:
         model_.erase(slot);
         indices_.erase(slot);
     }
+    // What is in is what the model has, and the chains of the words name that, each once, and nothing else.
+    void expect_sound() {
+        std::map<std::uint32_t, std::map<std::uint32_t, std::uint32_t>> expected;  // by word: weight by slot
+        for (const auto& [slot, bag] : model_) {
+            ASSERT_TRUE(database_->has(slot));
+            ASSERT_EQ(database_->bag(slot).size(), bag.size());
+            for (const WordWeight& entry : bag) expected[entry.word][slot] = entry.weight;
+        }
+        ASSERT_EQ(database_->size(), model_.size());
+        for (std::uint32_t word = 0; word < vocabulary_.info().words; ++word) {
+            std::map<std::uint32_t, std::uint32_t> found;
+            const std::uint32_t count = database_->visit_keyframes(
+                word, [&](std::uint32_t slot, std::uint32_t weight) { found[slot] = weight; });
+            ASSERT_EQ(count, found.size()) << "a keyframe twice in a chain";
+            ASSERT_EQ(found, expected[word]);
+        }
+    }
     // Every keyframe compared with the question.
     [[nodiscard]] Answer by_force(const Bag& question) const {
         Answer out;
@@ -95,13 +112,14 @@ TEST_F(Database, NeverFull) {
     for (std::uint32_t i = 0; i < kLimits.features_max; ++i) words.push_back(static_cast<std::uint16_t>(i));
     words_->assign(words);
     words_->weigh(vocabulary_, std::vector<std::uint8_t>(words.size(), 1));
-    for (int round = 0; round < 3; ++round) {
+    // A block that got lost in any of the rounds would be missing in the end.
+    for (int round = 0; round < 1000; ++round) {
         for (std::uint32_t slot = 0; slot < kLimits.keyframes_max; ++slot) database_->add(slot, *words_);
-        EXPECT_EQ(database_->size(), kLimits.keyframes_max);
-        ASSERT_EQ(database_->find_fault(), nullptr);
+        ASSERT_EQ(database_->size(), kLimits.keyframes_max);
         for (std::uint32_t slot = 0; slot < kLimits.keyframes_max; ++slot) database_->remove(slot);
-        ASSERT_EQ(database_->find_fault(), nullptr);
+        ASSERT_EQ(database_->size(), 0U);
     }
+    expect_sound();
 }
 
 // Promise: whatever came and went, an answer is that of comparing with every keyframe, exactly.
@@ -113,8 +131,7 @@ TEST_F(Database, AnswersAsByForce) {
         } else if (!database_->has(slot)) {
             add(slot);
         }
-        ASSERT_EQ(database_->size(), model_.size());
-        ASSERT_EQ(database_->find_fault(), nullptr);
+        expect_sound();
         look();
         const Bag question(words_->bag().begin(), words_->bag().end());
         query_->begin(*database_, question);
@@ -122,7 +139,6 @@ TEST_F(Database, AnswersAsByForce) {
         ASSERT_EQ(query_->step(*database_, budget), Progress::kDone);
         expect_same(query_->candidates(), by_force(question));
         for (const auto& [a, bag] : model_) {
-            ASSERT_EQ(database_->score(a, question), bag_score(bag, question));
             ASSERT_TRUE(std::ranges::equal(database_->direct_index(a), indices_[a]));
             for (const auto& [b, other] : model_) ASSERT_EQ(database_->score(a, b), bag_score(bag, other));
         }
@@ -192,11 +208,12 @@ TEST_F(Database, ResetForgets) {
     const Bag question = model_[0];
     query_->begin(*database_, question);
     database_->reset();
+    model_.clear();
     query_->reset();
     WorkBudget budget(1000);
     EXPECT_EQ(query_->step(*database_, budget), Progress::kIdle);
     EXPECT_EQ(database_->size(), 0U);
-    EXPECT_EQ(database_->find_fault(), nullptr);
+    expect_sound();
     query_->begin(*database_, question);
     EXPECT_EQ(query_->step(*database_, budget), Progress::kDone);
     EXPECT_TRUE(query_->candidates().empty());
