@@ -100,6 +100,13 @@ struct LoopKeys { STILLMESH_KEYS_loop(STILLMESH_FIELD) };
     KEY(store, double, twin_m, 0.3, 0.0, 100.0, "m", "a place that is kept from a view so near is not kept again")
 struct StoreKeys { STILLMESH_KEYS_store(STILLMESH_FIELD) };
 
+// All of them, in this order.
+#define STILLMESH_ALL_KEYS(KEY) \
+    STILLMESH_KEYS_camera(KEY) STILLMESH_KEYS_features(KEY) STILLMESH_KEYS_depth(KEY) STILLMESH_KEYS_region(KEY) \
+    STILLMESH_KEYS_pose(KEY) STILLMESH_KEYS_weights(KEY) STILLMESH_KEYS_prediction(KEY) STILLMESH_KEYS_recovery(KEY) \
+    STILLMESH_KEYS_keyframes(KEY) STILLMESH_KEYS_schedule(KEY) STILLMESH_KEYS_mapping(KEY) STILLMESH_KEYS_loop(KEY) \
+    STILLMESH_KEYS_store(KEY)
+
 // clang-format on
 
 struct Configuration {
@@ -131,14 +138,8 @@ struct Configuration {
 // std::uint64_t or double, min and max are doubles.
 template <typename Visitor>
 constexpr void visit_parameters(Configuration& c, Visitor&& v) {
-    STILLMESH_KEYS_camera(STILLMESH_VISIT) STILLMESH_KEYS_features(STILLMESH_VISIT)
-        STILLMESH_KEYS_depth(STILLMESH_VISIT) STILLMESH_KEYS_region(STILLMESH_VISIT)
-            STILLMESH_KEYS_pose(STILLMESH_VISIT) STILLMESH_KEYS_weights(STILLMESH_VISIT)
-                STILLMESH_KEYS_prediction(STILLMESH_VISIT) STILLMESH_KEYS_recovery(STILLMESH_VISIT)
-                    STILLMESH_KEYS_keyframes(STILLMESH_VISIT) STILLMESH_KEYS_schedule(STILLMESH_VISIT)
-                        STILLMESH_KEYS_mapping(STILLMESH_VISIT) STILLMESH_KEYS_loop(STILLMESH_VISIT)
-                            STILLMESH_KEYS_store(STILLMESH_VISIT)
-                                v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
+    STILLMESH_ALL_KEYS(STILLMESH_VISIT)
+    v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 
 }  // namespace stillmesh

@@ -1,7 +1,5 @@
 #include "engine/engine.hpp"
 
-#include <new>
-
 #include "engine/base/arena.hpp"
 #include "engine/engine_state.hpp"
 #include "engine/frame/pyramid.hpp"
@@ -180,7 +178,7 @@ Status Engine::submit(const Frame& frame) noexcept {
         frame.depth.stride >= frame.depth.width && frame.depth_units_per_m > 0.0 && frame.depth_units_per_m < 1e9 &&
         frame.time_ns >= 0 && frame.time_ns <= kTimeMax_ns && (!state.has_time || frame.time_ns > state.last_time_ns);
     if (!is_valid) {
-        ++state.frames_refused;
+        ++state.world.statistics.frames_refused;
         return Status::kInvalid;
     }
     state.has_time = true;
@@ -200,16 +198,10 @@ const FrameStatistics& Engine::frame_statistics() const noexcept {
     return state_of(this).tracking.frame_statistics();
 }
 EngineStatistics Engine::statistics() const noexcept {
-    EngineStatistics out;
     const EngineState& state = state_of(this);
-    state.tracking.fill(out);
-    state.mapping.fill(out);
-    state.loop_closing.fill(out);
-    state.refinement.fill(out.loop);
-    state.relocalisation.fill(out);
-    if (has_store(state)) state.pager[0].fill(out);
+    EngineStatistics out = state.world.all_statistics();
+    state.relocalisation.fill(out.loop);
     out.schedule = state.scheduler.statistics();
-    out.frames_refused = state.frames_refused;
     out.arena_used_bytes = state.arena_used_bytes;
     return out;
 }
@@ -253,14 +245,10 @@ Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProb
     STILLMESH_TRY(check_map_file(file, state.world.limits, origin, state.world.map, info, problem));
     reset();
     restore_map(file, info, state.world.map);
-    std::uint64_t frames = info.frames;
-    std::int64_t time_ns = info.time_ns;
-    if (has_store(state)) {  // regions kept after the map was saved have later names
-        const StoreContent content = state.pager[0].content();
-        if (content.ids_end > frames) frames = content.ids_end;
-        if (content.time_ns > time_ns) time_ns = content.time_ns;
-    }
-    state.tracking.begin_in_map(frames, time_ns, use == MapUse::kLocalise);
+    // Regions kept after the map was saved have later names.
+    const StoreContent content = has_store(state) ? state.pager[0].content() : StoreContent{};
+    state.tracking.begin_in_map(std::max(info.frames, content.ids_end), std::max(info.time_ns, content.time_ns),
+                                use == MapUse::kLocalise);
     return Status::kOk;
 }
 Progress Engine::step_store(std::uint32_t units) noexcept {
@@ -269,17 +257,12 @@ Progress Engine::step_store(std::uint32_t units) noexcept {
     WorkBudget budget(units);
     return state.pager[0].keep_all(budget);
 }
-std::uint64_t Engine::map_hash() noexcept {
-    EngineState& state = state_of(this);
-    return stillmesh::map_hash(state.world.map, state.world.camera);
-}
 void Engine::set_stage_observer(StageObserver observer) noexcept {
     state_of(this).tracking.set_observer(observer);
 }
 void Engine::reset() noexcept {
     EngineState& state = state_of(this);
     state.has_time = false;
-    state.frames_refused = 0;
     state.world.reset();
     state.tracking.reset();
     state.mapping.reset();

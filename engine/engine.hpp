@@ -112,8 +112,6 @@ public:
     // Gives the store what it has not been given of the map yet, for so many units; at the end of a run.
     //   kIdle  nothing is left, or there is no store    kWorking  more is waiting, for units or for room in the store
     Progress step_store(std::uint32_t units) noexcept;
-    // The hash of the content that a file of this map would carry. Slow: for checkpoints.
-    [[nodiscard]] std::uint64_t map_hash() noexcept;
 
     void set_stage_observer(StageObserver observer) noexcept;
     // Forgets everything: from here on it does what a new engine would do, bit by bit, hash and counters included. Only

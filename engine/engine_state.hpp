@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/base/arena.hpp"
 #include "engine/engine.hpp"
 #include "engine/loop_closing/loop_closing.hpp"
 #include "engine/mapping/global_refinement.hpp"
@@ -32,7 +31,6 @@ struct EngineState final : Engine {
     Relocalisation relocalisation;
     std::span<MapPager> pager;  // one, if the limits ask for a store
     Scheduler scheduler;        // of the background tasks, in the order of add() in create()
-    std::uint64_t frames_refused = 0;
     std::size_t arena_used_bytes = 0;
     std::int64_t last_time_ns = 0;
     bool has_time = false;

@@ -123,7 +123,16 @@ struct StoreStatistics {
     std::uint64_t points_known = 0;  // and those that were still there
     std::uint64_t corrections = 0;   // loops that regions outside follow when they come back
 };
-struct EngineStatistics {
+// What went from the map, and why.
+struct MapStatistics {
+    std::uint64_t keyframes_evicted = 0;    // to make room
+    std::uint64_t keyframes_redundant = 0;  // nearly all they see is seen by others
+    std::uint64_t points_culled = 0;        // weak, or moving and not seen again
+    std::uint64_t points_emptied = 0;       // their place was seen to be empty
+    std::uint64_t points_fused = 0;
+    std::uint64_t points_evicted = 0;  // to make room, or with their last keyframe
+};
+struct EngineStatistics : MapStatistics {
     std::uint64_t frames = 0;
     std::uint64_t frames_refused = 0;
     std::uint64_t keyframes_made = 0;
@@ -132,13 +141,6 @@ struct EngineStatistics {
     std::uint64_t frames_lost = 0;        // state none after the first pose
     std::uint64_t recoveries = 0;         // back from lost against a keyframe
     std::uint64_t keyframes_refused = 0;  // mapping was behind: its queue had no room
-    // Of keyframes_forgotten and points_forgotten, by reason.
-    std::uint64_t keyframes_evicted = 0;    // to make room
-    std::uint64_t keyframes_redundant = 0;  // nearly all they see is seen by others
-    std::uint64_t points_culled = 0;        // weak, or moving and not seen again
-    std::uint64_t points_emptied = 0;       // their place was seen to be empty
-    std::uint64_t points_fused = 0;
-    std::uint64_t points_evicted = 0;  // to make room, or with their last keyframe
     PoolStatistics keyframes, map_points;
     PoolStatistics keyframe_queue;  // waiting for mapping
     ScheduleStatistics schedule;

@@ -19,19 +19,7 @@ struct Parameters {
     constexpr Parameters() noexcept = default;
     constexpr Parameters(const Configuration& c) noexcept { *this = c; }  // NOLINT: a configuration is parameters
     constexpr Parameters& operator=(const Configuration& c) noexcept {
-        static_cast<CameraParameters&>(camera) = c.camera;
-        features = c.features;
-        static_cast<DepthParameters&>(depth) = c.depth;
-        static_cast<RegionKeys&>(region) = c.region;
-        static_cast<PoseKeys&>(pose) = c.pose;
-        static_cast<WeightKeys&>(weights) = c.weights;
-        static_cast<PredictionKeys&>(prediction) = c.prediction;
-        static_cast<RecoveryKeys&>(recovery) = c.recovery;
-        static_cast<KeyframeKeys&>(keyframes) = c.keyframes;
-        static_cast<ScheduleParameters&>(schedule) = c.schedule;
-        static_cast<MappingKeys&>(mapping) = c.mapping;
-        static_cast<LoopKeys&>(loop) = c.loop;
-        static_cast<StoreKeys&>(store) = c.store;
+        STILLMESH_ALL_KEYS(STILLMESH_ASSIGN)
         seed = c.seed;
         return *this;
     }
@@ -61,20 +49,18 @@ struct Parameters {
 // As visit_parameters() of a configuration, for every number of every tier.
 template <typename Visitor>
 constexpr void visit_all_parameters(Parameters& c, Visitor&& v) {
-    STILLMESH_KEYS_camera(STILLMESH_VISIT) STILLMESH_KEYS_features(STILLMESH_VISIT) STILLMESH_KEYS_depth(
-        STILLMESH_VISIT) STILLMESH_KEYS_region(STILLMESH_VISIT) STILLMESH_KEYS_pose(STILLMESH_VISIT)
-        STILLMESH_KEYS_weights(STILLMESH_VISIT) STILLMESH_KEYS_prediction(STILLMESH_VISIT) STILLMESH_KEYS_recovery(
-            STILLMESH_VISIT) STILLMESH_KEYS_keyframes(STILLMESH_VISIT) STILLMESH_KEYS_schedule(STILLMESH_VISIT)
-            STILLMESH_KEYS_mapping(STILLMESH_VISIT) STILLMESH_KEYS_loop(STILLMESH_VISIT) STILLMESH_KEYS_store(
-                STILLMESH_VISIT) STILLMESH_TUNING_shutter(STILLMESH_VISIT) STILLMESH_TUNING_pose(STILLMESH_VISIT)
-                STILLMESH_TUNING_matching(STILLMESH_VISIT) STILLMESH_TUNING_region(STILLMESH_VISIT)
-                    STILLMESH_TUNING_weights(STILLMESH_VISIT) STILLMESH_TUNING_noise(STILLMESH_VISIT)
-                        STILLMESH_TUNING_prediction(STILLMESH_VISIT) STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
-                            STILLMESH_TUNING_keyframes(STILLMESH_VISIT) STILLMESH_TUNING_recovery(STILLMESH_VISIT)
-                                STILLMESH_TUNING_mapping(STILLMESH_VISIT) STILLMESH_TUNING_map(STILLMESH_VISIT)
-                                    STILLMESH_TUNING_local_map(STILLMESH_VISIT) STILLMESH_TUNING_loop(STILLMESH_VISIT)
-                                        STILLMESH_TUNING_store(STILLMESH_VISIT)
-                                            v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
+    // clang-format off
+    STILLMESH_ALL_KEYS(STILLMESH_VISIT)
+    STILLMESH_TUNING_shutter(STILLMESH_VISIT) STILLMESH_TUNING_pose(STILLMESH_VISIT)
+    STILLMESH_TUNING_matching(STILLMESH_VISIT) STILLMESH_TUNING_region(STILLMESH_VISIT)
+    STILLMESH_TUNING_weights(STILLMESH_VISIT) STILLMESH_TUNING_noise(STILLMESH_VISIT)
+    STILLMESH_TUNING_prediction(STILLMESH_VISIT) STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
+    STILLMESH_TUNING_keyframes(STILLMESH_VISIT) STILLMESH_TUNING_recovery(STILLMESH_VISIT)
+    STILLMESH_TUNING_mapping(STILLMESH_VISIT) STILLMESH_TUNING_map(STILLMESH_VISIT)
+    STILLMESH_TUNING_local_map(STILLMESH_VISIT) STILLMESH_TUNING_loop(STILLMESH_VISIT)
+    STILLMESH_TUNING_store(STILLMESH_VISIT)
+        // clang-format on
+        v("seed", c.seed, 0.0, 9007199254740992.0, "", "of the random numbers");
 }
 
 }  // namespace stillmesh

@@ -49,7 +49,7 @@ void depth_samples(benchmark::State& state) {
     for (auto _ : state) {
         for (const Vector2& pixel : points) {
             benchmark::DoNotOptimize(sample_depth(view, 1.0 / 5000, static_cast<std::int32_t>(pixel.x()),
-                                                  static_cast<std::int32_t>(pixel.y()), DepthNoise{}));
+                                                  static_cast<std::int32_t>(pixel.y()), DepthParameters{}));
         }
     }
 }

@@ -16,6 +16,7 @@
 #include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
+#include "tests/support/map_hash.hpp"
 
 namespace stillmesh {
 namespace {
@@ -137,7 +138,7 @@ int measure(const std::string& file, int rounds) {
         restore = std::min(restore, ms_since(begin));
         load = std::min(load, ms_since(load_begin));
         wall = std::min(wall, static_cast<double>(monotonic_ns() - wall_begin) * 1e-6);
-        is_same = is_same && map_hash(to.map, origin.camera) == info.hash && info.hash == writer.info().hash;
+        is_same = is_same && test::map_hash(to.map, origin.camera) == info.hash && info.hash == writer.info().hash;
     }
     std::printf("file %.1f MB; workspace %.1f MiB\n", static_cast<double>(size) * 1e-6,
                 static_cast<double>(map_copy_bytes(limits)) / 1048576.0);

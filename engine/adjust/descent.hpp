@@ -3,8 +3,6 @@
 // What a step is is each adjustment's own. Cost: nothing.
 #pragma once
 
-#include <cstdint>
-
 #include "engine/geometry/se3.hpp"
 
 namespace stillmesh {

@@ -3,7 +3,7 @@
 namespace stillmesh {
 
 DepthSample sample_depth(const DepthView& depth, double metres_per_unit, std::int32_t x, std::int32_t y,
-                         const DepthNoise& noise) noexcept {
+                         const DepthParameters& noise) noexcept {
     const auto width = static_cast<std::int32_t>(depth.width);
     const auto height = static_cast<std::int32_t>(depth.height);
     if (x < 0 || y < 0 || x >= width || y >= height) return {};

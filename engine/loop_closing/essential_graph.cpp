@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/recognition/place_search.hpp"
-
 namespace stillmesh {
 namespace {
 
@@ -70,14 +68,11 @@ std::uint32_t EssentialGraph::add_nodes() noexcept {
 void EssentialGraph::add_edge(std::uint32_t slot_a, std::uint32_t slot_b) noexcept {
     const Map& map = world_->map;
     const double share = std::clamp(static_cast<double>(map.shared(slot_a, slot_b)) / kSharedUsual, 0.2, 3.0);
-    PoseGraphEdge edge;
-    edge.a = nodes_.number(slot_a);
-    edge.b = nodes_.number(slot_b);
-    edge.a_from_b =
+    const SE3 a_from_b =
         map.keyframes().at(slot_a).world_from_camera.inverse() * map.keyframes().at(slot_b).world_from_camera;
-    edge.info_translation = share / (kEdge_m * kEdge_m);
-    edge.info_rotation = share / (kEdge_rad * kEdge_rad);
-    static_cast<void>(graph_.add_edge(edge));  // full: those that came first are the most needed
+    // Full: those that came first are the most needed.
+    static_cast<void>(graph_.add_edge({nodes_.number(slot_a), nodes_.number(slot_b), a_from_b,
+                                       share / (kEdge_m * kEdge_m), share / (kEdge_rad * kEdge_rad)}));
 }
 
 void EssentialGraph::add_tree() noexcept {
@@ -93,13 +88,8 @@ void EssentialGraph::add_loops() noexcept {
     for (std::size_t i = 0; i < loops_.size(); ++i) {
         const Loop& loop = loops_[i];
         if (keyframes.find(loop.a) == nullptr || keyframes.find(loop.b) == nullptr) continue;
-        PoseGraphEdge edge;
-        edge.a = nodes_.number(loop.a.slot());
-        edge.b = nodes_.number(loop.b.slot());
-        edge.a_from_b = loop.a_from_b;
-        edge.info_translation = 1.0 / (kLoop_m * kLoop_m);
-        edge.info_rotation = 1.0 / (kLoop_rad * kLoop_rad);
-        static_cast<void>(graph_.add_edge(edge));
+        static_cast<void>(graph_.add_edge({nodes_.number(loop.a.slot()), nodes_.number(loop.b.slot()), loop.a_from_b,
+                                           1.0 / (kLoop_m * kLoop_m), 1.0 / (kLoop_rad * kLoop_rad)}));
     }
 }
 

@@ -11,6 +11,17 @@ namespace {
 
 constexpr std::uint32_t kFusePiece = 32;
 
+// Of a candidate that was refused, in the order of Refusal.
+constexpr std::uint64_t LoopStatistics::*kCountOf[] = {nullptr,
+                                                       &LoopStatistics::refused_matches,
+                                                       &LoopStatistics::refused_pose,
+                                                       &LoopStatistics::refused_inliers,
+                                                       &LoopStatistics::refused_spread,
+                                                       &LoopStatistics::refused_far,
+                                                       &LoopStatistics::refused_unlikely,
+                                                       &LoopStatistics::refused_gone};
+static_assert(std::size(kCountOf) == static_cast<std::size_t>(Refusal::kGone) + 1);
+
 double length(const Vector3& v) noexcept {
     return std::sqrt(v.squaredNorm());
 }
@@ -52,19 +63,12 @@ void LoopClosing::reset() noexcept {
     next_frame_ = 0;
     settled_end_ = 0;
     rest_ = 0;
-    statistics_ = LoopStatistics{};
 }
 
 void LoopClosing::enter(Stage stage) noexcept {
     stage_ = stage;
     cursor_ = 0;
     source_ = target_ = 0;
-}
-
-// Overtaken: by a relocalisation that took the searcher, or the keyframe is gone.
-void LoopClosing::drop() noexcept {
-    ++statistics_.dropped;
-    finish();
 }
 
 void LoopClosing::finish() noexcept {
@@ -99,11 +103,12 @@ Progress LoopClosing::step(WorkBudget& budget) noexcept {
         if (stage_ == Stage::kIdle && !take()) {
             return budget.units_spent() == 0 ? Progress::kIdle : Progress::kDone;
         }
-        if (is_searching()) {
+        if (is_searching()) {  // a relocalisation may have taken the searcher, or the keyframe be gone
             const bool is_overtaken = !places_->is_used_by(PlaceSearch::User::kLoopClosing);
             if (is_overtaken || world_->map.keyframes().find(keyframe_) == nullptr) {
                 budget.spend(1);
-                drop();
+                ++world_->statistics.loop.dropped;
+                finish();
             }
         }
         switch (stage_) {
@@ -152,7 +157,7 @@ std::uint32_t LoopClosing::find_words() noexcept {
         finish();
         return units;
     }
-    ++statistics_.queries;
+    ++world_->statistics.loop.queries;
     enter(Stage::kQuery);
     return units;
 }
@@ -183,7 +188,7 @@ std::uint32_t LoopClosing::prepare() noexcept {
     const NoiseFactors noise{std::max(1.0, world_->noise.pixel), std::max(1.0, world_->noise.depth)};
     verifier.start(world_->map, candidates_.chosen()[cursor_], noise,
                    {world_->parameters.loop.inliers_min / 2, world_->parameters.loop.inliers_min});
-    ++statistics_.candidates;
+    ++world_->statistics.loop.candidates;
     stage_ = Stage::kVerify;  // the cursor stays
     return units;
 }
@@ -206,26 +211,13 @@ Refusal LoopClosing::judge(const SE3& world_from_keyframe) const noexcept {
     return Refusal::kNone;
 }
 
-void LoopClosing::count(Refusal refusal) noexcept {
-    switch (refusal) {
-        case Refusal::kNone: break;
-        case Refusal::kFewMatches: ++statistics_.refused_matches; break;
-        case Refusal::kNoPose: ++statistics_.refused_pose; break;
-        case Refusal::kFewInliers: ++statistics_.refused_inliers; break;
-        case Refusal::kNotSpread: ++statistics_.refused_spread; break;
-        case Refusal::kFar: ++statistics_.refused_far; break;
-        case Refusal::kUnlikely: ++statistics_.refused_unlikely; break;
-        case Refusal::kGone: ++statistics_.refused_gone; break;
-    }
-}
-
 std::uint32_t LoopClosing::accept_or_refuse() noexcept {
     PlaceVerifier& verifier = places_->verifier();
     Refusal refusal = verifier.is_accepted() ? Refusal::kNone : verifier.refusal();
     if (verifier.is_running()) refusal = Refusal::kGone;
     if (refusal == Refusal::kNone) refusal = judge(verifier.world_from_query());
     if (refusal != Refusal::kNone) {
-        count(refusal);
+        ++(world_->statistics.loop.*kCountOf[static_cast<std::size_t>(refusal)]);
         if (++cursor_ < candidates_.chosen().size()) {
             stage_ = Stage::kPrepare;
         } else {
@@ -250,7 +242,7 @@ std::uint32_t LoopClosing::accept_or_refuse() noexcept {
     }
     rest_ = 2 * p.consistency;
     if (is_small || !is_significant) {
-        ++statistics_.confirmed;
+        ++world_->statistics.loop.confirmed;
         settled_end_ = here.frame + 1;
         enter(Stage::kFuseMatches);
     } else {
@@ -262,8 +254,8 @@ std::uint32_t LoopClosing::accept_or_refuse() noexcept {
 // --- correction ------------------------------------------------------------------------------------------------------
 
 std::uint32_t LoopClosing::commit() noexcept {
-    const PoseGraphSummary& summary = graph_.summary();
-    statistics_.graph_iterations += summary.iterations;
+    LoopStatistics& statistics = world_->statistics.loop;
+    statistics.graph_iterations += graph_.summary().iterations;
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     const Handle<Keyframe> newest = world_->map.recent_keyframe(0);
     const SE3 before = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
@@ -271,9 +263,9 @@ std::uint32_t LoopClosing::commit() noexcept {
     world_->map_correction.move_points(world_->map);
     world_->follow_correction();
     const SE3 after = newest.is_null() ? SE3{} : keyframes.find(newest)->world_from_camera;
-    statistics_.last_correction_m = length(after.translation - before.translation);
-    statistics_.largest_correction_m = std::max(statistics_.largest_correction_m, statistics_.last_correction_m);
-    ++statistics_.closed;
+    statistics.last_correction_m = length(after.translation - before.translation);
+    statistics.largest_correction_m = std::max(statistics.largest_correction_m, statistics.last_correction_m);
+    ++statistics.closed;
     const Keyframe* const here = keyframes.find(keyframe_);
     const Keyframe* const there = keyframes.find(found_);
     ++world_->loops_closed;
@@ -303,12 +295,12 @@ std::uint32_t LoopClosing::fuse_matches() noexcept {
         const Handle<MapPoint> own = world_->map.observations(keyframe_)[match.feature].point;
         const MapPoint* const mine = world_->map.points().find(own);
         if (mine == nullptr) {
-            if (world_->map.link(keyframe_, match.feature, match.point)) ++statistics_.observations_found;
+            if (world_->map.link(keyframe_, match.feature, match.point)) ++world_->statistics.loop.observations_found;
             continue;
         }
         if (own == match.point || mine->is_suspect || mine->observers > kObserversMax) continue;
         units += 4 + world_->map.fuse(match.point, own) / 64;
-        ++statistics_.points_fused;
+        ++world_->statistics.loop.points_fused;
     }
     if (cursor_ >= matches_.size()) {
         find_fuse_sides();
@@ -320,21 +312,21 @@ std::uint32_t LoopClosing::fuse_matches() noexcept {
 void LoopClosing::find_fuse_sides() noexcept {
     const std::uint64_t frame = world_->map.keyframes().find(keyframe_)->frame;
     const std::uint64_t gap = world_->parameters.loop.gap_frames;
-    std::uint32_t best[32] = {};
-    sources_count_ = targets_count_ = 0;
-    sources_[sources_count_++] = found_;
-    targets_[targets_count_++] = keyframe_;
     // After the matches were fused both sides see each other: time tells them apart.
-    std::uint32_t count = world_->map.best_covisible(found_.slot(), best, world_->parameters.map.shared_min);
-    for (std::uint32_t i = 0; i < count && sources_count_ < kFuseSources; ++i) {
-        if (world_->map.keyframes().at(best[i]).frame + gap > frame) continue;
-        sources_[sources_count_++] = world_->map.keyframes().handle_of(best[i]);
-    }
-    count = world_->map.best_covisible(keyframe_.slot(), best, world_->parameters.map.shared_min);
-    for (std::uint32_t i = 0; i < count && targets_count_ < kFuseTargets; ++i) {
-        if (world_->map.keyframes().at(best[i]).frame + gap < frame) continue;
-        targets_[targets_count_++] = world_->map.keyframes().handle_of(best[i]);
-    }
+    const auto find_side = [&](Handle<Keyframe> middle, std::span<Handle<Keyframe>> side, auto&& is_of_side) {
+        std::uint32_t best[32] = {};
+        const std::uint32_t shown = world_->map.best_covisible(middle.slot(), best, world_->parameters.map.shared_min);
+        std::uint32_t count = 0;
+        side[count++] = middle;
+        for (std::uint32_t i = 0; i < shown && count < side.size(); ++i) {
+            if (is_of_side(world_->map.keyframes().at(best[i]).frame + gap)) {
+                side[count++] = world_->map.keyframes().handle_of(best[i]);
+            }
+        }
+        return count;
+    };
+    sources_count_ = find_side(found_, sources_, [frame](std::uint64_t later) { return later <= frame; });
+    targets_count_ = find_side(keyframe_, targets_, [frame](std::uint64_t later) { return later >= frame; });
 }
 
 std::uint32_t LoopClosing::fuse_neighbours() noexcept {
@@ -356,10 +348,6 @@ std::uint32_t LoopClosing::fuse_neighbours() noexcept {
     }
     if (target_ >= targets_count_) finish();
     return units;
-}
-
-void LoopClosing::fill(EngineStatistics& statistics) const noexcept {
-    statistics.loop = statistics_;
 }
 
 }  // namespace stillmesh

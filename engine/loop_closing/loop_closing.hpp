@@ -13,13 +13,10 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 #include "engine/loop_closing/essential_graph.hpp"
 #include "engine/loop_closing/loop_candidates.hpp"
 #include "engine/mapping/point_fusion.hpp"
-#include "engine/outputs.hpp"
-#include "engine/parameters.hpp"
 #include "engine/recognition/place_search.hpp"
 #include "engine/schedule/task.hpp"
 #include "engine/world/world.hpp"
@@ -51,7 +48,6 @@ public:
 
     [[nodiscard]] Progress step(WorkBudget& budget) noexcept override;
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
-    void fill(EngineStatistics& statistics) const noexcept;
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
 
 private:
@@ -60,7 +56,6 @@ private:
 
     [[nodiscard]] bool take() noexcept;
     void enter(Stage stage) noexcept;
-    void drop() noexcept;
     void finish() noexcept;
     [[nodiscard]] bool is_searching() const noexcept { return stage_ >= Stage::kWords && stage_ <= Stage::kVerify; }
     [[nodiscard]] std::uint32_t find_words() noexcept;
@@ -71,7 +66,6 @@ private:
     [[nodiscard]] std::uint32_t fuse_matches() noexcept;
     [[nodiscard]] std::uint32_t fuse_neighbours() noexcept;
     [[nodiscard]] Refusal judge(const SE3& world_from_keyframe) const noexcept;
-    void count(Refusal refusal) noexcept;
     void find_fuse_sides() noexcept;
 
     World* world_ = nullptr;  // this and the others outlive it
@@ -93,7 +87,6 @@ private:
     std::uint64_t settled_end_ = 0;  // keyframes made before lie right
     std::uint32_t rest_ = 0;         // keyframes until a loop is sought again
     std::uint32_t piece_units_max_ = 0;
-    LoopStatistics statistics_;
 };
 
 }  // namespace stillmesh

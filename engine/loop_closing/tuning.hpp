@@ -1,8 +1,6 @@
 // Numbers of this room that are no user's concern: one line each, with type, name, default, range, unit and effect.
 #pragma once
 
-#include <cstdint>
-
 #include "engine/base/parameter_table.hpp"
 #include "engine/configuration.hpp"
 

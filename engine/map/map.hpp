@@ -15,6 +15,7 @@
 #include "engine/features/features.hpp"
 #include "engine/geometry/se3.hpp"
 #include "engine/limits.hpp"
+#include "engine/outputs.hpp"
 #include "engine/parameters.hpp"
 
 namespace stillmesh {
@@ -102,15 +103,6 @@ struct Observation {
         1;  // frames that the undistorted place and the depth are the mean of, at most map.averaged_max
 };
 
-struct MapStatistics {
-    std::uint64_t keyframes_evicted = 0;    // to make room
-    std::uint64_t keyframes_redundant = 0;  // nearly all they see is seen by others
-    std::uint64_t points_culled = 0;        // weak, or moving and not seen again
-    std::uint64_t points_emptied = 0;       // their place was seen to be empty
-    std::uint64_t points_fused = 0;
-    std::uint64_t points_evicted = 0;  // to make room, or with their last keyframe
-};
-
 class Map {
 public:
     static constexpr std::uint32_t kSeenClasses = 8;  // of how often a point was seen
@@ -137,7 +129,6 @@ public:
     // `gone` becomes `kept`: its observations move over (or end, where `kept` is observed already), the static weight
     // is that of the longer past. Both alive and different. Returns observations looked at.
     std::uint32_t fuse(Handle<MapPoint> kept, Handle<MapPoint> gone) noexcept;
-    void count_emptied() noexcept { ++statistics_.points_emptied; }
 
     // --- keyframes
     // Null: the pool is full, and nothing changed.

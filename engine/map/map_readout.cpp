@@ -19,12 +19,7 @@ std::uint32_t list_keyframes(const Map& map, std::span<KeyframePose> out) noexce
 void fill_map_statistics(const Map& map, EngineStatistics& statistics) noexcept {
     statistics.keyframes_forgotten = map.keyframes_forgotten();
     statistics.points_forgotten = map.points_forgotten();
-    statistics.keyframes_evicted = map.statistics().keyframes_evicted;
-    statistics.keyframes_redundant = map.statistics().keyframes_redundant;
-    statistics.points_culled = map.statistics().points_culled;
-    statistics.points_emptied = map.statistics().points_emptied;
-    statistics.points_fused = map.statistics().points_fused;
-    statistics.points_evicted = map.statistics().points_evicted;
+    static_cast<MapStatistics&>(statistics) = map.statistics();
     const auto pool_statistics = [](const auto& pool) {
         return PoolStatistics{static_cast<std::uint32_t>(pool.size()), static_cast<std::uint32_t>(pool.high_water()),
                               static_cast<std::uint32_t>(pool.capacity())};

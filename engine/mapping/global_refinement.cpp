@@ -23,7 +23,6 @@ void GlobalRefinement::reset() noexcept {
     loops_seen_ = 0;
     stage_ = Stage::kIdle;
     cursor_ = 0;
-    started_ = dropped_ = iterations_ = 0;
 }
 
 void GlobalRefinement::enter(Stage stage) noexcept {
@@ -35,7 +34,7 @@ void GlobalRefinement::enter(Stage stage) noexcept {
 void GlobalRefinement::heed_loops() noexcept {
     if (loops_seen_ == world_->loops_closed) return;
     loops_seen_ = world_->loops_closed;
-    if (stage_ > Stage::kKeyframes) ++dropped_;
+    if (stage_ > Stage::kKeyframes) ++world_->statistics.loop.adjustments_dropped;
     adjustment_.begin();
     enter(world_->parameters.loop.is_adjusting && !index_.empty() ? Stage::kKeyframes : Stage::kIdle);
 }
@@ -72,7 +71,7 @@ std::uint32_t GlobalRefinement::add_keyframes() noexcept {
         keyframes_.add(world_->map, slot, added.value());
     }
     since_frame_ = world_->clock.frame;
-    ++started_;
+    ++world_->statistics.loop.adjustments;
     enter(Stage::kPoints);
     return world_->limits.keyframes_max + world_->limits.map_points_max / 64;
 }
@@ -147,7 +146,7 @@ bool GlobalRefinement::adjusted_place(std::uint32_t slot, const MapPoint& point,
 
 std::uint32_t GlobalRefinement::commit() noexcept {
     const GlobalSummary& summary = adjustment_.summary();
-    iterations_ += summary.iterations;
+    world_->statistics.loop.adjustment_iterations += summary.iterations;
     if (summary.steps_accepted > 0) {
         keyframes_.move(world_->map, world_->map_correction, adjustment_);
         world_->map_correction.move_points(world_->map,
@@ -159,12 +158,6 @@ std::uint32_t GlobalRefinement::commit() noexcept {
     adjustment_.begin();
     enter(Stage::kIdle);
     return world_->limits.map_points_max / 16 + 8 * world_->limits.keyframes_max;
-}
-
-void GlobalRefinement::fill(LoopStatistics& statistics) const noexcept {
-    statistics.adjustments = started_;
-    statistics.adjustments_dropped = dropped_;
-    statistics.adjustment_iterations = iterations_;
 }
 
 }  // namespace stillmesh

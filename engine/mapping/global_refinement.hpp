@@ -10,7 +10,6 @@
 #include <span>
 
 #include "engine/adjust/global_adjustment.hpp"
-#include "engine/outputs.hpp"
 #include "engine/schedule/task.hpp"
 #include "engine/world/world.hpp"
 
@@ -37,8 +36,6 @@ public:
 
     [[nodiscard]] Progress step(WorkBudget& budget) noexcept override;
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
-    // Beside what loop closing says of itself.
-    void fill(LoopStatistics& statistics) const noexcept;
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
 
 private:
@@ -61,7 +58,6 @@ private:
     Stage stage_ = Stage::kIdle;
     std::uint32_t cursor_ = 0;  // in the stage: a slot
     std::uint32_t piece_units_max_ = 0;
-    std::uint64_t started_ = 0, dropped_ = 0, iterations_ = 0;
 };
 
 }  // namespace stillmesh

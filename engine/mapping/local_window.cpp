@@ -188,7 +188,8 @@ std::uint32_t LocalWindow::collect() noexcept {
 
 // --- commit ----------------------------------------------------------------------------------------------------------
 
-std::uint32_t LocalWindow::commit(MappingStatistics& statistics) noexcept {
+std::uint32_t LocalWindow::commit() noexcept {
+    MappingStatistics& statistics = world_->statistics.mapping;
     const AdjustmentSummary& summary = adjustment_.summary();
     statistics.adjustment_iterations += summary.iterations;
     if (summary.outcome != AdjustmentOutcome::kUnchanged) {

@@ -49,7 +49,7 @@ public:
     [[nodiscard]] bool is_collected() const noexcept { return adjustment_.is_running() || adjustment_.is_done(); }
     [[nodiscard]] Progress adjust(WorkBudget& budget) noexcept { return adjustment_.step(budget); }
     // Units.
-    [[nodiscard]] std::uint32_t commit(MappingStatistics& statistics) noexcept;
+    [[nodiscard]] std::uint32_t commit() noexcept;
     // The window is given up.
     void cancel() noexcept;
 

@@ -25,13 +25,12 @@ void Mapping::create(Arena& arena, World& world) noexcept {
 
 void Mapping::reset() noexcept {
     window_.reset();
-    fusion_.reset();
+    fusion_.forget_target();
     keyframe_ = {};
     stage_ = Stage::kIdle;
     cursor_ = 0;
     corrections_seen_ = 0;
     neighbour_count_ = 0;
-    statistics_ = MappingStatistics{};
 }
 
 void Mapping::enter(Stage stage) noexcept {
@@ -46,7 +45,7 @@ bool Mapping::take() noexcept {
         keyframe_ = queue[0];
         queue.pop();
         if (world_->map.keyframes().find(keyframe_) == nullptr) continue;  // evicted while it waited
-        ++statistics_.keyframes_inserted;
+        ++world_->statistics.mapping.keyframes_inserted;
         enter(Stage::kCull);
         return true;
     }
@@ -74,15 +73,15 @@ Progress Mapping::step(WorkBudget& budget) noexcept {
             case Stage::kCollect:
                 budget.spend(window_.collect());
                 if (!window_.is_collected()) break;
-                ++statistics_.adjustments;
+                ++world_->statistics.mapping.adjustments;
                 enter(Stage::kAdjust);
                 break;
             case Stage::kAdjust:
-                ++statistics_.adjustment_slices;
+                ++world_->statistics.mapping.adjustment_slices;
                 if (window_.adjust(budget) != Progress::kWorking) enter(Stage::kCommit);
                 break;
             case Stage::kCommit:
-                budget.spend(window_.commit(statistics_));
+                budget.spend(window_.commit());
                 enter(Stage::kRedundant);
                 break;
             case Stage::kRedundant: budget.spend(drop_redundant()); break;
@@ -93,7 +92,7 @@ Progress Mapping::step(WorkBudget& budget) noexcept {
 }
 
 void Mapping::drop_adjustment() noexcept {
-    if (stage_ == Stage::kAdjust || stage_ == Stage::kCommit) ++statistics_.adjustments_dropped;
+    if (stage_ == Stage::kAdjust || stage_ == Stage::kCommit) ++world_->statistics.mapping.adjustments_dropped;
     window_.cancel();
 }
 
@@ -157,11 +156,6 @@ std::uint32_t Mapping::evict() noexcept {
     static_cast<void>(make_room_for_points(world_->map, static_cast<std::uint32_t>(points_spare - free),
                                            world_->clock.frame, world_->local_map.spared()));
     return world_->limits.map_points_max / 16;
-}
-
-void Mapping::fill(EngineStatistics& statistics) const noexcept {
-    statistics.mapping = statistics_;
-    statistics.mapping.observations_found = fusion_.observations_found();
 }
 
 }  // namespace stillmesh

@@ -11,12 +11,9 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 #include "engine/mapping/local_window.hpp"
 #include "engine/mapping/point_fusion.hpp"
-#include "engine/outputs.hpp"
-#include "engine/parameters.hpp"
 #include "engine/schedule/task.hpp"
 #include "engine/world/world.hpp"
 
@@ -49,7 +46,6 @@ public:
     // For loop closing.
     [[nodiscard]] PointFusion& fusion() noexcept { return fusion_; }
 
-    void fill(EngineStatistics& statistics) const noexcept;
     // Of the next piece, for measuring what each takes.
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
 
@@ -77,7 +73,6 @@ private:
     std::uint32_t cursor_ = 0;            // in the stage
     std::uint64_t corrections_seen_ = 0;  // of the whole map
     std::uint32_t piece_units_max_ = 0;
-    MappingStatistics statistics_;
 };
 
 }  // namespace stillmesh

@@ -13,22 +13,14 @@ constexpr double kVarianceMin_m2 = 1e-6;
 void PointFusion::create(Arena& arena, World& world) noexcept {
     world_ = &world;
     grid_.create(arena, world.limits);
-    keypoints_.create(arena, world.limits.features_max);
-    reset();
+    forget_target();
 }
 
 std::uint32_t PointFusion::set_target(Handle<Keyframe> keyframe) noexcept {
-    keypoints_.clear();
-    for (const Observation& o : world_->map.observations(keyframe)) {
-        Keypoint keypoint;
-        keypoint.x = o.x;
-        keypoint.y = o.y;
-        keypoint.level = o.level;
-        STILLMESH_CHECK(keypoints_.push(keypoint));
-    }
-    grid_.build(world_->camera.width, world_->camera.height, keypoints_.span());
+    const std::span<const Observation> seen = world_->map.observations(keyframe);
+    grid_.build(world_->camera.width, world_->camera.height, seen);
     target_ = keyframe;
-    return static_cast<std::uint32_t>(keypoints_.size()) / 8;
+    return static_cast<std::uint32_t>(seen.size()) / 8;
 }
 
 std::uint32_t PointFusion::fuse_into(Handle<MapPoint> handle, Handle<Keyframe> keyframe) noexcept {
@@ -77,15 +69,14 @@ std::uint32_t PointFusion::fuse(Handle<MapPoint> handle) noexcept {
     const Vector2 n(q.x() / q.z(), q.y() / q.z());
     if (n.squaredNorm() > kTangentMax2) return 0;
     const Vector2 pixel = distort_to_pixel(world_->camera, n);
-    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < world_->camera.width && pixel.y() < world_->camera.height))
-        return 1;
+    if (!is_in_picture(world_->camera, pixel)) return 1;
     const std::uint32_t feature = find_alike(*point, pixel, q.z());
     if (feature == kNone) return 2;
     const Handle<MapPoint> rival = map.observations(target_)[feature].point;
     const MapPoint* const other = map.points().find(rival);
     if (other == nullptr) {
         static_cast<void>(map.link(target_, feature, handle));
-        ++observations_found_;
+        ++world_->statistics.mapping.observations_found;
         return 4;
     }
     if (other->is_suspect) return 2;

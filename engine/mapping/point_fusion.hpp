@@ -20,19 +20,12 @@ namespace stillmesh {
 
 class PointFusion {
 public:
-    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
-        FeatureGrid::plan(arena, limits);
-        FixedVector<Keypoint>::plan(arena, limits.features_max);
-    }
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept { FeatureGrid::plan(arena, limits); }
     // The most that fuse() takes for one point.
     static constexpr std::uint32_t units_max(const Limits& limits) noexcept {
         return kObserversMax * limits.features_max / 64 + 8;
     }
     void create(Arena& arena, World& world) noexcept;
-    void reset() noexcept {
-        forget_target();
-        observations_found_ = 0;
-    }
 
     // The keyframe that points are projected into. All three return the units it took.
     [[nodiscard]] bool has_target(Handle<Keyframe> keyframe) const noexcept { return target_ == keyframe; }
@@ -40,8 +33,6 @@ public:
     void forget_target() noexcept { target_ = {}; }
     [[nodiscard]] std::uint32_t fuse(Handle<MapPoint> handle) noexcept;
     [[nodiscard]] std::uint32_t fuse_into(Handle<MapPoint> handle, Handle<Keyframe> keyframe) noexcept;
-
-    [[nodiscard]] std::uint64_t observations_found() const noexcept { return observations_found_; }
 
 private:
     static constexpr std::uint32_t kObserversMax = 16;  // a point with more stays: its fusion would be a long piece
@@ -52,9 +43,7 @@ private:
 
     World* world_ = nullptr;  // outlives it
     Handle<Keyframe> target_;
-    FixedVector<Keypoint> keypoints_;  // of the target
-    FeatureGrid grid_;                 // of them
-    std::uint64_t observations_found_ = 0;
+    FeatureGrid grid_;  // of its observations
 };
 
 }  // namespace stillmesh

@@ -6,8 +6,8 @@
 #include <span>
 
 #include "engine/base/arena.hpp"
+#include "engine/base/check.hpp"
 #include "engine/base/numbers.hpp"
-#include "engine/features/features.hpp"
 #include "engine/limits.hpp"
 
 namespace stillmesh {
@@ -25,7 +25,26 @@ public:
         order_ = arena.array<std::uint16_t>(limits.features_max);
     }
 
-    void build(std::uint32_t width, std::uint32_t height, std::span<const Keypoint> keypoints) noexcept;
+    // Of anything that has a pixel x and y.
+    template <typename Feature>
+    void build(std::uint32_t width, std::uint32_t height, std::span<const Feature> features) noexcept {
+        columns_ = cells(width);
+        rows_ = cells(height);
+        count_ = features.size();
+        const std::size_t count = static_cast<std::size_t>(columns_) * rows_;
+        STILLMESH_CHECK(count + 1 <= begin_.size() && features.size() <= order_.size());
+        for (std::size_t i = 0; i <= count; ++i) begin_[i] = 0;
+        for (const Feature& feature : features) ++begin_[cell_of(feature.x, feature.y)];
+        std::uint32_t sum = 0;  // turn counts into ends, then fill from behind so that begins remain
+        for (std::size_t i = 0; i < count; ++i) {
+            sum += begin_[i];
+            begin_[i] = static_cast<std::uint16_t>(sum);
+        }
+        begin_[count] = static_cast<std::uint16_t>(sum);
+        for (std::size_t i = features.size(); i > 0; --i) {
+            order_[--begin_[cell_of(features[i - 1].x, features[i - 1].y)]] = static_cast<std::uint16_t>(i - 1);
+        }
+    }
 
     // Calls visit(feature index) for every feature in a cell that the square of side 2 radius around (x, y) touches,
     // row by row: a superset of those within the radius.
@@ -57,12 +76,12 @@ private:
     [[nodiscard]] static constexpr std::uint32_t cells(std::uint32_t pixels) noexcept {
         return (pixels + kCellSide_px - 1) / kCellSide_px;
     }
-    [[nodiscard]] std::uint32_t cell_of(const Keypoint& keypoint) const noexcept {
-        const auto x = static_cast<std::uint32_t>(
-            floor_clamped(static_cast<double>(keypoint.x) / kCellSide_px, 0, static_cast<std::int32_t>(columns_) - 1));
-        const auto y = static_cast<std::uint32_t>(
-            floor_clamped(static_cast<double>(keypoint.y) / kCellSide_px, 0, static_cast<std::int32_t>(rows_) - 1));
-        return y * columns_ + x;
+    [[nodiscard]] std::uint32_t cell_of(float x, float y) const noexcept {
+        const auto cell = [](float at, std::uint32_t cells) {
+            return static_cast<std::uint32_t>(
+                floor_clamped(static_cast<double>(at) / kCellSide_px, 0, static_cast<std::int32_t>(cells) - 1));
+        };
+        return cell(y, rows_) * columns_ + cell(x, columns_);
     }
 
     std::span<std::uint16_t> begin_;  // of each cell in order_, and one past the last

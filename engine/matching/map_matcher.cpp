@@ -46,20 +46,10 @@ void MapMatcher::clear() noexcept {
     for (std::size_t i = 0; i < features_->size(); ++i) claims_[i] = Claim{};
 }
 
-void MapMatcher::by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera,
-                               double radius_px) noexcept {
-    clear();
-    search(map, local, world_from_camera, radius_px, nullptr);
-}
-
-void MapMatcher::more_by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera,
-                                    double radius_px, std::uint64_t frame) noexcept {
-    search(map, local, world_from_camera, radius_px, &frame);
-}
-
-void MapMatcher::search(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
-                        const std::uint64_t* seen_frame) noexcept {
-    const bool is_more = seen_frame != nullptr;
+void MapMatcher::by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
+                               const std::uint64_t* more_frame) noexcept {
+    const bool is_more = more_frame != nullptr;
+    if (!is_more) clear();
     const SE3 camera_from_world = world_from_camera.inverse();
     const auto levels = static_cast<std::int32_t>(scale_of_level_.size());
     const double level_step = levels > 1 ? std::sqrt(scale_of_level_[1] / scale_of_level_[0]) : 1.0;  // half a level
@@ -70,7 +60,7 @@ void MapMatcher::search(const Map& map, const LocalMap* local, const SE3& world_
         if (local != nullptr && at + kAhead < count) points.prefetch(local->points()[at + kAhead]);
         if (!points.is_taken(slot)) continue;
         const MapPoint& point = points.at(slot);
-        if (is_more && point.last_seen_frame == *seen_frame) continue;
+        if (is_more && point.last_seen_frame == *more_frame) continue;
         const Vector3 q = camera_from_world * vector_of(point.world);
         Vector2 pixel;
         if (!project(camera_, q, kNearest_m, pixel)) continue;

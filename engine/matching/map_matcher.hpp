@@ -48,12 +48,10 @@ public:
         readout_s_ = readout_s;
         speed_ = speed;
     }
-    // Points around their projections: those of `local`, or of the whole map without one. The first search claims anew
-    // and starts without claims...
-    void by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px) noexcept;
-    // ... a further one leaves them as they are, and passes over points that were seen in `frame`.
-    void more_by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
-                            std::uint64_t frame) noexcept;
+    // Points around their projections: those of `local`, or of the whole map without one. Claims anew; with
+    // `more_frame` claims stay as they are, and points that were seen in that frame are passed over.
+    void by_projection(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
+                       const std::uint64_t* more_frame = nullptr) noexcept;
     // The points of a keyframe by ratio test and by agreement on one turn of the picture.
     void by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexcept;
 
@@ -84,8 +82,6 @@ private:
     [[nodiscard]] NearestTwo<Found> find_nearest(const Descriptor& descriptor, const Vector2& pixel, double radius_px,
                                                  std::int32_t level, bool is_free_only) const noexcept;
     void claim(std::uint32_t feature, std::uint32_t slot, std::uint32_t distance_bits) noexcept;
-    void search(const Map& map, const LocalMap* local, const SE3& world_from_camera, double radius_px,
-                const std::uint64_t* seen_frame) noexcept;
     void keep_common_turn(const Map& map) noexcept;
 
     MatchingParameters parameters_;

@@ -70,10 +70,10 @@ std::uint32_t MapPager::piece() noexcept {
 std::uint64_t MapPager::state_hash() const noexcept {
     StateHash hash = state_.hash;
     hash.add(returns_.queries());
-    hash.add(state_.statistics.kept);
-    hash.add(state_.statistics.refused);
-    hash.add(state_.statistics.returned);
-    hash.add(state_.statistics.corrections);
+    hash.add(state_.world->statistics.store.kept);
+    hash.add(state_.world->statistics.store.refused);
+    hash.add(state_.world->statistics.store.returned);
+    hash.add(state_.world->statistics.store.corrections);
     hash.add(static_cast<std::uint32_t>(returns_.stage()));
     return hash.value();
 }

@@ -35,7 +35,6 @@ public:
     // Everything that has not been kept yet; kIdle: nothing is left.
     [[nodiscard]] Progress keep_all(WorkBudget& budget) noexcept;
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
-    void fill(EngineStatistics& statistics) const noexcept { statistics.store = state_.statistics; }
     [[nodiscard]] std::uint64_t state_hash() const noexcept;
 
 private:

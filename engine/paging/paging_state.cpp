@@ -19,7 +19,6 @@ void PagingState::reset() noexcept {
     corrections.clear();
     loops_closed = 0;
     hash = StateHash{};
-    statistics = StoreStatistics{};
 }
 
 PagingState::Known& PagingState::known_of(std::uint32_t slot) const noexcept {
@@ -36,7 +35,7 @@ void PagingState::note_correction() noexcept {
     loops_closed = world->loops_closed;
     const LoopCorrection& last = world->last_loop;
     if (last.frame_new <= last.frame_old) return;
-    ++statistics.corrections;
+    ++world->statistics.store.corrections;
     corrections.push_over({last, moment()});
 }
 

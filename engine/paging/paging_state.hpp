@@ -48,7 +48,7 @@ struct PagingState {
     // Grows with every frame and every loop, and from one run in a store to the next: what left before a loop follows
     // it.
     [[nodiscard]] std::uint64_t moment() const noexcept {
-        return world->clock.frame << 16U | (statistics.corrections & 0xffffU);
+        return world->clock.frame << 16U | (world->statistics.store.corrections & 0xffffU);
     }
     // To be called before anything else is done with the map as it is now.
     void note_correction() noexcept;
@@ -67,7 +67,6 @@ struct PagingState {
     Ring<Correction> corrections;
     std::uint64_t loops_closed = 0;  // that were noted
     StateHash hash;                  // of regions kept and returned, in this order
-    StoreStatistics statistics;
 };
 
 }  // namespace stillmesh

@@ -23,7 +23,7 @@ void RegionKeeper::note_useful() noexcept {
         const Keyframe* const keyframe = state_->world->map.keyframes().find(k.handle);
         if (keyframe == nullptr || keyframe->last_useful_frame <= k.returned_frame) continue;
         k.is_useful = true;
-        ++state_->statistics.useful;
+        ++state_->world->statistics.store.useful;
         state_->store->note_use(keyframe->frame);
     }
 }
@@ -72,7 +72,7 @@ std::uint32_t RegionKeeper::keep_next(bool is_closing) noexcept {
 std::uint32_t RegionKeeper::keep(std::uint32_t slot) noexcept {
     const World& world = *state_->world;
     PlaceSearch& places = *state_->places;
-    StoreStatistics& statistics = state_->statistics;
+    StoreStatistics& statistics = state_->world->statistics.store;
     PagingState::Known& k = state_->known_of(slot);
     const Keyframe& keyframe = world.map.keyframes().at(slot);
     std::uint32_t units = 1 + world.limits.keyframes_max / 16;

@@ -120,13 +120,13 @@ void RegionReturn::send(std::span<const WordWeight> words, std::uint64_t older_t
     question.score_min = std::max(score_min, 1U);
     queried_frame_ = frame;
     if (state_->store->ask(question) != Status::kOk) return;  // the next keyframe is queried again
-    ++state_->statistics.asked;
+    ++state_->world->statistics.store.asked;
     is_waiting_ = true;
 }
 
 std::uint32_t RegionReturn::receive() noexcept {
     if (!is_waiting_) return 0;
-    StoreStatistics& statistics = state_->statistics;
+    StoreStatistics& statistics = state_->world->statistics.store;
     StoreAnswer answer;
     const Status status = state_->store->poll(answer, incoming_);
     if (status == Status::kTimedOut) {
@@ -181,7 +181,7 @@ std::uint32_t RegionReturn::check() noexcept {
     // A camera that was found has made every region of this map before now.
     is_right = is_right && info_.keyframe.frame < world.clock.frame;
     if (!is_right) {
-        ++state_->statistics.damaged;
+        ++state_->world->statistics.store.damaged;
         drop();
         return units;
     }
@@ -229,7 +229,7 @@ std::uint32_t RegionReturn::make_room() noexcept {
     if (world.map.keyframes().is_full()) {
         units += world.limits.features_max / 4 + 2 * world.limits.keyframes_max;
         if (!evict_keyframe(world.map, world.local_map.keyframes())) {
-            ++state_->statistics.no_room;
+            ++state_->world->statistics.store.no_room;
             drop();
             return units;
         }
@@ -251,7 +251,7 @@ std::uint32_t RegionReturn::insert() noexcept {
     const std::uint32_t units = 6 * state_->features_max() + world.limits.keyframes_max;
     const Handle<Keyframe> handle = world.map.add_keyframe();
     if (handle.is_null()) {  // a frame came between, and took the room
-        ++state_->statistics.no_room;
+        ++state_->world->statistics.store.no_room;
         drop();
         return units;
     }
@@ -276,7 +276,7 @@ std::uint32_t RegionReturn::insert() noexcept {
     k.kept_at = info_.keyframe.world_from_camera;
     rest(info_.keyframe.frame);
     next_return_frame_ = world.clock.frame + world.parameters.store.pause_frames;
-    ++state_->statistics.returned;
+    ++state_->world->statistics.store.returned;
     state_->hash.add(info_.keyframe.frame);
     keyframe_ = handle;
     stage_ = Stage::kWords;
@@ -297,7 +297,7 @@ void RegionReturn::insert_feature(Handle<Keyframe> handle, const Named& named, c
     const bool is_there = there != nullptr && !there->is_suspect &&
                           (vector_of(there->world) - vector_of(read.world)).squaredNorm() < kSamePoint_m * kSamePoint_m;
     if (is_there) {
-        ++state_->statistics.points_known;
+        ++state_->world->statistics.store.points_known;
     } else {
         observation.point = {};
         const Result<Handle<MapPoint>> made = map.add_point();
@@ -307,7 +307,7 @@ void RegionReturn::insert_feature(Handle<Keyframe> handle, const Named& named, c
         point.last_seen_frame = state_->world->clock.frame;
         point.empty_views = 0;
         observation.point = made.value();
-        ++state_->statistics.points_made;
+        ++state_->world->statistics.store.points_made;
     }
     map.add_observation(handle, observation, descriptor);
 }

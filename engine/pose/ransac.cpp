@@ -15,8 +15,10 @@ constexpr std::uint32_t kIterationsMax = 1000;  // k, whatever the configuration
 
 }  // namespace
 
-RansacOptions ransac_options(const Parameters& configuration, std::uint32_t factor) noexcept {
+RansacOptions ransac_options(const Parameters& configuration, std::uint32_t factor,
+                             double inlier_ratio_start) noexcept {
     RansacOptions options;
+    options.inlier_ratio_start = inlier_ratio_start;
     options.confidence = configuration.pose.confidence;
     options.factor = factor;
     options.inlier_ratio_min = configuration.pose.inlier_ratio_min;

@@ -21,8 +21,9 @@ struct RansacOptions {
     double sample_chi2_max = 16.0;
 };
 
-// As configured, with as many iterations as inlier_ratio_min needs at most; inlier_ratio_start is the caller's.
-[[nodiscard]] RansacOptions ransac_options(const Parameters& configuration, std::uint32_t factor) noexcept;
+// As configured, with as many iterations as inlier_ratio_min needs at most.
+[[nodiscard]] RansacOptions ransac_options(const Parameters& configuration, std::uint32_t factor,
+                                           double inlier_ratio_start) noexcept;
 
 struct RansacResult {
     SE3 world_from_camera;

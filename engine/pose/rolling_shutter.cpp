@@ -33,10 +33,6 @@ void RollingShutter::start_from(double readout_s) noexcept {
     weighted_ = info_ * readout_s;
 }
 
-Vector3 RollingShutter::at_middle_row(const Vector3& p, double row_time_s, const Vector6& speed) noexcept {
-    return moved_a_little(speed * row_time_s, p);
-}
-
 void RollingShutter::begin_frame() noexcept {
     h_.setZero();
     g_.setZero();

@@ -12,8 +12,6 @@
 // the map at a change.
 #pragma once
 
-#include <span>
-
 #include "engine/geometry/se3.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/parameters.hpp"
@@ -33,11 +31,8 @@ public:
     // Seconds from the middle row to the row at y, px.
     [[nodiscard]] double row_time_s(double y_px) const noexcept { return (y_px * inverse_height_ - 0.5) * readout_s_; }
 
-    // A point seen at `row_time_s`, in the camera at that time, as the camera at the middle row has it. `speed` is the
+    // How a point measured at y_px moves with the readout, in the camera, m/s; p where it was carried to, `speed` the
     // camera's motion per second, translation m/s and rotation rad/s in its own frame.
-    [[nodiscard]] static Vector3 at_middle_row(const Vector3& p, double row_time_s, const Vector6& speed) noexcept;
-
-    // How a point measured at y_px moves with the readout, in the camera, m/s; p where it was carried to.
     [[nodiscard]] Vector3 by_readout(const Vector3& p, double y_px, const Vector6& speed) const noexcept {
         const Vector3 turning(speed(3), speed(4), speed(5));
         const Vector3 moved = turning.cross(p) + Vector3(speed(0), speed(1), speed(2));

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/recognition/place_search.hpp"
-
 namespace stillmesh {
 namespace {
 

@@ -13,7 +13,6 @@ void PlaceMatcher::create(Arena& arena, const Limits& limits, const Parameters& 
     configuration_ = &configuration;
     camera_ = camera;
     grid_.create(arena, limits);
-    keypoints_.create(arena, limits.features_max);
     query_.create(arena, limits.features_max);
     by_word_.create(arena, limits.features_max);
     claims_ = arena.array<Claim>(limits.features_max);
@@ -25,22 +24,17 @@ void PlaceMatcher::create(Arena& arena, const Limits& limits, const Parameters& 
 void PlaceMatcher::begin_query(std::span<const Descriptor> descriptors) noexcept {
     query_.clear();
     descriptors_ = descriptors;
-    keypoints_.clear();
     by_word_.clear();
 }
 
 void PlaceMatcher::add_feature(const Observation& observation, bool is_eligible) noexcept {
     STILLMESH_CHECK(query_.size() < descriptors_.size() && query_.push(observation));
     if (!is_eligible) query_[query_.size() - 1].level = kNotEligible;
-    Keypoint keypoint;
-    keypoint.x = observation.x;
-    keypoint.y = observation.y;
-    STILLMESH_CHECK(keypoints_.push(keypoint));
 }
 
 void PlaceMatcher::end_query(std::span<const WordOfFeature> by_word) noexcept {
     STILLMESH_CHECK(by_word.size() <= query_.size());
-    grid_.build(camera_.width, camera_.height, keypoints_.span());
+    grid_.build(camera_.width, camera_.height, query());
     by_word_.clear();
     for (const WordOfFeature& word : by_word) {
         STILLMESH_CHECK(word.feature < query_.size());

@@ -30,7 +30,6 @@ public:
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         FeatureGrid::plan(arena, limits);
-        FixedVector<Keypoint>::plan(arena, limits.features_max);
         FixedVector<Observation>::plan(arena, limits.features_max);
         FixedVector<WordOfFeature>::plan(arena, limits.features_max);
         arena.array<Claim>(limits.features_max);
@@ -104,7 +103,6 @@ private:
     CameraModel camera_;
     PixelNoise pixel_noise_;
     FeatureGrid grid_;
-    FixedVector<Keypoint> keypoints_;
     FixedVector<Observation> query_;
     std::span<const Descriptor> descriptors_;
     FixedVector<WordOfFeature> by_word_;

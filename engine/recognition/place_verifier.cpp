@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/pose/ransac.hpp"
 #include "engine/pose/residual.hpp"
 
 namespace stillmesh {
@@ -136,9 +135,14 @@ std::uint32_t PlaceVerifier::gather(const Map& map) noexcept {
         refuse(Refusal::kFewMatches);
         return units;
     }
-    iterations_wanted_ = ransac_options(*configuration_, configuration_->pose.coarse_factor).iterations_max;
+    iterations_wanted_ = options().iterations_max;
     stage_ = Stage::kSample;
     return units;
+}
+
+RansacOptions PlaceVerifier::options() const noexcept {
+    const PoseParameters& pose = configuration_->pose;
+    return ransac_options(*configuration_, pose.coarse_factor, pose.inlier_ratio_start);
 }
 
 std::uint32_t PlaceVerifier::sample() noexcept {
@@ -162,10 +166,9 @@ std::uint32_t PlaceVerifier::sample() noexcept {
         best_weight_ = agreeing;
         best_ = hypothesis;
         const double share = std::max(best_weight_ / static_cast<double>(count), 0.05);
-        const RansacOptions options = ransac_options(*configuration_, configuration_->pose.coarse_factor);
+        const RansacOptions o = options();
         iterations_wanted_ =
-            std::min(options.iterations_max,
-                     options.factor * ransac_iterations(options.confidence, share, options.iterations_max));
+            std::min(o.iterations_max, o.factor * ransac_iterations(o.confidence, share, o.iterations_max));
     }
     if (iterations_ < iterations_wanted_) return units;
     if (best_weight_ < configuration_->pose.inliers_min) {
@@ -176,19 +179,18 @@ std::uint32_t PlaceVerifier::sample() noexcept {
     return units;
 }
 
-std::uint32_t PlaceVerifier::choose_agreeing(const SE3& world_from_camera, double chi2_max) noexcept {
+void PlaceVerifier::choose_agreeing(const SE3& world_from_camera, double chi2_max) noexcept {
     const SE3 camera_from_world = world_from_camera.inverse();
     chosen_.clear();
     for (std::size_t i = 0; i < pairs_.size(); ++i) {
         if (chi2_of(pairs_[i], camera_from_world) > chi2_max) continue;
         STILLMESH_CHECK(chosen_.push(static_cast<std::uint16_t>(i)));
     }
-    return static_cast<std::uint32_t>(chosen_.size());
 }
 
 std::uint32_t PlaceVerifier::refine() noexcept {
     const double chi2_max = configuration_->region.point_chi2_max;
-    static_cast<void>(choose_agreeing(best_, 2.0 * chi2_max));
+    choose_agreeing(best_, 2.0 * chi2_max);
     const auto units = static_cast<std::uint32_t>(11 * chosen_.size()) + 1;
     fit_ = optimise_pose(pairs_.span(), chosen_.span(), best_, chi2_max, 10);
     if (!fit_.is_valid || fit_.inliers < configuration_->pose.inliers_min) {
@@ -196,7 +198,7 @@ std::uint32_t PlaceVerifier::refine() noexcept {
         return units;
     }
     // Only what agrees keeps its claim; the rest may be claimed anew.
-    static_cast<void>(choose_agreeing(fit_.world_from_camera, chi2_max));
+    choose_agreeing(fit_.world_from_camera, chi2_max);
     matcher_.clear_claims();
     for (const std::uint16_t i : chosen_) {
         matcher_.set_claim(matches_[i].feature, {matches_[i].point, pairs_[i].distance_bits});
@@ -228,7 +230,7 @@ std::uint32_t PlaceVerifier::guide(const Map& map) noexcept {
 std::uint32_t PlaceVerifier::judge(const Map& map) noexcept {
     collect(map);
     const double chi2_max = configuration_->region.point_chi2_max;
-    static_cast<void>(choose_agreeing(fit_.world_from_camera, 2.0 * chi2_max));
+    choose_agreeing(fit_.world_from_camera, 2.0 * chi2_max);
     const std::uint32_t units =
         static_cast<std::uint32_t>(11 * chosen_.size()) + 1 +
         static_cast<std::uint32_t>(pairs_.size() * pairs_.size() / 64 + matcher_.query().size() / 4);
@@ -237,7 +239,7 @@ std::uint32_t PlaceVerifier::judge(const Map& map) noexcept {
         refuse(Refusal::kFewInliers);
         return units;
     }
-    static_cast<void>(choose_agreeing(fit_.world_from_camera, chi2_max));
+    choose_agreeing(fit_.world_from_camera, chi2_max);
     // One object in a corner may have been moved.
     float x_min = 1e9F, x_max = -1e9F, y_min = 1e9F, y_max = -1e9F;
     std::uint32_t kept = 0;

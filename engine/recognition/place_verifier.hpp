@@ -18,6 +18,7 @@
 #include "engine/matching/correspondence.hpp"
 #include "engine/parameters.hpp"
 #include "engine/pose/pose_optimiser.hpp"
+#include "engine/pose/ransac.hpp"
 #include "engine/recognition/place_matcher.hpp"
 #include "engine/schedule/task.hpp"
 
@@ -34,7 +35,6 @@ enum class Refusal : std::uint8_t {
     kUnlikely,    // farther from where odometry is than it can have drifted
     kGone,        // the candidate left the map meanwhile
 };
-inline constexpr std::uint32_t kRefusals = 8;
 
 // A query feature and the point of the map that it shows.
 struct PlaceMatch {
@@ -109,7 +109,8 @@ private:
     [[nodiscard]] std::uint32_t guide(const Map& map) noexcept;
     [[nodiscard]] std::uint32_t judge(const Map& map) noexcept;
     void collect(const Map& map) noexcept;
-    [[nodiscard]] std::uint32_t choose_agreeing(const SE3& world_from_camera, double chi2_max) noexcept;
+    void choose_agreeing(const SE3& world_from_camera, double chi2_max) noexcept;
+    [[nodiscard]] RansacOptions options() const noexcept;
 
     const Parameters* configuration_ = nullptr;  // outlives it
     std::uint32_t width_ = 0, height_ = 0;       // px, of the image

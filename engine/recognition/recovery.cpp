@@ -31,27 +31,25 @@ Handle<Keyframe> recovery_candidate(const Map& map, bool is_placed, std::uint64_
     return map.recent_keyframe(static_cast<std::uint32_t>(turn % count * step % count));
 }
 
-bool propose_recovery(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                      const LastSeen* last_seen, const Parameters& configuration, Random& random,
-                      SE3& world_from_camera) noexcept {
+Result<SE3> propose_recovery(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                             const LastSeen* last_seen, const Parameters& configuration, Random& random) noexcept {
     const RecoveryParameters& r = configuration.recovery;
-    if (chosen.size() < configuration.pose.inliers_min) return false;
-    RansacOptions options = ransac_options(configuration, configuration.pose.final_factor);
-    options.iterations_max = ransac_options(configuration, configuration.pose.coarse_factor).iterations_max;
-    options.inlier_ratio_start = configuration.pose.inlier_ratio_min;
+    if (chosen.size() < configuration.pose.inliers_min) return Status::kNotFound;
+    const PoseParameters& p = configuration.pose;
+    RansacOptions options = ransac_options(configuration, p.final_factor, p.inlier_ratio_min);
+    options.iterations_max = ransac_options(configuration, p.coarse_factor, p.inlier_ratio_min).iterations_max;
     const RansacResult result = ransac_pose(correspondences, chosen, nullptr, options, random);
     // Descriptors alone found these, so that many which agree are no accident.
-    if (!result.is_valid || result.inliers < configuration.pose.inliers_min) return false;
-    if (result.inliers < r.inlier_share_min * static_cast<double>(chosen.size())) return false;
+    if (!result.is_valid || result.inliers < configuration.pose.inliers_min) return Status::kNotFound;
+    if (result.inliers < r.inlier_share_min * static_cast<double>(chosen.size())) return Status::kNotFound;
     if (last_seen == nullptr) {
-        if (result.inliers < kPlacedFactor * configuration.pose.inliers_min) return false;
+        if (result.inliers < kPlacedFactor * configuration.pose.inliers_min) return Status::kNotFound;
     } else if (!is_within_reach(*last_seen, result.world_from_camera, r)) {
-        return false;
+        return Status::kNotFound;
     }
     const PoseFit fit = optimise_pose(correspondences, chosen, result.world_from_camera,
                                       configuration.region.point_chi2_max, configuration.pose.coarse_passes_max);
-    world_from_camera = fit.is_valid ? fit.world_from_camera : result.world_from_camera;
-    return true;
+    return fit.is_valid ? fit.world_from_camera : result.world_from_camera;
 }
 
 }  // namespace stillmesh

@@ -28,9 +28,9 @@ struct LastSeen {
     SE3 world_from_camera;
     double away_s = 0;
 };
-// True: `world_from_camera` is a pose worth trying, by the `chosen` of the matches with the candidate.
-[[nodiscard]] bool propose_recovery(std::span<const Correspondence> correspondences,
-                                    std::span<const std::uint16_t> chosen, const LastSeen* last_seen,
-                                    const Parameters& configuration, Random& random, SE3& world_from_camera) noexcept;
+// A pose worth trying (world_from_camera), by the `chosen` of the matches with the candidate. kNotFound: there is none.
+[[nodiscard]] Result<SE3> propose_recovery(std::span<const Correspondence> correspondences,
+                                           std::span<const std::uint16_t> chosen, const LastSeen* last_seen,
+                                           const Parameters& configuration, Random& random) noexcept;
 
 }  // namespace stillmesh

@@ -1,6 +1,5 @@
 #include "engine/recognition/relocalisation.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "engine/recognition/recovery.hpp"
@@ -173,11 +172,11 @@ Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_
     return out;
 }
 
-void Relocalisation::fill(EngineStatistics& statistics) const noexcept {
-    statistics.loop.relocalisations = successes_;
-    statistics.loop.matched_by_words = matched_;
-    statistics.loop.relocalisation_queries = queries_;
-    statistics.loop.relocalisation_candidates = candidates_;
+void Relocalisation::fill(LoopStatistics& statistics) const noexcept {
+    statistics.relocalisations = successes_;
+    statistics.matched_by_words = matched_;
+    statistics.relocalisation_queries = queries_;
+    statistics.relocalisation_candidates = candidates_;
 }
 
 }  // namespace stillmesh

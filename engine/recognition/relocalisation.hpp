@@ -61,7 +61,7 @@ public:
         ++successes_;
         forget(kDismissed | kTried);
     }
-    void fill(EngineStatistics& statistics) const noexcept;
+    void fill(LoopStatistics& statistics) const noexcept;
 
 private:
     struct Place {

@@ -92,6 +92,19 @@ constexpr bool is_by_feature(std::uint32_t section) noexcept {
     return section >= static_cast<std::uint32_t>(Section::kFeatures);
 }
 
+// The record at the cursor, into `out`, and on to the next; its size, 0: there was none left.
+std::size_t write_next(const Parts& parts, std::uint32_t section, MapFileWriter::Cursor& at,
+                       std::span<std::byte> out) noexcept {
+    if (at.record == records_of(parts.head->info, section)) return 0;
+    ++at.record;
+    if (!is_by_feature(section)) return write_record(parts, section, at.record - 1, 0, out);
+    while (at.feature == parts.keyframes[parts.order[at.keyframe]].features) {
+        ++at.keyframe;
+        at.feature = 0;
+    }
+    return write_record(parts, section, at.keyframe, at.feature++, out);
+}
+
 void write_header(const MapFileInfo& info, std::span<std::byte> out) noexcept {
     ByteWriter writer(out);
     writer.fields(kMapMagic, kMapVersion, static_cast<std::uint32_t>(kMapHeaderBytes));
@@ -223,17 +236,9 @@ std::uint64_t MapFileWriter::hash() const noexcept {
     std::array<std::byte, kMapPieceBytesMin> buffer{};
     const std::span<std::byte> out(buffer);
     for (std::uint32_t section = 0; section < kSections; ++section) {
-        if (!is_by_feature(section)) {
-            const std::uint32_t count = records_of(info_, section);
-            for (std::uint32_t i = 0; i < count; ++i) {
-                add_record(hash, section, out.first(write_record(parts, section, i, 0, out)));
-            }
-            continue;
-        }
-        for (std::uint32_t i = 0; i < info_.keyframes; ++i) {
-            for (std::uint32_t f = 0; f < parts.keyframes[parts.order[i]].features; ++f) {
-                add_record(hash, section, out.first(write_record(parts, section, i, f, out)));
-            }
+        Cursor at;
+        while (const std::size_t size = write_next(parts, section, at, out)) {
+            add_record(hash, section, out.first(size));
         }
     }
     return hash.value();
@@ -257,27 +262,15 @@ std::size_t MapFileWriter::next(std::span<std::byte> out) noexcept {
                 writer.fields(kTags[section_], records_of(info_, section_), section_bytes(info_, section_));
                 size = writer.position();
                 crc_ = Crc32();
-                record_ = keyframe_ = feature_ = 0;
+                at_ = {};
                 part_ = Part::kRecords;
                 break;
             }
-            case Part::kRecords: {
-                if (record_ == records_of(info_, section_)) {
-                    part_ = Part::kEnd;
-                    continue;
-                }
-                if (is_by_feature(section_)) {
-                    while (feature_ == parts.keyframes[parts.order[keyframe_]].features) {
-                        ++keyframe_;
-                        feature_ = 0;
-                    }
-                    size = write_record(parts, section_, keyframe_, feature_++, rest);
-                } else {
-                    size = write_record(parts, section_, record_, 0, rest);
-                }
-                ++record_;
-                break;
-            }
+            case Part::kRecords:
+                size = write_next(parts, section_, at_, rest);
+                if (size > 0) break;
+                part_ = Part::kEnd;
+                continue;
             case Part::kEnd: {
                 ByteWriter writer(rest);
                 writer.u32(crc_.value());
@@ -291,65 +284,6 @@ std::size_t MapFileWriter::next(std::span<std::byte> out) noexcept {
         used += size;
     }
     return used;
-}
-
-// --- of a live map ---------------------------------------------------------------------------------------------------
-
-std::uint64_t map_hash(Map& map, const CameraModel& camera) noexcept {
-    // Places in the file, by slot: of points in the scratch, of keyframes counted anew each time.
-    const std::span<std::uint64_t> places = map.scratch();
-    std::uint64_t place = 0;
-    for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
-        places[slot] = map.points().is_taken(slot) ? ++place : 0;
-    }
-    const Pool<Keyframe>& keyframes = map.keyframes();
-    const auto keyframe_place = [&](Handle<Keyframe> handle) {
-        std::uint32_t out = 0;
-        if (keyframes.find(handle) == nullptr) return out;
-        for (std::uint32_t slot = 0; slot <= handle.slot(); ++slot) out += keyframes.is_taken(slot) ? 1U : 0U;
-        return out;
-    };
-    StateHash hash;
-    std::array<std::byte, kMapPieceBytesMin> buffer{};
-    const auto add = [&](Section section, auto&& write) {
-        ByteWriter writer(buffer);
-        write(writer);
-        add_record(hash, static_cast<std::uint32_t>(section), writer.written());
-    };
-    const auto each_keyframe = [&](auto&& visit) {
-        for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
-            if (keyframes.is_taken(slot)) visit(keyframes.handle_of(slot));
-        }
-    };
-    add(Section::kCamera, [&](ByteWriter& out) {
-        camera_fields(out, camera);
-        out.f64(map.readout_s());
-    });
-    each_keyframe([&](Handle<Keyframe> handle) {
-        const Keyframe& keyframe = *keyframes.find(handle);
-        add(Section::kKeyframes,
-            [&](ByteWriter& out) { keyframe_fields(out, keyframe, keyframe_place(keyframe.parent)); });
-    });
-    for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
-        if (places[slot] == 0) continue;
-        const MapPoint& point = map.points().at(slot);
-        add(Section::kPoints, [&](ByteWriter& out) { point_fields(out, point, keyframe_place(point.reference)); });
-    }
-    each_keyframe([&](Handle<Keyframe> handle) {
-        const std::span<const Observation> observations = map.observations(handle);
-        for (std::size_t i = 0; i < observations.size(); ++i) {
-            add(Section::kFeatures,
-                [&](ByteWriter& out) { feature_fields(out, observations[i], map.descriptors(handle)[i]); });
-        }
-    });
-    each_keyframe([&](Handle<Keyframe> handle) {
-        for (const Observation& o : map.observations(handle)) {
-            const bool is_alive = map.points().find(o.point) != nullptr;
-            add(Section::kLinks,
-                [&](ByteWriter& out) { out.u32(is_alive ? static_cast<std::uint32_t>(places[o.point.slot()]) : 0U); });
-        }
-    });
-    return hash.value();
 }
 
 }  // namespace stillmesh

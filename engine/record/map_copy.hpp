@@ -83,7 +83,4 @@ private:
     std::uint32_t cursor_ = 0;
 };
 
-// The hash that the file of this map would carry. Slow; takes the map's scratch.
-[[nodiscard]] std::uint64_t map_hash(Map& map, const CameraModel& camera) noexcept;
-
 }  // namespace stillmesh

@@ -79,6 +79,13 @@ public:
     // The next bytes of the file; how many, 0: that was all. `out`: at least kMapPieceBytesMin.
     [[nodiscard]] std::size_t next(std::span<std::byte> out) noexcept;
 
+    // The next record of a section.
+    struct Cursor {
+        std::uint32_t record = 0;    // in the section
+        std::uint32_t keyframe = 0;  // of the next feature
+        std::uint32_t feature = 0;   // in the keyframe
+    };
+
 private:
     enum class Part : std::uint8_t { kHeader, kBegin, kRecords, kEnd, kDone };
 
@@ -89,9 +96,7 @@ private:
     Crc32 crc_;
     Part part_ = Part::kHeader;
     std::uint32_t section_ = 0;
-    std::uint32_t record_ = 0;    // in the section
-    std::uint32_t keyframe_ = 0;  // of the next feature
-    std::uint32_t feature_ = 0;   // in the keyframe
+    Cursor at_;
 };
 
 }  // namespace stillmesh

@@ -11,26 +11,15 @@ namespace {
 using namespace map_checks;
 using namespace map_records;
 
-constexpr Status status_of(MapFault fault) noexcept {
-    switch (fault) {
-        case MapFault::kNone: return Status::kOk;
-        case MapFault::kNoMap: return Status::kNotFound;
-        case MapFault::kCutOff: return Status::kEnd;
-        case MapFault::kTooManyFor: return Status::kFull;
-        case MapFault::kOtherVersion:
-        case MapFault::kOtherFeatures:
-        case MapFault::kOtherExtractor:
-        case MapFault::kOtherCamera: return Status::kInvalid;
-        case MapFault::kTooLong:
-        case MapFault::kDamaged:
-        case MapFault::kImpossible: break;
-    }
-    return Status::kCorrupt;
-}
+// In the order of MapFault.
+constexpr Status kStatusOf[] = {Status::kOk,      Status::kNotFound, Status::kInvalid, Status::kEnd,
+                                Status::kCorrupt, Status::kCorrupt,  Status::kCorrupt, Status::kFull,
+                                Status::kInvalid, Status::kInvalid,  Status::kInvalid};
+static_assert(std::size(kStatusOf) == static_cast<std::size_t>(MapFault::kOtherCamera) + 1);
 
 Status fail(MapFileProblem& problem, MapFault fault, const char* part, double value = 0, double limit = 0) noexcept {
     problem = {fault, part, value, limit};
-    return status_of(fault);
+    return kStatusOf[static_cast<std::size_t>(fault)];
 }
 
 MapBounds bounds_of(const MapFileInfo& info) noexcept {

@@ -2,7 +2,6 @@
 // Cost: two passes over the file. Limit: the engine's limits, compared before anything is counted by.
 #pragma once
 
-#include <cstdint>
 #include <span>
 
 #include "engine/map/map.hpp"

@@ -34,8 +34,8 @@ std::uint32_t GroupMotions::fit_one(const RegionInput& input, std::uint32_t iter
                                     Motion& motion) noexcept {
     const std::span<const std::uint16_t> members = input.scratch.span();
     const RegionParameters& region = input.configuration.region;
-    RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
-    options.inlier_ratio_start = input.configuration.pose.inlier_ratio_start;
+    const PoseParameters& pose = input.configuration.pose;
+    RansacOptions options = ransac_options(input.configuration, pose.coarse_factor, pose.inlier_ratio_start);
     options.iterations_max = std::min(options.iterations_max, iterations_max);
     const RansacResult result = ransac_pose(input.correspondences, members, nullptr, options, random);
     if (!result.is_valid) return result.iterations;

@@ -57,8 +57,8 @@ void Hypotheses::propose_expected(const RegionInput& input) noexcept {
 }
 
 void Hypotheses::propose_over_all(const RegionInput& input, Random& random) noexcept {
-    RansacOptions options = ransac_options(input.configuration, input.configuration.pose.coarse_factor);
-    options.inlier_ratio_start = input.context.inlier_ratio;
+    const RansacOptions options =
+        ransac_options(input.configuration, input.configuration.pose.coarse_factor, input.context.inlier_ratio);
     const RansacResult result = ransac_pose(input.correspondences, input.weighted, nullptr, options, random);
     iterations_ += result.iterations;
     if (result.is_valid) add(input, result.world_from_camera, input.configuration.region.wide_factor);
@@ -76,8 +76,7 @@ void Hypotheses::propose_groups(const RegionInput& input) noexcept {
 void Hypotheses::propose_left_over(const RegionInput& input, Random& random) noexcept {
     const RegionParameters& region = input.configuration.region;
     const PoseParameters& pose = input.configuration.pose;
-    RansacOptions options = ransac_options(input.configuration, pose.coarse_factor);
-    options.inlier_ratio_start = pose.inlier_ratio_start;
+    RansacOptions options = ransac_options(input.configuration, pose.coarse_factor, pose.inlier_ratio_start);
     const std::uint32_t round_iterations = options.iterations_max;
     for (std::uint32_t round = 0; round < region.left_over_rounds; ++round) {
         if (hypotheses_.size() == kHypothesesMax || iterations_ >= pose.coarse_total_max) return;

@@ -87,8 +87,7 @@ void Clusters::fit(std::uint16_t group) noexcept {
     members_of(group, input_.scratch);
     if (input_.scratch.size() < input_.configuration.region.group_points_min) return;
     if (iterations_ >= pose.coarse_total_max) return;
-    RansacOptions options = ransac_options(input_.configuration, pose.coarse_factor);
-    options.inlier_ratio_start = input_.context.inlier_ratio;
+    RansacOptions options = ransac_options(input_.configuration, pose.coarse_factor, input_.context.inlier_ratio);
     options.iterations_max = std::min(options.iterations_max, pose.coarse_total_max - iterations_);
     const RansacResult found = ransac_pose(input_.correspondences, input_.scratch.span(), nullptr, options, random_);
     iterations_ += found.iterations;

@@ -1,7 +1,6 @@
 #include "engine/tracking/camera_reach.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "engine/base/time.hpp"
 

@@ -7,40 +7,36 @@
 
 #include <cstdint>
 
-#include "engine/frame/frame.hpp"
-#include "engine/map/local_map.hpp"
-#include "engine/map/map.hpp"
 #include "engine/parameters.hpp"
 #include "engine/tracking/measured_frame.hpp"
+#include "engine/world/world.hpp"
 
 namespace stillmesh {
 
 class EmptyPlaces {
 public:
-    void create(const Parameters& configuration) noexcept;
+    void create(const Parameters& configuration) noexcept { parameters_ = &configuration; }
     void reset() noexcept { cursor_ = 0; }
 
-    // `number`: of the frame, as the points it saw carry it. `noise_depth`: factor on the depth's variance.
-    void note_empty(const Frame& frame, const MeasuredFrame& measured, const SE3& world_from_camera,
-                    std::uint64_t number, double noise_depth, const LocalMap& local_map, Map& map) noexcept;
+    // `noise_depth`: factor on the depth's variance.
+    void note_empty(const MeasuredFrame& measured, const SE3& world_from_camera, double noise_depth,
+                    World& world) noexcept;
 
     static constexpr std::uint32_t kAgreementPlaces = 400;
     struct Agreement {
         std::uint32_t there = 0, empty = 0;  // static points of the map in view; hidden ones are neither
     };
     // Some kAgreementPlaces points, spread over the local map.
-    [[nodiscard]] Agreement agreement(const Frame& frame, const MeasuredFrame& measured, const SE3& world_from_camera,
-                                      double noise_depth, const LocalMap& local_map, const Map& map) const noexcept;
+    [[nodiscard]] Agreement agreement(const MeasuredFrame& measured, const SE3& world_from_camera, double noise_depth,
+                                      const World& world) const noexcept;
 
 private:
     enum class Seen : std::uint8_t { kNothing, kThere, kEmpty };
-    [[nodiscard]] Seen examine(const MapPoint& point, const Frame& frame, const MeasuredFrame& measured,
-                               const SE3& camera_from_world, double noise_depth) const noexcept;
+    [[nodiscard]] Seen examine(const MapPoint& point, const MeasuredFrame& measured, const SE3& camera_from_world,
+                               double noise_depth) const noexcept;
 
-    EmptinessParameters parameters_;
-    double z_min_m_ = 0;
-    double z_max_m_ = 0;
-    std::uint32_t cursor_ = 0;  // in the local map's points
+    const Parameters* parameters_ = nullptr;  // outlives it
+    std::uint32_t cursor_ = 0;                // in the local map's points
 };
 
 }  // namespace stillmesh

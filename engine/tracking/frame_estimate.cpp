@@ -115,7 +115,7 @@ RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
         choose_again(estimate, choice);
     }
     if (noise.is_young() && choice.is_valid) {
-        noise.adapt_by_group(correspondences_.span(), region_, choice.world_from_camera);
+        noise.adapt(correspondences_.span(), region_.weighted(), choice.world_from_camera, &region_);
         choose_again(estimate, choice);
     }
     observe(Stage::kRegion, false);
@@ -149,8 +149,7 @@ PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& esti
                                  const RegionChoice& choice) noexcept {
     observe(Stage::kPose, true);
     const PoseParameters& p = world_->parameters.pose;
-    RansacOptions options = ransac_options(world_->parameters, p.final_factor);
-    options.inlier_ratio_start = camera.inlier_ratio;
+    const RansacOptions options = ransac_options(world_->parameters, p.final_factor, camera.inlier_ratio);
     const RansacResult final =
         ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
     statistics_->pose_iterations += final.iterations;
@@ -181,8 +180,8 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
         world_->map.points().at(match.point_slot).last_seen_frame = world_->clock.frame;
     }
     if (!c.region.is_paper()) {  // which matches features once
-        matcher_.more_by_projection(world_->map, local_map_or_none(), found, c.matching.radius_posed_px,
-                                    world_->clock.frame);
+        matcher_.by_projection(world_->map, local_map_or_none(), found, c.matching.radius_posed_px,
+                               &world_->clock.frame);
     }
     if (camera.lost_frames == 0) carry_rows(camera, camera.world_from_camera().inverse() * found);
     gather(estimate.noise.factors(), estimate.expected);

@@ -2,20 +2,18 @@
 
 namespace stillmesh {
 
-void add_frame(const FrameOutcome& outcome, std::span<const Correspondence> correspondences,
-               std::span<const std::uint16_t> groups, const PointJudge& judge, const Map& map,
-               StateHash& hash) noexcept {
+void add_frame(const FrameOutcome& outcome, const Map& map, StateHash& hash) noexcept {
     hash.add(static_cast<std::uint64_t>(outcome.time_ns));
     for (int i = 0; i < 3; ++i) hash.add(outcome.world_from_camera.translation(i));
     for (int i = 0; i < 9; ++i) hash.add(outcome.world_from_camera.rotation(i / 3, i % 3));
     hash.add(static_cast<std::uint32_t>(outcome.pose.state));
-    hash.add(static_cast<std::uint32_t>(correspondences.size()));
-    for (const Correspondence& c : correspondences) {
+    hash.add(static_cast<std::uint32_t>(outcome.correspondences.size()));
+    for (const Correspondence& c : outcome.correspondences) {
         hash.add(static_cast<std::uint64_t>(c.feature) << 32U | c.point_slot);
         const bool is_there = map.points().is_taken(c.point_slot);
         const std::uint64_t weight = is_there ? map.points().at(c.point_slot).weight_tenths : 0U;
-        hash.add(static_cast<std::uint64_t>(c.distance_bits) << 40U | std::uint64_t{groups[c.feature]} << 16U |
-                 weight << 8U | static_cast<std::uint64_t>(judge.verdict(c.feature)));
+        hash.add(static_cast<std::uint64_t>(c.distance_bits) << 40U | std::uint64_t{outcome.groups[c.feature]} << 16U |
+                 weight << 8U | static_cast<std::uint64_t>(outcome.judge.verdict(c.feature)));
         if (is_there) hash.add(map.points().at(c.point_slot).world[2]);
     }
     for (const double number : outcome.pose.covariance) hash.add(number);

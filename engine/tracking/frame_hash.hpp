@@ -20,11 +20,11 @@ struct FrameOutcome {
     const SE3& world_from_camera;
     const PoseEstimate& pose;
     const FrameStatistics& statistics;
+    std::span<const Correspondence> correspondences;
+    std::span<const std::uint16_t> groups;  // by feature
+    const PointJudge& judge;
 };
 
-// `groups`: by feature.
-void add_frame(const FrameOutcome& outcome, std::span<const Correspondence> correspondences,
-               std::span<const std::uint16_t> groups, const PointJudge& judge, const Map& map,
-               StateHash& hash) noexcept;
+void add_frame(const FrameOutcome& outcome, const Map& map, StateHash& hash) noexcept;
 
 }  // namespace stillmesh

@@ -1,7 +1,5 @@
 #include "engine/tracking/frame_view.hpp"
 
-#include "engine/tracking/odometry.hpp"
-
 namespace stillmesh {
 
 void FrameView::create(Arena& arena, const Limits& limits) noexcept {

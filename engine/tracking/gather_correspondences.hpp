@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 #include "engine/base/fixed_vector.hpp"
 #include "engine/map/map.hpp"

@@ -8,7 +8,6 @@
 #include <cstdint>
 
 #include "engine/matching/map_matcher.hpp"
-#include "engine/outputs.hpp"
 #include "engine/parameters.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/point_judge.hpp"
@@ -21,20 +20,15 @@ class KeyframeInserter {
 public:
     // The frame that is to become one.
     struct Source {
-        const MeasuredFrame& frame;
+        PosedFrame posed;
         const MapMatcher& matcher;
         const PointJudge& judge;
-        const TrackedShutter& shutter;
-        const SE3& world_from_camera;
-        std::uint64_t number = 0;
-        std::int64_t time_ns = 0;
         std::uint32_t static_count = 0;  // matches with a weight
         double drift_m = 0;              // that odometry can have gathered
-        double travelled = 0;            // the odometer's
     };
 
-    void create(const Parameters& configuration) noexcept;
-    void reset() noexcept;
+    void create(const Parameters& configuration) noexcept { parameters_ = &configuration; }
+    void reset() noexcept { begin_after(0); }
     // As if the last keyframe had been made in frame `number`, with nothing tracked.
     void begin_after(std::uint64_t number) noexcept;
 
@@ -48,24 +42,15 @@ public:
     // What later frames are compared with: the first keyframe of a map counts differently.
     void set_tracked(std::uint32_t count) noexcept { tracked_ = count; }
 
-    void fill(EngineStatistics& statistics) const noexcept;
-
 private:
-    void make_room(std::uint32_t points_wanted, std::uint64_t number, Map& map, LocalMap& local_map) const noexcept;
+    void make_room(std::uint32_t points_wanted, std::uint64_t number, World& world) const noexcept;
     [[nodiscard]] bool lies_among_moving(const Source& source, std::size_t feature) const noexcept;
     void add_point(const Source& source, std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths,
-                   Map& map, LocalMap& local_map) const noexcept;
+                   World& world) const noexcept;
 
-    KeyframeParameters parameters_;
-    std::uint32_t tracked_urgent_ = 0;
-    WeightParameters weights_;
-    double near_px_ = 0;  // as far as a feature is looked for
-    bool is_region_enabled_ = true;
-    bool is_mapping_ = true;
-    std::uint64_t frame_ = 0;    // of the last keyframe
-    std::uint32_t tracked_ = 0;  // static points right after it
-    std::uint64_t refused_ = 0;  // by the queue
-    std::uint64_t made_ = 0;
+    const Parameters* parameters_ = nullptr;  // outlives it
+    std::uint64_t frame_ = 0;                 // of the last keyframe
+    std::uint32_t tracked_ = 0;               // static points right after it
 };
 
 }  // namespace stillmesh

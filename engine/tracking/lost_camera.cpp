@@ -25,8 +25,6 @@ void LostCamera::reset() noexcept {
     here_ = elsewhere_ = 0;
     frames_ = frames_left_ = 0;
     is_on_probation_ = is_by_words_ = is_unexpected_ = false;
-    frames_lost_ = 0;
-    recoveries_ = 0;
 }
 
 LostCamera::State LostCamera::state(const CameraState& camera) const noexcept {
@@ -96,11 +94,11 @@ bool LostCamera::recover(const RegionContext& expected, CameraState& camera, Est
     estimator_->take_matches(camera.noise.factors(), expected);
     const LastSeen last_seen{camera.world_from_camera(),
                              seconds_between(camera.measured_time_ns, estimator_->time_ns())};
-    SE3 place;
     is_by_words_ = false;
-    return propose_recovery(estimator_->correspondences(), estimator_->chosen().span(),
-                            camera.is_placed ? &last_seen : nullptr, world_->parameters, estimator_->random(), place) &&
-           try_place(place, expected, camera, estimate);
+    const Result<SE3> place =
+        propose_recovery(estimator_->correspondences(), estimator_->chosen().span(),
+                         camera.is_placed ? &last_seen : nullptr, world_->parameters, estimator_->random());
+    return place.is_ok() && try_place(place.value(), expected, camera, estimate);
 }
 
 // Anywhere in the map: by the words of the picture.
@@ -166,7 +164,7 @@ void LostCamera::settle(CameraState& camera) noexcept {
 // Found again, and all that came since agrees.
 void LostCamera::confirm(CameraState& camera) noexcept {
     is_on_probation_ = false;
-    if (before_.is_placed) ++recoveries_;
+    if (before_.is_placed) ++world_->statistics.recoveries;
     if (is_by_words_) relocalisation_->note_success();
     const Handle<Keyframe> there = world_->local_map.reference(world_->map);
     if (!there.is_null()) {
@@ -184,7 +182,7 @@ bool LostCamera::lose(CameraState& camera) noexcept {
     ++camera.lost_frames;
     camera.is_choice_sure = false;
     const bool is_predicted = state(camera) == State::kPredicted;
-    if (!is_predicted && camera.is_placed) ++frames_lost_;
+    if (!is_predicted && camera.is_placed) ++world_->statistics.frames_lost;
     return is_predicted;
 }
 
@@ -206,17 +204,11 @@ bool LostCamera::is_outweighed(const CameraState& camera) noexcept {
 bool LostCamera::sees_through(const SE3& world_from_camera, double noise_depth) noexcept {
     if (!world_->parameters.mapping.is_enabled) return false;
     world_->local_map.build(world_->map, world_from_camera);
-    const MeasuredFrame& frame = estimator_->frame();
     const EmptyPlaces::Agreement seen =
-        empty_places_->agreement(frame.frame(), frame, world_from_camera, noise_depth, world_->local_map, world_->map);
+        empty_places_->agreement(estimator_->frame(), world_from_camera, noise_depth, *world_);
     const RecoveryParameters& p = world_->parameters.recovery;
     return seen.there < world_->parameters.pose.inliers_min ||
            static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty);
-}
-
-void LostCamera::fill(EngineStatistics& statistics) const noexcept {
-    statistics.frames_lost = frames_lost_;
-    statistics.recoveries = recoveries_;
 }
 
 }  // namespace stillmesh

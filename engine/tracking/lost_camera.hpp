@@ -2,9 +2,8 @@
 //   kTracked     the last frame was measured
 //   kPredicted   nothing was measured for some frames: the motion is carried on, and expected again
 //   kLost        for longer, or in a map that was loaded: only a place that is recognised says where it is
-//   kProbation   found where nothing foretold it. Meanwhile the map stays as it is and no pose is given out: a person
-//   who
-//                stands like one that the map still holds is a place, too, for a frame or two
+//   kProbation   found where nothing foretold it. Meanwhile the map stays as it is and no pose is given out: a
+//                person who stands like one that the map still holds is a place, too, for a frame or two
 // A lost camera is looked for near where it was by the descriptors of one keyframe a frame (recovery.hpp), and anywhere
 // by the words of its picture (relocalisation.hpp). A place is tried on the camera's state; what fails, at once or in
 // its probation, puts the state back whole. Cost: nothing while the camera is tracked.
@@ -52,9 +51,7 @@ public:
     // One more frame without a pose. True: the motion is carried on.
     [[nodiscard]] bool lose(CameraState& camera) noexcept;
     // A frame on probation, for which no pose is given out.
-    void count_unproven() noexcept { frames_lost_ += before_.is_placed ? 1U : 0U; }
-
-    void fill(EngineStatistics& statistics) const noexcept;
+    void count_unproven() noexcept { world_->statistics.frames_lost += before_.is_placed ? 1U : 0U; }
 
 private:
     [[nodiscard]] bool recover(const RegionContext& expected, CameraState& camera, Estimate& estimate) noexcept;
@@ -82,8 +79,6 @@ private:
     bool is_on_probation_ = false;
     bool is_by_words_ = false;  // the place that is tried
     bool is_unexpected_ = false;
-    std::uint64_t frames_lost_ = 0;
-    std::uint64_t recoveries_ = 0;
 };
 
 }  // namespace stillmesh

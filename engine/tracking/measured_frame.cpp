@@ -30,11 +30,7 @@ void MeasuredFrame::create(Arena& arena, const Limits& limits, const Parameters&
     features_.create(arena, limits.features_max);
     grey_ = arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
     measured_.create(arena, limits.features_max);
-    noise_.sigma_z_per_m2 = configuration.depth.sigma_z_per_m2;
-    noise_.sigma_pixel = configuration.depth.sigma_pixel;
-    noise_.z_min_m = configuration.depth.z_min_m;
-    noise_.z_max_m = configuration.depth.z_max_m;
-    noise_.sigma_max_m = configuration.depth.sigma_max_m;
+    depth_ = configuration.depth;
     pixel_noise_.create(configuration, camera);
 }
 
@@ -63,7 +59,7 @@ void MeasuredFrame::measure(const Frame& frame) noexcept {
         const auto y = static_cast<double>(keypoint.y);
         m.normalised = undistort_to_normalised(camera_, {x, y});
         const DepthSample sample =
-            sample_depth(frame.depth, metres_per_unit, round_clamped(x), round_clamped(y), noise_);
+            sample_depth(frame.depth, metres_per_unit, round_clamped(x), round_clamped(y), depth_);
         m.z_m = sample.mean_m;
         m.seen = m.normalised;
         m.seen_z_m = m.z_m;
@@ -73,21 +69,17 @@ void MeasuredFrame::measure(const Frame& frame) noexcept {
 }
 
 void MeasuredFrame::carry_to_middle_row(const RollingShutter& shutter, const Vector6& speed) noexcept {
+    Vector6 turning = speed;
+    for (int k = 0; k < 3; ++k) turning(k) = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         MeasuredFeature& m = measured_[i];
         const double row_time_s = shutter.row_time_s(static_cast<double>(features_.keypoints[i].y));
-        if (m.has_depth()) {
-            const Vector3 p = RollingShutter::at_middle_row(back_project(m.seen, m.seen_z_m), row_time_s, speed);
-            if (p.z() < kDepthMin_m) continue;
-            m.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
-            m.z_m = p.z();
-        } else {  // its distance is not known: turned only
-            Vector6 turning = speed;
-            for (int k = 0; k < 3; ++k) turning(k) = 0;
-            const Vector3 p = RollingShutter::at_middle_row(back_project(m.seen, 1.0), row_time_s, turning);
-            if (p.z() < kDepthMin_m) continue;
-            m.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
-        }
+        const bool has_depth = m.has_depth();  // without, its distance is not known: turned only
+        const Vector3 p = moved_a_little((has_depth ? speed : turning) * row_time_s,
+                                         back_project(m.seen, has_depth ? m.seen_z_m : 1.0));
+        if (p.z() < kDepthMin_m) continue;
+        m.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
+        if (has_depth) m.z_m = p.z();
     }
 }
 

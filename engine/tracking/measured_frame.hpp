@@ -67,7 +67,6 @@ public:
     [[nodiscard]] Observation observation_of(std::size_t feature) const noexcept;
 
     [[nodiscard]] const CameraModel& camera() const noexcept { return camera_; }
-    [[nodiscard]] const DepthNoise& depth_noise() const noexcept { return noise_; }
     [[nodiscard]] const PixelNoise& pixel_noise() const noexcept { return pixel_noise_; }
 
 private:
@@ -77,7 +76,7 @@ private:
     FeatureExtractor* extractor_ = nullptr;
     OrbExtractor orb_;
     FeatureSet features_;
-    DepthNoise noise_;
+    DepthParameters depth_;
     std::span<std::uint8_t> grey_;
     FixedVector<MeasuredFeature> measured_;
     PixelNoise pixel_noise_;

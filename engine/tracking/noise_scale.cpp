@@ -33,16 +33,6 @@ void NoiseScale::raise() noexcept {
 }
 
 void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                       const SE3& world_from_camera) noexcept {
-    adapt(correspondences, chosen, world_from_camera, nullptr);
-}
-
-void NoiseScale::adapt_by_group(std::span<const Correspondence> correspondences, const StaticRegion& region,
-                                const SE3& world_from_camera) noexcept {
-    adapt(correspondences, region.weighted(), world_from_camera, &region);
-}
-
-void NoiseScale::adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
                        const SE3& world_from_camera, const StaticRegion* groups) noexcept {
     const SE3 camera_from_world = world_from_camera.inverse();
     // Medians of squared normalised residuals over those of chi-square with two degrees of freedom and with one.

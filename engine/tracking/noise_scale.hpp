@@ -40,20 +40,14 @@ public:
     }
     void raise() noexcept;
 
-    // From the residuals of the `chosen` under one motion...
+    // From the residuals of the `chosen` under one motion; with `groups` of each body under its own motion
+    // (`world_from_camera` where it has none).
     void adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-               const SE3& world_from_camera) noexcept;
-    // ... or of each body under its own motion (`world_from_camera` where it has none), which does not depend on what
-    // was chosen.
-    void adapt_by_group(std::span<const Correspondence> correspondences, const StaticRegion& region,
-                        const SE3& world_from_camera) noexcept;
+               const SE3& world_from_camera, const StaticRegion* groups = nullptr) noexcept;
     void count_frame() noexcept { ++frames_; }
     [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }  // that it was measured in
 
 private:
-    void adapt(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-               const SE3& world_from_camera, const StaticRegion* groups) noexcept;
-
     const NoiseParameters* parameters_ = nullptr;  // outlives it
     NoiseFactors factors_;
     NoiseFactors before_;    // the frame

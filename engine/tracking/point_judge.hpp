@@ -18,16 +18,26 @@ namespace stillmesh {
 
 enum class Verdict : std::uint8_t { kNone = 0, kStill = 1, kMoving = 2 };
 
+// A frame whose pose is known.
+struct PosedFrame {
+    const MeasuredFrame& frame;
+    const TrackedShutter& shutter;
+    SE3 world_from_camera;
+    std::uint64_t number = 0;
+    std::int64_t time_ns = 0;
+    double travelled = 0;  // the odometer's
+
+    // The point is where this frame measures it as `feature`, which has depth...
+    void place(std::size_t feature, MapPoint& point) const noexcept;
+    // ... and was first seen there.
+    void anchor(MapPoint& point) const noexcept;
+};
+
 class PointJudge {
 public:
     // The frame that judges.
     struct Witness {
-        const MeasuredFrame& frame;
-        const TrackedShutter& shutter;
-        SE3 world_from_camera;
-        std::uint64_t number = 0;
-        std::int64_t time_ns = 0;
-        double travelled = 0;    // the odometer's
+        PosedFrame posed;
         bool is_sure = false;    // only such a frame changes weights
         bool is_frozen = false;  // the map stays as it is, apart from marks of use
     };
@@ -48,12 +58,11 @@ public:
 private:
     void move_weight(const Correspondence& c, bool is_still, bool is_moving, std::int64_t time_ns,
                      MapPoint& point) const noexcept;
-    void refine(const Correspondence& c, const Witness& witness, const SE3& camera_from_world,
+    void refine(const Correspondence& c, const PosedFrame& posed, const SE3& camera_from_world,
                 MapPoint& point) const noexcept;
-    void follow(const Correspondence& c, const Witness& witness, MapPoint& point) const noexcept;
+    void follow(const Correspondence& c, const PosedFrame& posed, MapPoint& point) const noexcept;
 
-    WeightParameters weights_;
-    RegionParameters region_;
+    const Parameters* parameters_ = nullptr;  // outlives it
     std::span<Verdict> verdicts_;
 };
 

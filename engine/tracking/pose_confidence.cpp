@@ -5,21 +5,12 @@
 
 namespace stillmesh {
 
-void PoseConfidence::create(const Parameters& configuration) noexcept {
-    sure_sigma_m_ = configuration.pose.sure_sigma_m;
-    jump_sigmas_ = configuration.prediction.jump_sigmas;
-}
-
 void PoseConfidence::reset() noexcept {
     doubt_.reset();
     map_covariance_ = Matrix6::Zero();
     covariance_ = Matrix6::Zero();
     renewed_share_ = 0;
     is_motion_sure_ = true;
-}
-
-void PoseConfidence::begin_at_origin() noexcept {
-    reset();
 }
 
 void PoseConfidence::begin_in_map() noexcept {
@@ -30,7 +21,7 @@ void PoseConfidence::begin_in_map() noexcept {
 void PoseConfidence::doubt_jump(std::int64_t time_ns, const MotionPrior& expected,
                                 const SE3& world_from_camera) noexcept {
     const SE3 off = expected.world_from_camera.inverse() * world_from_camera;
-    const double sigmas = jump_sigmas_;
+    const double sigmas = parameters_->prediction.jump_sigmas;
     const double beyond_m = std::max(std::sqrt(off.translation.squaredNorm()) - sigmas * expected.sigma_m, 0.0);
     const double beyond_rad = std::max(rotation_angle(off.rotation) - sigmas * expected.sigma_rad, 0.0);
     doubt_.add(time_ns, {beyond_m * beyond_m, beyond_rad * beyond_rad});
@@ -52,8 +43,8 @@ bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera
     MotionDoubt::Variance motion = doubt_.over_window(time_ns);
     motion.translation_m2 += now.translation_m2;
     motion.rotation_rad2 += now.rotation_rad2;
-    is_motion_sure_ =
-        motion.translation_m2 <= sure_sigma_m_ * sure_sigma_m_ && motion.rotation_rad2 <= sure_sigma_m_ * sure_sigma_m_;
+    const double sure2 = parameters_->pose.sure_sigma_m * parameters_->pose.sure_sigma_m;
+    is_motion_sure_ = motion.translation_m2 <= sure2 && motion.rotation_rad2 <= sure2;
     const Matrix6 to_camera = se3_adjoint(world_from_camera.inverse());
     half.noalias() = to_camera * map_covariance_;
     covariance_.noalias() = half * to_camera.transpose();

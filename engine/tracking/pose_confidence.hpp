@@ -7,7 +7,6 @@
 #include <cstdint>
 
 #include "engine/geometry/se3.hpp"
-#include "engine/outputs.hpp"
 #include "engine/parameters.hpp"
 #include "engine/pose/motion_doubt.hpp"
 #include "engine/pose/pose_optimiser.hpp"
@@ -16,10 +15,9 @@ namespace stillmesh {
 
 class PoseConfidence {
 public:
-    void create(const Parameters& configuration) noexcept;
+    void create(const Parameters& configuration) noexcept { parameters_ = &configuration; }
+    // Also for a new map, whose origin is where the camera is.
     void reset() noexcept;
-    // A new map, whose origin is where the camera is.
-    void begin_at_origin() noexcept;
     // A map that was loaded: drift counts from here.
     void begin_in_map() noexcept;
     // Of the local map, by a keyframe: counts with the next pose measured.
@@ -40,8 +38,7 @@ public:
     [[nodiscard]] const Matrix6& covariance() const noexcept { return covariance_; }
 
 private:
-    double sure_sigma_m_ = 0;
-    double jump_sigmas_ = 0;
+    const Parameters* parameters_ = nullptr;  // outlives it
     MotionDoubt doubt_;
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "engine/base/time.hpp"
-#include "engine/map/map_readout.hpp"
 #include "engine/tracking/frame_hash.hpp"
 
 namespace stillmesh {
@@ -85,8 +84,7 @@ void Tracking::track(const Frame& frame) noexcept {
         }
     }
     if (world_->parameters.mapping.is_enabled && !lost_.keeps_map() && world_->pose.state == PoseState::kTracked) {
-        empty_places_.note_empty(frame, measured_, world_from_camera(), world_->clock.frame,
-                                 camera_.noise.factors().depth, world_->local_map, world_->map);
+        empty_places_.note_empty(measured_, world_from_camera(), camera_.noise.factors().depth, *world_);
     }
     end_frame();
 }
@@ -137,7 +135,7 @@ void Tracking::start_map() noexcept {
     judge_.clear(measured_.size());
     make_keyframe();
     keyframe_inserter_.set_tracked(usable);
-    camera_.confidence.begin_at_origin();
+    camera_.confidence.reset();
     give_out(PoseState::kTracked, Matrix6::Identity() * 1e10);  // where the odometry begins is no measurement
     camera_.confidence.set_renewed_share(1);
 }
@@ -224,10 +222,7 @@ void Tracking::learn_points() noexcept {
     FixedVector<std::uint16_t>& still = estimator_.chosen();
     const SE3& found = estimate_.fit.world_from_camera;
     const bool is_sure = estimate_.is_sure;
-    const std::uint32_t moving = judge_.judge(matches,
-                                              {measured_, shutter_, found, world_->clock.frame, time_ns_,
-                                               camera_.odometry.travelled(), is_sure, lost_.keeps_map()},
-                                              world_->map, still);
+    const std::uint32_t moving = judge_.judge(matches, {posed(), is_sure, lost_.keeps_map()}, world_->map, still);
     const PoseParameters& p = world_->parameters.pose;
     const double share = matches.empty() ? p.inlier_ratio_start
                                          : static_cast<double>(still.size()) / static_cast<double>(matches.size());
@@ -244,11 +239,13 @@ void Tracking::learn_points() noexcept {
     if (is_sure && !lost_.keeps_map()) keyframe_average_.add(matches, still.span(), found, world_->map);
 }
 
+PosedFrame Tracking::posed() const noexcept {
+    return {measured_, shutter_, world_from_camera(), world_->clock.frame, time_ns_, camera_.odometry.travelled()};
+}
+
 void Tracking::make_keyframe() noexcept {
     const double renewed_share = keyframe_inserter_.insert(
-        {measured_, estimator_.matcher(), judge_, shutter_, world_from_camera(), world_->clock.frame, time_ns_,
-         statistics_.static_matches, camera_.odometry.drift_m(), camera_.odometry.travelled()},
-        *world_);
+        {posed(), estimator_.matcher(), judge_, statistics_.static_matches, camera_.odometry.drift_m()}, *world_);
     keyframe_average_.begin(world_->map, world_->map.recent_keyframe(0));
     camera_.confidence.set_renewed_share(renewed_share);
     statistics_.is_keyframe = true;
@@ -289,18 +286,10 @@ void Tracking::end_frame() noexcept {
     camera_.motion.end_frame(time_ns_);
     world_->clock.time_ns = time_ns_;
     world_->noise = camera_.noise.factors();
-    add_frame({time_ns_, world_from_camera(), world_->pose, statistics_}, estimator_.correspondences(),
-              estimator_.groups(), judge_, world_->map, hash_);
+    add_frame({time_ns_, world_from_camera(), world_->pose, statistics_, estimator_.correspondences(),
+               estimator_.groups(), judge_},
+              world_->map, hash_);
     ++world_->clock.frame;
-}
-
-void Tracking::fill(EngineStatistics& statistics) const noexcept {
-    statistics.frames = world_->clock.frame - world_->clock.first_frame;
-    lost_.fill(statistics);
-    keyframe_inserter_.fill(statistics);
-    statistics.keyframe_queue = {static_cast<std::uint32_t>(world_->keyframe_queue.size()), 0,
-                                 World::kKeyframeQueueMax};
-    fill_map_statistics(world_->map, statistics);
 }
 
 std::uint64_t Tracking::reference_keyframe() const noexcept {

@@ -47,7 +47,6 @@ public:
     void track(const Frame& frame) noexcept;
 
     [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept { return statistics_; }
-    void fill(EngineStatistics& statistics) const noexcept;
     [[nodiscard]] TrackingView view() noexcept;
     [[nodiscard]] std::uint64_t reference_keyframe() const noexcept;
     [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_.value(); }
@@ -72,6 +71,8 @@ private:
     void learn() noexcept;
     void learn_camera() noexcept;
     void learn_points() noexcept;
+    // The frame at hand, where the camera is.
+    [[nodiscard]] PosedFrame posed() const noexcept;
     void make_keyframe() noexcept;
     void lose() noexcept;
     void give_out(PoseState state, const Matrix6& information) noexcept;

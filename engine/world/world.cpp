@@ -1,6 +1,7 @@
 #include "engine/world/world.hpp"
 
 #include "engine/geometry/camera.hpp"
+#include "engine/map/map_readout.hpp"
 #include "engine/static_region/paper_choice.hpp"
 
 namespace stillmesh {
@@ -38,6 +39,15 @@ void World::reset() noexcept {
     corrections = 0;
     loops_closed = 0;
     last_loop = LoopCorrection{};
+    statistics = EngineStatistics{};
+}
+
+EngineStatistics World::all_statistics() const noexcept {
+    EngineStatistics out = statistics;
+    out.frames = clock.frame - clock.first_frame;
+    out.keyframe_queue = {static_cast<std::uint32_t>(keyframe_queue.size()), 0, kKeyframeQueueMax};
+    fill_map_statistics(map, out);
+    return out;
 }
 
 void World::move_camera(const SE3& correction) noexcept {

@@ -57,6 +57,8 @@ struct World {
     }
     // Forgets everything but limits, configuration and camera.
     void reset() noexcept;
+    // What has been counted, with what map, clock and queue say of themselves.
+    [[nodiscard]] EngineStatistics all_statistics() const noexcept;
 
     // The map around the camera was corrected by a local adjustment: the camera follows.
     void move_camera(const SE3& correction) noexcept;
@@ -85,6 +87,7 @@ struct World {
     std::uint64_t corrections = 0;   // times that the whole map was corrected
     std::uint64_t loops_closed = 0;  // of them, by a loop
     LoopCorrection last_loop;
+    EngineStatistics statistics;  // whoever does something counts it here
 };
 
 }  // namespace stillmesh

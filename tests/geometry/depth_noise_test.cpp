@@ -28,8 +28,8 @@ DepthImage image_of(std::uint32_t width, std::uint32_t height, std::vector<std::
     return {width, height, std::move(pixels)};
 }
 
-DepthNoise without_limits() {
-    DepthNoise noise;
+DepthParameters without_limits() {
+    DepthParameters noise;
     noise.z_min_m = 0;
     noise.z_max_m = 1e9;
     noise.sigma_max_m = 1e9;
@@ -37,7 +37,7 @@ DepthNoise without_limits() {
 }
 
 // method.md 1, word by word: two passes, metres, the centred form.
-DepthSample by_the_book(const DepthImage& image, int x, int y, const DepthNoise& noise) {
+DepthSample by_the_book(const DepthImage& image, int x, int y, const DepthParameters& noise) {
     double weight_sum = 0, mean = 0;
     const auto visit = [&](auto use) {
         for (int dy = -1; dy <= 1; ++dy) {
@@ -68,7 +68,7 @@ DepthSample by_the_book(const DepthImage& image, int x, int y, const DepthNoise&
 // Promise: the sample is the mixture of method.md 1, for surfaces, borders, holes and image corners.
 TEST(SampleDepth, IsTheMixtureByTheBook) {
     Random random(1);
-    const DepthNoise noise;
+    const DepthParameters noise;
     int valid = 0, invalid = 0;
     for (int round = 0; round < 20'000; ++round) {
         DepthImage image{5, 4, std::vector<std::uint16_t>(20)};
@@ -100,7 +100,7 @@ TEST(SampleDepth, IsTheMixtureByTheBook) {
 TEST(SampleDepth, FlatSurfaceHasTheSensorsNoise) {
     for (const int units : {2500, 5000, 15000, 25000}) {
         const DepthImage image = image_of(3, 3, std::vector<std::uint16_t>(9, static_cast<std::uint16_t>(units)));
-        const DepthSample sample = sample_depth(image.view(), kUnit, 1, 1, DepthNoise{});
+        const DepthSample sample = sample_depth(image.view(), kUnit, 1, 1, DepthParameters{});
         const double z = units * kUnit;
         EXPECT_NEAR(sample.mean_m, z, 1e-15);
         EXPECT_NEAR(std::sqrt(sample.variance_m2), 1.425e-3 * z * z, 1e-15);
@@ -110,7 +110,7 @@ TEST(SampleDepth, FlatSurfaceHasTheSensorsNoise) {
 // Promise: a feature on an object's border gets a large variance by itself and is isolated; beyond z_max and before
 // z_min too; a hole is no measurement.
 TEST(SampleDepth, BordersAndLimitsAreIsolated) {
-    const DepthNoise noise;
+    const DepthParameters noise;
     const auto at = [&](std::vector<std::uint16_t> pixels) {
         const DepthImage image = image_of(3, 3, std::move(pixels));
         return sample_depth(image.view(), kUnit, 1, 1, noise);
@@ -129,7 +129,7 @@ TEST(SampleDepth, BordersAndLimitsAreIsolated) {
 // Promise: the largest depths a sensor can write do not overflow anything.
 TEST(SampleDepth, LargestDepths) {
     const DepthImage image = image_of(3, 3, {65535, 1, 65535, 65535, 65535, 65535, 1, 1, 65535});
-    const DepthNoise noise = without_limits();
+    const DepthParameters noise = without_limits();
     const DepthSample got = sample_depth(image.view(), kUnit, 1, 1, noise);
     const DepthSample want = by_the_book(image, 1, 1, noise);
     EXPECT_NEAR(got.mean_m, want.mean_m, 1e-13);
@@ -139,7 +139,7 @@ TEST(SampleDepth, LargestDepths) {
 // Promise: mean and variance are those of the mixture: draw a pixel by its weight, add the sensor's noise.
 TEST(SampleDepth, MonteCarlo) {
     const DepthImage image = image_of(3, 3, {5000, 5100, 5600, 0, 5050, 5500, 4950, 5000, 5400});
-    const DepthNoise noise;
+    const DepthParameters noise;
     const DepthSample sample = sample_depth(image.view(), kUnit, 1, 1, noise);
     ASSERT_TRUE(sample.is_valid());
     Random random(2);

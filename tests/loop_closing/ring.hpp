@@ -209,12 +209,7 @@ public:
         tracking_.track(frame);
         return world_.pose;
     }
-    LoopStatistics statistics() const {
-        EngineStatistics out;
-        loops_.fill(out);
-        refinement_.fill(out.loop);
-        return out.loop;
-    }
+    const LoopStatistics& statistics() const { return world_.statistics.loop; }
     // Root mean square of the keyframes' distance from where they truly are.
     double off_m() {
         double sum = 0;

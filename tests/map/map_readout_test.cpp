@@ -65,7 +65,7 @@ TEST(MapReadout, CountsByReason) {
     cull_points(*map, 90);
     for (std::size_t i = 4; i < 7; ++i) {
         map->release_point(points[i]);
-        map->count_emptied();
+        ++map->statistics().points_emptied;
     }
     map->fuse(points[7], points[8]);
     map->fuse(points[7], points[9]);

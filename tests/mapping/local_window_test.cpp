@@ -45,7 +45,7 @@ public:
     void finish() {
         WorkBudget budget(100'000'000);
         ASSERT_EQ(window.adjust(budget), Progress::kDone);
-        EXPECT_GT(window.commit(statistics), 0U);
+        EXPECT_GT(window.commit(), 0U);
         EXPECT_FALSE(window.is_chosen());
     }
     // How far the newest lies from where it was, seen from keyframe i.
@@ -57,7 +57,6 @@ public:
 
     std::unique_ptr<Ring> ring;
     LocalWindow window;
-    MappingStatistics statistics;
     std::vector<Handle<Keyframe>> handles;
 
 private:
@@ -82,7 +81,7 @@ TEST(LocalWindow, AnAdjustmentTakesTheDriftAway) {
     rig.collect();
     rig.finish();
     EXPECT_LT(rig.off_m(kKeyframes - 4), 0.3 * before_m);
-    EXPECT_GT(rig.statistics.adjustment_iterations, 0U);
+    EXPECT_GT(rig.ring->world().statistics.mapping.adjustment_iterations, 0U);
     std::uint32_t moved = 0;
     for (std::uint32_t i = 0; i < kKeyframes; ++i) {
         moved += rig.at(i).world_from_camera.translation == poses[i].translation ? 0U : 1U;
@@ -168,7 +167,7 @@ TEST(LocalWindow, OutliersMakeASecondRound) {
         static_cast<void>(rig.choose(3));
         rig.collect();
         rig.finish();
-        iterations[second] = rig.statistics.adjustment_iterations;
+        iterations[second] = rig.ring->world().statistics.mapping.adjustment_iterations;
     }
     EXPECT_EQ(iterations[0], 2U);
     EXPECT_EQ(iterations[1], 3U);
@@ -225,7 +224,7 @@ TEST(LocalWindow, OutliersEnd) {
     rig.finish();
     std::uint32_t left = 0;
     for (const Observation& o : rig.map().observations(newest)) left += rig.map().points().find(o.point) ? 1U : 0U;
-    EXPECT_GE(rig.statistics.observations_dropped, 5U);
+    EXPECT_GE(rig.ring->world().statistics.mapping.observations_dropped, 5U);
     EXPECT_LE(left + 5, observed);
     EXPECT_EQ(test::find_fault(rig.map()), nullptr) << test::find_fault(rig.map());
 }

@@ -100,9 +100,7 @@ TEST(Mapping, AnySlicingGivesTheSameBits) {
         }
         if (wanted.empty()) wanted = hashes;
         ASSERT_EQ(hashes, wanted) << "slices of " << slice;
-        EngineStatistics statistics;
-        rig.mapping().fill(statistics);
-        rig.tracking().fill(statistics);
+        const EngineStatistics statistics = rig.world().all_statistics();
         EXPECT_GT(statistics.mapping.keyframes_inserted, 5U);
         EXPECT_GT(statistics.mapping.adjustments, 3U);
         EXPECT_GT(statistics.mapping.adjustment_iterations, statistics.mapping.adjustments);
@@ -122,11 +120,7 @@ TEST(Mapping, AFewPointsMoveNoCamera) {
     const Parameters configuration = fitting(limits);
     Rig rig(sequence().camera, limits, configuration);
     Map& map = rig.world().map;
-    const auto adjustments = [&rig] {
-        EngineStatistics statistics;
-        rig.mapping().fill(statistics);
-        return statistics.mapping.adjustments;
-    };
+    const auto adjustments = [&rig] { return rig.world().statistics.mapping.adjustments; };
     std::uint32_t held = 0;
     std::uint32_t adjusted = 0;
     for (const test::KeptFrame& kept : sequence().frames) {
@@ -222,8 +216,7 @@ TEST(Mapping, OnlyWhatWasStartedIsDropped) {
                     progress = rig.mapping().step(budget);
                 }
                 if (rig.mapping().stage() != until) continue;
-                EngineStatistics then;
-                rig.mapping().fill(then);
+                const EngineStatistics then = rig.world().statistics;
                 if (is_corrected) {
                     rig.world().move_everything(SE3{});
                 } else {
@@ -232,8 +225,7 @@ TEST(Mapping, OnlyWhatWasStartedIsDropped) {
                 WorkBudget budget(1000);
                 EXPECT_EQ(rig.mapping().step(budget), Progress::kDone);
                 EXPECT_LT(budget.units_spent(), 1000U) << "what it does not need others may have";
-                EngineStatistics now;
-                rig.mapping().fill(now);
+                const EngineStatistics& now = rig.world().statistics;
                 const bool is_started = until == Stage::kAdjust || until == Stage::kCommit;
                 EXPECT_EQ(now.mapping.adjustments_dropped - then.mapping.adjustments_dropped, is_started ? 1U : 0U)
                     << static_cast<int>(until);
@@ -359,8 +351,7 @@ TEST(Mapping, WithoutUnitsTrackingGoesOn) {
         keyframes += rig.tracking().frame_statistics().is_keyframe ? 1U : 0U;
         ASSERT_EQ(test::find_fault(rig.world().map), nullptr);
     }
-    EngineStatistics statistics;
-    rig.tracking().fill(statistics);
+    const EngineStatistics statistics = rig.world().all_statistics();
     EXPECT_EQ(statistics.keyframe_queue.size, World::kKeyframeQueueMax);
     EXPECT_EQ(statistics.keyframes_refused, keyframes - World::kKeyframeQueueMax);
     // Those that waited may be gone by now: they are passed over.

@@ -92,11 +92,10 @@ TEST_F(Fusion, MissedPointsAreObserved) {
     EXPECT_GT(fuse(point), 0U);
     EXPECT_EQ(shown(feature), point);
     EXPECT_EQ((*world_)[point].observers, 2);
-    EXPECT_EQ(fusion_.observations_found(), 1U);
+    EXPECT_EQ((*world_)->statistics.mapping.observations_found, 1U);
     EXPECT_EQ(fuse(point), 0U);
-    EXPECT_EQ(fusion_.observations_found(), 1U);
-    fusion_.reset();
-    EXPECT_EQ(fusion_.observations_found(), 0U);
+    EXPECT_EQ((*world_)->statistics.mapping.observations_found, 1U);
+    fusion_.forget_target();
     EXPECT_FALSE(fusion_.has_target(target_));
 }
 
@@ -127,7 +126,7 @@ TEST_F(Fusion, DuplicatesBecomeTheOlder) {
         EXPECT_EQ((*world_)[kept].seen, 42);
         EXPECT_EQ((*world_)[kept].observers, std::max(c.observers, 1U) + 1U);
         EXPECT_EQ(map().statistics().points_fused, 1U);
-        EXPECT_EQ(fusion_.observations_found(), 0U);
+        EXPECT_EQ((*world_)->statistics.mapping.observations_found, 0U);
     }
 }
 
@@ -137,9 +136,9 @@ TEST_F(Fusion, OnlyStillPointsInView) {
     const auto is_found = [&](const Vector3& p_camera) {
         const Handle<MapPoint> point = world_->add_point(pose_ * p_camera, test::descriptor_of(1));
         (*world_)[point].distance_m = static_cast<float>(std::abs(p_camera.z()));
-        const std::uint64_t before = fusion_.observations_found();
+        const std::uint64_t before = (*world_)->statistics.mapping.observations_found;
         fuse(point);
-        return fusion_.observations_found() > before;
+        return (*world_)->statistics.mapping.observations_found > before;
     };
     for (const double z_min_m : {0.3, 0.5}) {
         Parameters parameters = test::small_parameters();
@@ -195,7 +194,7 @@ TEST_F(Fusion, AlikeWithinTheLimits) {
         (*world_)->noise.depth = f.noise;
         see(60 + 0.6 * f.off_px, 50 - 0.8 * f.off_px, f.z_m, off_by(1, f.bits), {}, f.level);
         fuse(point);
-        return fusion_.observations_found() == 1;
+        return (*world_)->statistics.mapping.observations_found == 1;
     };
     for (const bool is_other : {false, true}) {
         Parameters p = test::small_parameters();

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "engine/base/random.hpp"
+#include "engine/features/features.hpp"
 #include "tests/support/memory.hpp"
 
 namespace stillmesh {
@@ -77,7 +78,7 @@ TEST(FeatureGrid, VisitsTheCellsThatTheSquareTouches) {
             const std::uint32_t width = 33 + random.below(limits.image_width_max - 32);
             const std::uint32_t height = 33 + random.below(limits.image_height_max - 32);
             const auto keypoints = random_keypoints(random, random.below(401), width, height);
-            grid->build(width, height, keypoints);
+            grid->build(width, height, std::span<const Keypoint>(keypoints));
             ASSERT_EQ(grid->in_order().size(), keypoints.size());
             for (int query = 0; query < 20; ++query) {
                 const double x = random.uniform(-50.0, width + 50.0);
@@ -100,7 +101,7 @@ TEST(FeatureGrid, MissesNothingWithinTheRadius) {
     for (int round = 0; round < 100; ++round) {
         Grid grid(Limits::tiny());
         const auto keypoints = random_keypoints(random, 100, 160, 120);
-        grid->build(160, 120, keypoints);
+        grid->build(160, 120, std::span<const Keypoint>(keypoints));
         const double x = random.uniform(-20, 180);
         const double y = random.uniform(-20, 140);
         const double radius = random.uniform(0, 60);
@@ -121,12 +122,12 @@ TEST(FeatureGrid, MissesNothingWithinTheRadius) {
 TEST(FeatureGrid, BoundsOfSense) {
     Random random(2);
     Grid grid(Limits::tiny());
-    grid->build(160, 120, {});
+    grid->build(160, 120, std::span<const Keypoint>{});
     EXPECT_TRUE(visited(*grid, 80, 60, 1e9).empty());
     auto keypoints = random_keypoints(random, 100, 160, 120);
     keypoints[40].x = keypoints[40].y = 1;  // in the first cell and in the last is something
     keypoints[60].x = 158, keypoints[60].y = 118;
-    grid->build(160, 120, keypoints);
+    grid->build(160, 120, std::span<const Keypoint>(keypoints));
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     for (const double radius : {1e9, 1e300, kInfinity}) EXPECT_EQ(visited(*grid, 40, 40, radius).size(), 100U);
 
@@ -146,7 +147,7 @@ TEST(FeatureGrid, FeaturesBeyondTheBorder) {
     keypoints[1].x = 1e9F, keypoints[1].y = 1e9F;
     keypoints[2].x = -1, keypoints[2].y = -0.5F;
     keypoints[3].x = std::numeric_limits<float>::quiet_NaN(), keypoints[3].y = 0;
-    grid->build(160, 120, keypoints);
+    grid->build(160, 120, std::span<const Keypoint>(keypoints));
     EXPECT_EQ(visited(*grid, 158, 118, 3), (std::vector<std::uint32_t>{0, 1}));
     EXPECT_EQ(visited(*grid, 3, 3, 3), (std::vector<std::uint32_t>{2, 3}));
     EXPECT_TRUE(visited(*grid, 80, 60, 3).empty());

@@ -165,11 +165,13 @@ TEST_F(MapMatcherTest, MoreAddsOnly) {
     add_feature(319.5 + 130, 239.5, two, 0);
     matcher_.begin(features_);
     map_.points().at(1).last_seen_frame = 5;
-    matcher_.more_by_projection(map_, nullptr, SE3{}, 10, 5);
+    std::uint64_t frame = 5;
+    matcher_.by_projection(map_, nullptr, SE3{}, 10, &frame);
     EXPECT_EQ(matcher_.claim(0).point_slot_plus_one, 1U);
     EXPECT_TRUE(matcher_.claim(1).is_free());
     map_.points().at(0).last_seen_frame = 6;
-    matcher_.more_by_projection(map_, nullptr, SE3{}, 10, 6);
+    frame = 6;
+    matcher_.by_projection(map_, nullptr, SE3{}, 10, &frame);
     EXPECT_EQ(matcher_.claim(0).point_slot_plus_one, 1U);
     EXPECT_EQ(matcher_.claim(1).point_slot_plus_one, 2U);
 }

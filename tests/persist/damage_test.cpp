@@ -26,7 +26,7 @@ struct Damage : testing::Test {
         test::run(*maker, sequence(), 0, 12);
         file = test::saved(*maker, Limits::tiny());
         test::run(*engine, sequence(), 0, 5);
-        before = engine->map_hash();
+        before = test::map_hash(*engine);
     }
     // What load_map says; it must not say yes, and the engine must be as it was.
     MapFileProblem refused(const Bytes& bytes, Status& status) {
@@ -41,7 +41,7 @@ struct Damage : testing::Test {
         return refused(bytes, status).fault;
     }
     void TearDown() override {
-        EXPECT_EQ(engine->map_hash(), before) << "a file that was refused touched the engine";
+        EXPECT_EQ(test::map_hash(*engine), before) << "a file that was refused touched the engine";
         EXPECT_EQ(engine->statistics().frames, 5U);
         MapFileProblem problem;
         EXPECT_EQ(engine->load_map(file, MapUse::kContinue, problem), Status::kOk) << "and the good one is good";

@@ -11,6 +11,7 @@
 #include "engine/engine_state.hpp"
 #include "engine/record/map_file.hpp"
 #include "tests/engine/engine_rig.hpp"
+#include "tests/support/map_hash.hpp"
 
 namespace stillmesh::test {
 
@@ -18,6 +19,10 @@ using Bytes = std::vector<std::byte>;
 
 inline Map& map_of(Engine& engine) {
     return static_cast<EngineState&>(engine).world.map;
+}
+
+inline std::uint64_t map_hash(Engine& engine) {
+    return map_hash(map_of(engine), static_cast<EngineState&>(engine).world.camera);
 }
 
 // A workspace for copies; what lies behind it must stay as it is.

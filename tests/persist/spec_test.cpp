@@ -127,7 +127,7 @@ TEST(MapCopy, LateChangesAreInTheCopy) {
         }
         WorkBudget rest(1'000'000);
         ASSERT_EQ(copy.step(*map, {10, 10}, rest), Progress::kDone);
-        EXPECT_EQ(test::info_of(space.file()).hash, map_hash(*map, camera)) << "change " << change;
+        EXPECT_EQ(test::info_of(space.file()).hash, test::map_hash(*map, camera)) << "change " << change;
     }
 }
 

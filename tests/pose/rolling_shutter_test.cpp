@@ -81,7 +81,7 @@ const Vector6 kTurning = (Vector6() << 0, 0, 0, 0.04, 0.09, 0.02).finished();
 [[nodiscard]] std::vector<Seen> carried(const RollingShutter& shutter, std::vector<Seen> seen) {
     for (Seen& one : seen) {
         if (!one.c.has_depth) continue;
-        one.c.p_camera = RollingShutter::at_middle_row(one.c.p_camera, shutter.row_time_s(one.y_px), kTurning);
+        one.c.p_camera = moved_a_little(kTurning * shutter.row_time_s(one.y_px), one.c.p_camera);
         one.c.normalised = Vector2(one.c.p_camera.x() / one.c.p_camera.z(), one.c.p_camera.y() / one.c.p_camera.z());
     }
     return seen;
@@ -111,7 +111,7 @@ public:
             std::vector<Correspondence> c;
             for (std::size_t i = 0; i < seen.size(); ++i) {
                 const double row_s = shutter.row_time_s(seen[i].y_px);
-                const Vector3 p = RollingShutter::at_middle_row(seen[i].c.p_camera, row_s, speed);
+                const Vector3 p = moved_a_little(speed * row_s, seen[i].c.p_camera);
                 carried[i].c.p_camera = p;
                 carried[i].c.normalised = Vector2(p.x() / p.z(), p.y() / p.z());
                 c.push_back(carried[i].c);
@@ -152,7 +152,7 @@ TEST(RollingShutter, CarriesByTheMotion) {
         const double time_s = random.uniform(-0.02, 0.02);
         const double angle = speed.tail<3>().norm() * std::abs(time_s);
         const double travelled = speed.head<3>().norm() * std::abs(time_s);
-        const Vector3 carried = RollingShutter::at_middle_row(p, time_s, speed);
+        const Vector3 carried = moved_a_little(speed * time_s, p);
         const double error_m = (carried - se3_exp(speed * time_s) * p).norm();
         EXPECT_LE(error_m, angle * angle * angle / 6 * p.norm() + 0.5 * angle * travelled + 1e-14);
     }
@@ -165,8 +165,8 @@ TEST(RollingShutter, WithoutMotionNothingChanges) {
         const Vector3 p = test::random_point_in_view(random);
         Vector6 speed;
         for (int k = 0; k < 6; ++k) speed(k) = random.uniform(-3, 3);
-        const Vector3 at_rest = RollingShutter::at_middle_row(p, random.uniform(-0.02, 0.02), Vector6::Zero());
-        const Vector3 at_once = RollingShutter::at_middle_row(p, 0.0, speed);
+        const Vector3 at_rest = moved_a_little(Vector6::Zero() * random.uniform(-0.02, 0.02), p);
+        const Vector3 at_once = moved_a_little(speed * 0.0, p);
         for (int k = 0; k < 3; ++k) {
             EXPECT_EQ(bits_of(at_rest(k)), bits_of(p(k)));
             EXPECT_EQ(bits_of(at_once(k)), bits_of(p(k)));

@@ -58,7 +58,10 @@ public:
         last_seen.world_from_camera = pose;
     }
     [[nodiscard]] bool propose(const Parameters& parameters, bool is_placed = true) {
-        return propose_recovery(correspondences, chosen, is_placed ? &last_seen : nullptr, parameters, random, found);
+        const Result<SE3> proposed =
+            propose_recovery(correspondences, chosen, is_placed ? &last_seen : nullptr, parameters, random);
+        if (proposed.is_ok()) found = proposed.value();
+        return proposed.is_ok();
     }
 
     Random random;

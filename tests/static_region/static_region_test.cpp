@@ -194,7 +194,7 @@ TEST(StaticRegion, IterationsAreBounded) {
         const RegionChoice choice = region->choose(scene.correspondences, configuration, context_at(SE3{}), random);
         EXPECT_LE(choice.iterations,
                   configuration.pose.coarse_total_max +
-                      ransac_options(configuration, configuration.pose.coarse_factor).iterations_max);
+                      ransac_options(configuration, configuration.pose.coarse_factor, 0.5).iterations_max);
     }
 }
 

@@ -169,7 +169,7 @@ TEST(PagingState, WhatIsOutsideFollowsTheLoops) {
     close_loop(400, 0, 300);
     EXPECT_NEAR(moved_m(before, 150), 1.0 + 1.0, 1e-12);
     EXPECT_NEAR(moved_m(between, 150), 1.0, 1e-12);
-    EXPECT_EQ(rig.state.statistics.corrections, 2U);
+    EXPECT_EQ(rig.state.world->statistics.store.corrections, 2U);
     for (std::uint64_t i = 0; i < PagingState::kCorrectionsMax; ++i) close_loop(500 + i, 450, 460);
     EXPECT_EQ(moved_m(before, 300), 0) << "only so many are remembered";
     rig.state.reset();
@@ -194,9 +194,9 @@ TEST(RegionKeeper, KeepsEachPlaceOnce) {
     ASSERT_EQ(rig.store.kept.size(), 2U);
     EXPECT_EQ(rig.store.kept[0].id, 10U);
     EXPECT_EQ(rig.store.kept[1].id, 30U);
-    EXPECT_EQ(rig.state.statistics.kept, 2U);
-    EXPECT_EQ(rig.state.statistics.known, 1U);
-    EXPECT_EQ(rig.state.statistics.poor, 1U);
+    EXPECT_EQ(rig.state.world->statistics.store.kept, 2U);
+    EXPECT_EQ(rig.state.world->statistics.store.known, 1U);
+    EXPECT_EQ(rig.state.world->statistics.store.poor, 1U);
     rig.places.at(rig.of_frame(30)).world_from_camera.translation.x() += 1;
     EXPECT_GT(rig.keeper.keep_next(true), 0U);
     EXPECT_EQ(rig.keeper.keep_next(true), 0U);
@@ -237,7 +237,7 @@ TEST(RegionKeeper, TriesAgainWhatWasRefused) {
     ++rig.world().clock.frame;
     EXPECT_GT(rig.keeper.keep_next(true), 0U);
     EXPECT_EQ(rig.store.kept.size(), 1U);
-    EXPECT_EQ(rig.state.statistics.refused, 1U);
+    EXPECT_EQ(rig.state.world->statistics.store.refused, 1U);
 }
 
 // A map of a keyframe that was kept and has left, and of two later ones that share points with each other.
@@ -277,7 +277,7 @@ TEST(RegionReturn, APlaceComesBackWhereItLay) {
     ASSERT_FALSE(back.is_null());
     EXPECT_EQ(rig.places.at(back).world_from_camera.translation, Vector3(1, 0, 0));
     EXPECT_EQ(rig.map().points().size(), points + kFeatures);
-    EXPECT_EQ(rig.state.statistics.points_made, kFeatures);
+    EXPECT_EQ(rig.state.world->statistics.store.points_made, kFeatures);
     const MapPoint& point = rig.same_point(back);
     EXPECT_LT((vector_of(point.world) - vector_of(rig.before.world)).norm(), 1e-9);
     EXPECT_EQ(point.seen, rig.before.seen);
@@ -336,7 +336,7 @@ TEST(RegionReturn, NothingIsMadeTwice) {
     rig.places.look_up(gone);
     rig.places.look_up(newest);
     rig.take_back();
-    EXPECT_EQ(rig.state.statistics.damaged, 1U) << "it is there";
+    EXPECT_EQ(rig.state.world->statistics.store.damaged, 1U) << "it is there";
     rig.world().clock.frame += 60;
     rig.map().release_keyframe(gone);
     const Handle<MapPoint> elsewhere = rig.map().observations(newest)[3].point;
@@ -345,8 +345,8 @@ TEST(RegionReturn, NothingIsMadeTwice) {
     for (const Observation& o : rig.map().observations(newest)) rig.add_feature(asking, o, o.point);
     rig.places.look_up(asking);
     rig.take_back();
-    EXPECT_EQ(rig.state.statistics.points_known, 29U);
-    EXPECT_EQ(rig.state.statistics.points_made, kFeatures - 29);
+    EXPECT_EQ(rig.state.world->statistics.store.points_known, 29U);
+    EXPECT_EQ(rig.state.world->statistics.store.points_made, kFeatures - 29);
     ASSERT_FALSE(rig.of_frame(10).is_null());
     EXPECT_TRUE(rig.map().is_observed_by(rig.map().observations(newest)[0].point.slot(), rig.of_frame(10).slot()));
 }
@@ -385,7 +385,7 @@ TEST(RegionReturn, TheStoreMayFail) {
     EXPECT_FALSE(mute.returns.may_query());
     mute.world().clock.frame += configuration_of_test().store.gap_frames + 1;
     EXPECT_EQ(mute.returns.receive(), 0U);
-    EXPECT_EQ(mute.state.statistics.late, 1U);
+    EXPECT_EQ(mute.state.world->statistics.store.late, 1U);
     EXPECT_TRUE(mute.returns.may_query());
 
     Left spoilt;
@@ -393,7 +393,7 @@ TEST(RegionReturn, TheStoreMayFail) {
     spoilt.store.kept[0].body.pop_back();
     const std::uint64_t before = spoilt.map().changes_hash();
     spoilt.take_back();
-    EXPECT_EQ(spoilt.state.statistics.damaged, 1U);
+    EXPECT_EQ(spoilt.state.world->statistics.store.damaged, 1U);
     EXPECT_EQ(spoilt.map().changes_hash(), before);
     EXPECT_TRUE(spoilt.of_frame(10).is_null());
 }

@@ -16,67 +16,39 @@ namespace stillmesh {
 namespace {
 
 constexpr std::uint32_t kWidth = 160;
-constexpr std::uint32_t kHeight = 120;
 
 // A map of a wall two metres ahead, and a camera that looks at it.
 class Wall {
 public:
-    Wall() : memory_(planned()) {
-        Arena arena(memory_.span());
-        configuration_.features.count = kLimits.features_max;
-        configuration_.features.levels = kLimits.pyramid_levels_max;
-        CameraModel camera;
-        camera.width = kWidth;
-        camera.height = kHeight;
-        camera.fx = camera.fy = 120;
-        camera.cx = 80;
-        camera.cy = 60;
-        measured_.create(arena, kLimits, configuration_, camera, cpu_kernels(), nullptr);
-        map_.create(arena, kLimits);
-        local_map_.create(arena, kLimits);
-        places_.create(configuration_);
-        local_map_.build(map_, SE3{});  // of nothing yet
+    Wall() : world_(test::small_parameters()), frame_(*world_) {
+        frame_.measure();
+        places_.create(world_->parameters);
+        world_->local_map.build(world_.map(), SE3{});  // of nothing yet
         for (int i = 0; i < 100; ++i) {
-            const Handle<MapPoint> taken = map_.add_point().value();
-            MapPoint& point = *map_.points().find(taken);
-            store(Vector3(0.1 * (i % 10) - 0.45, 0.08 * (i / 10) - 0.36, 2.0), point.world);
-            point.is_suspect = i >= 80;  // these say nothing
-            local_map_.add(taken.slot());
+            const Handle<MapPoint> taken =
+                world_.add_point(Vector3(0.1 * (i % 10) - 0.45, 0.08 * (i / 10) - 0.36, 2.0));
+            world_[taken].is_suspect = i >= 80;  // these say nothing
+            world_->local_map.add(taken.slot());
         }
     }
     // The depth image: `left_m` in the left half, `right_m` in the right.
-    [[nodiscard]] EmptyPlaces::Agreement seen(double left_m, double right_m, const SE3& camera = {}) const {
-        std::vector<std::uint16_t> depth(std::size_t{kWidth} * kHeight);
-        for (std::size_t i = 0; i < depth.size(); ++i) {
-            depth[i] = static_cast<std::uint16_t>(5000 * (i % kWidth < kWidth / 2 ? left_m : right_m));
+    [[nodiscard]] EmptyPlaces::Agreement seen(double left_m, double right_m, const SE3& camera = {}) {
+        for (std::size_t i = 0; i < frame_.depth().size(); ++i) {
+            frame_.depth()[i] = static_cast<std::uint16_t>(5000 * (i % kWidth < kWidth / 2 ? left_m : right_m));
         }
-        Frame frame;
-        frame.depth = {depth.data(), kWidth, kHeight, kWidth};
-        frame.depth_units_per_m = 5000;
-        return places_.agreement(frame, measured_, camera, 1.0, local_map_, map_);
+        return places_.agreement(frame_.measured, camera, 1.0, *world_);
     }
 
 private:
-    static constexpr Limits kLimits = Limits::tiny();
-    static std::size_t planned() {
-        ArenaPlan plan;
-        MeasuredFrame::plan(plan, kLimits);
-        Map::plan(plan, kLimits);
-        LocalMap::plan(plan, kLimits);
-        return plan.used_bytes();
-    }
-    Parameters configuration_;
-    test::Memory memory_;
-    MeasuredFrame measured_;
-    Map map_;
-    LocalMap local_map_;
+    test::SmallWorld world_;
+    test::SmallFrame frame_;
     EmptyPlaces places_;
 };
 
 // Promise: of the points in view that stand still, those whose depth is measured are there, those that the depth image
 // looks through are empty, and those behind somebody, without depth or outside the picture are neither.
 TEST(EmptyPlaces, AgreementCountsWhatIsThereAndWhatIsLookedThrough) {
-    const Wall wall;
+    Wall wall;
     const EmptyPlaces::Agreement all = wall.seen(2.0, 2.0);
     EXPECT_EQ(all.there, 80U);
     EXPECT_EQ(all.empty, 0U);
@@ -106,8 +78,9 @@ protected:
         world_ = std::make_unique<test::SmallWorld>(parameters);
         frame_ = std::make_unique<test::SmallFrame>(**world_);
         frame_->measure();
+        (*world_)->clock.frame = 7;
         places_ = EmptyPlaces{};
-        places_.create(parameters);
+        places_.create((*world_)->parameters);
         (*world_)->local_map.build(world_->map(), SE3{});
         points_.clear();
         add();
@@ -125,8 +98,7 @@ protected:
     }
     // One frame; how many views in a row have now seen the first point's place empty, -1: it is gone.
     int look(double noise_depth = 1) {
-        places_.note_empty(frame_->frame(), frame_->measured, SE3{}, 7, noise_depth, (*world_)->local_map,
-                           world_->map());
+        places_.note_empty(frame_->measured, SE3{}, noise_depth, **world_);
         const MapPoint* const point = world_->map().points().find(points_[0]);
         return point != nullptr ? point->empty_views : -1;
     }

@@ -269,11 +269,7 @@ TEST(NoiseScaleByGroup, BodiesAreNoNoise) {
         noise.restore({1, 1});
         for (int frame = 0; frame < 5; ++frame) {
             noise.begin_frame();
-            if (is_by_group) {
-                noise.adapt_by_group(scene.correspondences, *region, SE3{});
-            } else {
-                noise.adapt(scene.correspondences, region->weighted(), SE3{});
-            }
+            noise.adapt(scene.correspondences, region->weighted(), SE3{}, is_by_group ? &*region : nullptr);
         }
         return noise.factors();
     };

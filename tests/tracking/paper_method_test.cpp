@@ -116,8 +116,9 @@ TEST(PaperMethod, WeightsAreThoseOfAlgorithmTwo) {
 // Promise: the keyframe rule of section 1: fewer than 80 % of the points that the last keyframe tracked are tracked,
 // and more than 40 are new, in whatever frame.
 TEST(PaperMethod, KeyframeRule) {
+    const Parameters parameters = as_in_paper(paper());
     KeyframeInserter inserter;
-    inserter.create(as_in_paper(paper()));
+    inserter.create(parameters);
     inserter.reset();
     inserter.begin_after(7);
     inserter.set_tracked(100);

@@ -77,7 +77,7 @@ protected:
     }
     std::uint32_t judge() { return (*judge_)->judge(correspondences_, witness(), world_->map(), **still_); }
     [[nodiscard]] PointJudge::Witness witness() {
-        return {frame_->measured, shutter_, pose_, kNumber, time_ns_, 12.5, is_sure_, is_frozen_};
+        return {{frame_->measured, shutter_, pose_, kNumber, time_ns_, 12.5}, is_sure_, is_frozen_};
     }
     [[nodiscard]] Verdict verdict(std::size_t i) { return (*judge_)->verdict(i); }
     [[nodiscard]] const MeasuredFeature& seen(std::size_t i) { return frame_->measured[i]; }

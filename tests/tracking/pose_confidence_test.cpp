@@ -38,10 +38,12 @@ class Confidence : public testing::Test {
 protected:
     Confidence() { start({}); }
     void start(const Parameters& parameters) {
+        parameters_ = parameters;
         confidence_ = PoseConfidence{};
-        confidence_.create(parameters);
+        confidence_.create(parameters_);
         confidence_.reset();
     }
+    Parameters parameters_;
     PoseConfidence confidence_;
 };
 
@@ -107,7 +109,7 @@ TEST_F(Confidence, BeginsWithoutDrift) {
         ASSERT_TRUE(confidence_.measured(0, SE3{}, information));
         EXPECT_GT(largest(confidence_.covariance() - measured), 0.9 * largest(measured));
         confidence_.set_renewed_share(1);
-        is_entered ? confidence_.begin_in_map() : confidence_.begin_at_origin();
+        is_entered ? confidence_.begin_in_map() : confidence_.reset();
         ASSERT_TRUE(confidence_.measured(kFrame_ns, SE3{}, information));
         EXPECT_LT(largest(confidence_.covariance() - measured), 1e-12);
     }

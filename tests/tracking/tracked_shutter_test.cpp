@@ -57,7 +57,7 @@ protected:
         }
     }
     [[nodiscard]] Vector3 in_middle_row(double x, double y, double z_m, double readout_s) const {
-        return RollingShutter::at_middle_row(test::point_at_pixel(x, y, z_m), (y / 120 - 0.5) * readout_s, speed_);
+        return moved_a_little(speed_ * ((y / 120 - 0.5) * readout_s), test::point_at_pixel(x, y, z_m));
     }
     void learn(bool counts = true) {
         shutter_.set_motion(se3_exp(speed_ * kPeriod_s), kPeriod_s);

@@ -399,8 +399,7 @@ TEST(Tracking, RecoversNoFartherThanACameraGets) {
         ASSERT_EQ(rig.pose().state, PoseState::kNone);
         // Back where it all began, 0.6 m away: in 2 s one can be there, not in 0.1 s.
         for (int k = 0; k < (has_time ? 12 : 4); ++k) show(0, false);
-        EngineStatistics statistics;
-        rig->fill(statistics);
+        const EngineStatistics statistics = rig.world().all_statistics();
         if (has_time) {
             EXPECT_GE(rig.pose().state, PoseState::kUnsure);
             EXPECT_EQ(statistics.recoveries, 1U);
@@ -433,8 +432,7 @@ TEST(Tracking, WhoIsFoundHasTheDriftOfThePlace) {
     for (int i = 0; i < 60; ++i) show(59, true);
     ASSERT_EQ(rig.pose().state, PoseState::kNone);
     for (std::uint32_t i = 0; i < 120; ++i) show(59 + i, false);  // on from there, until new keyframes are made
-    EngineStatistics statistics;
-    rig->fill(statistics);
+    const EngineStatistics statistics = rig.world().all_statistics();
     ASSERT_EQ(statistics.recoveries, 1U);
     const Keyframe& last = *rig.map().keyframes().find(rig.map().recent_keyframe(0));
     ASSERT_GT(last.frame, 120U);
@@ -473,8 +471,7 @@ TEST(Tracking, RecoversNoFartherThanACameraTurns) {
         ASSERT_EQ(rig.pose().state, PoseState::kNone);
         // Half a turn: in 2 s one can have made it, not in 0.3 s.
         for (int k = 0; k < (has_time ? 14 : 6); ++k) show(false);
-        EngineStatistics statistics;
-        rig->fill(statistics);
+        const EngineStatistics statistics = rig.world().all_statistics();
         const double turned = std::abs(rig.pose().odom_from_camera.rotation_xyzw[2]);  // sin of half the angle
         if (has_time) {
             EXPECT_GE(rig.pose().state, PoseState::kUnsure);
