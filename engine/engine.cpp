@@ -126,6 +126,7 @@ Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, 
     if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
     if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
     if (parts.store != nullptr && limits.store_features_max == 0) return Status::kInvalid;
+    if (reinterpret_cast<std::uintptr_t>(block.data()) % kArenaAlignment != 0) return Status::kInvalid;
     if (block.size() < static_bytes_needed(limits)) return Status::kFull;
     Vocabulary opened;
     const char* sentence = nullptr;

@@ -59,8 +59,8 @@ public:
     // ever recognised), which are checked here and then used where they lie.
     // `store`: where places go that memory has no room for (nullptr: nowhere; else limits.store_features_max must not
     // be 0); it must outlive the engine. One with regions in it is a map to begin in, as with load_map().
-    //   kInvalid  camera larger than the limits, below 33x33 px or not usable, or a configuration that validate()
-    //             refuses
+    //   kInvalid  camera larger than the limits, below 33x33 px or not usable, a configuration that validate()
+    //             refuses, or a block that is not aligned (that of a std::vector seldom is)
     //   kCorrupt  no vocabulary that Vocabulary::open() takes, which says why
     //   kFull     block too small
     [[nodiscard]] static Result<Engine*> create(std::span<std::byte> block, const Limits& limits,

@@ -71,9 +71,12 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     return out;
 }
 
+// Not without depth, however many points agree: what moves is told from what stands by lengths, which need it. Among
+// people 2 s without gave 6 of 169 `tracked` poses that were wrong, by 0.2 m.
 bool FrameEstimator::is_sure(const Estimate& estimate) const noexcept {
     const PoseParameters& p = world_->parameters.pose;
-    return estimate.is_clear && estimate.fit.inliers >= p.sure_inliers();
+    return estimate.is_clear && estimate.fit.inliers >= p.sure_inliers() &&
+           frame_->with_depth_count() >= p.sure_inliers();
 }
 
 void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexcept {

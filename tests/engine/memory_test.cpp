@@ -97,6 +97,23 @@ TEST(Memory, BytesNeededIsWhatIsUsed) {
     EXPECT_GT(tracked, 300);
 }
 
+// Promise: a block that lies as std::vector or malloc left it, not on the engine's alignment, is kInvalid and
+// untouched.
+TEST(Memory, ABlockMustBeAligned) {
+    const Limits limits = Limits::tiny();
+    const std::size_t needed = bytes_needed(limits);
+    const test::Memory memory(needed + kArenaAlignment);
+    std::memset(memory.span().data(), 0x5a, memory.span().size());
+    for (const std::size_t offset : {std::size_t{1}, std::size_t{8}, std::size_t{16}, std::size_t{32}}) {
+        const Status status =
+            create_engine(memory.span().subspan(offset), limits, fitting(limits), camera_of(160, 120), {cpu_kernels()})
+                .status();
+        EXPECT_EQ(status, Status::kInvalid) << offset;
+    }
+    EXPECT_TRUE(
+        std::all_of(memory.span().begin(), memory.span().end(), [](std::byte b) { return b == std::byte{0x5a}; }));
+}
+
 // Promise: limits, cameras and configurations out of range are kInvalid before anything is touched.
 TEST(Memory, WhatCannotBeIsInvalid) {
     const Limits good = Limits::tiny();

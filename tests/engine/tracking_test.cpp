@@ -241,6 +241,26 @@ TEST(Engine, CoveredLensThenRecovery) {
     EXPECT_GE(engine->pose().state, PoseState::kUnsure);
 }
 
+// Promise: while depth is gone no pose is `tracked`, however many points agree; behind it poses are again.
+TEST(Engine, WithoutDepthNothingIsSure) {
+    const Sequence sequence = tiny_sequence("static_xyz", 90);
+    const EngineRig engine(Limits::tiny(), sequence.camera, fitting(Limits::tiny()));
+    std::uint32_t measured = 0, tracked = 0;
+    for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+        KeptFrame frame = sequence.frames[i];
+        const bool is_blind = i >= 40 && i < 60;
+        if (is_blind) std::fill(frame.depth.begin(), frame.depth.end(), std::uint16_t{0});
+        ASSERT_EQ(engine->submit(frame.frame()), Status::kOk);
+        if (is_blind) {
+            EXPECT_NE(engine->pose().state, PoseState::kTracked) << i;
+            measured += engine->pose().state == PoseState::kUnsure ? 1U : 0U;
+        }
+        if (i >= 80 && engine->pose().state == PoseState::kTracked) ++tracked;
+    }
+    EXPECT_GE(measured, 10U) << "the map's points are followed all the same";
+    EXPECT_EQ(tracked, 10U);
+}
+
 // Promise: what is not there is not invented: from black, saturated, flat or depthless frames alone no pose ever comes.
 TEST(Engine, NothingComesOfNothing) {
     const Sequence sequence = tiny_sequence("static_xyz", 6);
