@@ -13,7 +13,7 @@ constexpr std::int64_t kTimeMax_ns = std::int64_t{1} << 61;
 void FrameGuard::reopened() noexcept {
     is_reopened_ = true;
     strangers_ = 0;
-    digest_ = 0;
+    streams_.reset();
     frozen_ns_ = 0;
 }
 
@@ -81,25 +81,10 @@ Status FrameGuard::admit(Frame& frame, std::int64_t arrival_ns) noexcept {
     const std::int64_t lag_ns = std::max<std::int64_t>(frame.depth_time_ns, 0) - time_ns;
     const bool is_lag_known = frame.depth_time_ns > 0 && lag_ns > -period_ns && lag_ns < period_ns;
     frame.depth_time_ns = is_lag_known ? last_out_ns_ + lag_ns : 0;
-    look(frame);
-    return Status::kOk;
-}
-
-void FrameGuard::look(const Frame& frame) noexcept {
-    // FNV-1a over a grid of some 300 pixels of both images.
-    std::uint64_t digest = 0xcbf29ce484222325ULL;
-    const auto add = [&digest](std::uint64_t value) { digest = (digest ^ value) * 0x100000001b3ULL; };
-    const std::uint32_t step_x = std::max(frame.colour.width / 20, 1U);
-    const std::uint32_t step_y = std::max(frame.colour.height / 15, 1U);
-    for (std::uint32_t y = step_y / 2; y < frame.colour.height; y += step_y) {
-        for (std::uint32_t x = step_x / 2; x < frame.colour.width; x += step_x) {
-            add(frame.colour.row(y)[std::size_t{x} * channels_of(frame.format)]);
-            add(frame.depth.at(x, y));
-        }
-    }
-    if (digest != digest_) same_since_ns_ = frame.time_ns;
-    digest_ = digest;
+    streams_.look(frame);
+    if (!streams_.is_frozen()) same_since_ns_ = frame.time_ns;
     frozen_ns_ = frame.time_ns - same_since_ns_;
+    return Status::kOk;
 }
 
 }  // namespace stillmesh

@@ -1,13 +1,14 @@
 // The last look at a live camera's frame before the engine: its size and format are the camera's, its time goes on.
 // Single frames with impossible times (backwards, repeated, far away) are dropped; a clock that has restarted is
-// carried on by the host's clock, so that the engine sees one time from start to end. Also says when the image is
-// frozen: a sensor has noise, the same bytes again and again are an image that nobody takes any more. Cost: a few
-// hundred pixels are looked at.
+// carried on by the host's clock, so that the engine sees one time from start to end. Also says when an image is
+// frozen: a sensor has noise, the same bytes again and again are an image that nobody takes any more
+// (stream_watch.hpp).
 #pragma once
 
 #include <cstdint>
 
 #include "hal/depth_camera.hpp"
+#include "hal/live/stream_watch.hpp"
 
 namespace stillmesh {
 
@@ -26,7 +27,7 @@ public:
     void reopened() noexcept;
     // kOk: go on with it; its times may have been moved. kCorrupt: drop it; kInvalid: not the camera's form, drop it.
     [[nodiscard]] Status admit(Frame& frame, std::int64_t arrival_ns) noexcept;
-    // How long the admitted images have been the same, by their own times.
+    // How long the admitted images of a stream have been the same, by their own times.
     [[nodiscard]] std::int64_t frozen_ns() const noexcept { return frozen_ns_; }
     [[nodiscard]] const GuardCounts& counts() const noexcept { return counts_; }
 
@@ -39,7 +40,6 @@ private:
     // Whether `time_ns` can follow another frame's.
     [[nodiscard]] bool follows(std::int64_t time_ns, std::int64_t arrival_ns, std::int64_t before_ns,
                                std::int64_t before_arrival_ns) const noexcept;
-    void look(const Frame& frame) noexcept;
 
     CameraInfo info_;
     bool has_host_clock_;
@@ -53,7 +53,7 @@ private:
     std::int64_t first_stranger_ns_ = 0;
     std::int64_t stranger_ns_ = 0;
     std::int64_t stranger_arrival_ns_ = 0;
-    std::uint64_t digest_ = 0;
+    StreamWatch streams_;
     std::int64_t same_since_ns_ = 0;
     std::int64_t frozen_ns_ = 0;
     GuardCounts counts_;

@@ -8,14 +8,16 @@
 namespace stillmesh {
 
 // "1305031229.528748", also "1.305031229528748e+09" as numpy writes it. Digits below a nanosecond are dropped.
+// `digits_ns`: of a nanosecond behind the point, 9 where the unit is a second.
 // Empty: not a number, negative, or beyond the year 2262.
-[[nodiscard]] constexpr std::optional<std::int64_t> parse_time_ns(std::string_view text) noexcept {
+[[nodiscard]] constexpr std::optional<std::int64_t> parse_time_ns(std::string_view text,
+                                                                  std::int64_t digits_ns = 9) noexcept {
     std::size_t i = 0;
     const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
     if (!text.empty() && text[0] == '+') ++i;
     // First where the point ends up: 10^`shift` times the digits, in nanoseconds.
     std::size_t digits = 0;
-    std::int64_t shift = 9;
+    std::int64_t shift = digits_ns;
     const std::size_t begin = i;
     bool after_point = false;
     for (; i < text.size() && (is_digit(text[i]) || (text[i] == '.' && !after_point)); ++i) {

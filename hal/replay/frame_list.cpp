@@ -1,63 +1,209 @@
 #include "hal/replay/frame_list.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <utility>
 
 #include "hal/replay/decimal_time.hpp"
 
 namespace stillmesh {
 namespace {
 
+constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 constexpr std::string_view kBlanks = " \t\r,";
+constexpr std::string_view kExtensions[] = {".png",  ".jpg", ".jpeg", ".pgm", ".ppm",  ".pnm", ".tif",
+                                            ".tiff", ".bmp", ".npy",  ".exr", ".webp", ".raw"};
 
-[[nodiscard]] std::string_view next_word(std::string_view line, std::size_t& at) {
-    const std::size_t begin = std::min(line.find_first_not_of(kBlanks, at), line.size());
-    const std::size_t end = std::min(line.find_first_of(kBlanks, begin), line.size());
-    at = end;
-    return line.substr(begin, end - begin);
+[[nodiscard]] bool are_digits(std::string_view text) {
+    return !text.empty() && text.find_first_not_of("0123456789") == std::string_view::npos;
+}
+
+[[nodiscard]] bool is_extension(std::string_view text) {
+    std::string lower(text);
+    for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+    return std::find(std::begin(kExtensions), std::end(kExtensions), lower) != std::end(kExtensions);
+}
+
+// The time at the begin of `rest`, taken from there. Blanks or a comma end it; but a comma between digits, with a blank
+// behind them, is that of a decimal number.
+[[nodiscard]] std::string take_time(std::string_view& rest) {
+    rest.remove_prefix(std::min(rest.find_first_not_of(kBlanks), rest.size()));
+    std::string word(rest.substr(0, rest.find_first_of(" \t\r")));
+    const std::size_t comma = word.find(',');
+    const std::size_t size = word.size();
+    if (comma != std::string::npos) {
+        const std::string_view view = word;
+        const bool is_decimal = are_digits(view.substr(0, comma)) && are_digits(view.substr(comma + 1)) &&
+                                rest.find_first_not_of(kBlanks, size) != std::string_view::npos;
+        if (is_decimal) {
+            word[comma] = '.';
+        } else {
+            word.resize(comma);
+        }
+    }
+    rest.remove_prefix(word.empty() ? 0 : (comma == std::string::npos || word.size() == size ? size : comma));
+    return word;
+}
+
+// The name at the begin of `rest`, taken from there: what stands in quotes, or up to an image file's extension with a
+// blank behind it, or all.
+[[nodiscard]] std::string_view take_name(std::string_view& rest) {
+    rest.remove_prefix(std::min(rest.find_first_not_of(kBlanks), rest.size()));
+    std::string_view name = rest;
+    if (!name.empty() && (name[0] == '"' || name[0] == '\'')) {
+        const std::size_t end = name.find(name[0], 1);
+        if (end != std::string_view::npos) {
+            rest.remove_prefix(end + 1);
+            return name.substr(1, end - 1);
+        }
+    }
+    for (std::size_t dot = name.find('.'); dot != std::string_view::npos; dot = name.find('.', dot + 1)) {
+        const std::size_t end = std::min(name.find_first_of(kBlanks, dot), name.size());
+        if (!is_extension(name.substr(dot, end - dot))) continue;
+        name = name.substr(0, end);
+        break;
+    }
+    rest.remove_prefix(name.size());
+    return name.substr(0, name.find_last_not_of(kBlanks) + 1);
+}
+
+struct ListedLine {
+    std::size_t number;
+    std::string_view text;
+};
+
+// The lines that say something; what all of them begin with tells the unit of their times.
+[[nodiscard]] std::vector<ListedLine> lines_of(std::string_view text, TimeUnitGuess& guess) {
+    std::vector<ListedLine> lines;
+    std::size_t number = 0;
+    for (std::size_t begin = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0; begin < text.size();) {
+        const std::size_t end = std::min(text.find('\n', begin), text.size());
+        std::string_view line = text.substr(begin, end - begin);
+        begin = end + 1;
+        ++number;
+        const std::size_t first = line.find_first_not_of(kBlanks);
+        if (first == std::string_view::npos || line[first] == '#') continue;
+        lines.push_back({number, line});
+        guess.see(take_time(line));
+    }
+    return lines;
+}
+
+// Reads one list, or one of two that stand side by side.
+class ListReader {
+public:
+    ListReader(std::string_view text, const std::string& file, std::string& message, ListTimes& times)
+        : text_(text), file_(file), message_(message), times_(times) {}
+
+    [[nodiscard]] Status begin(std::vector<ListedLine>& lines) {
+        if (text_.size() > 0xffffffffU) {
+            message_ = file_ + ": the list is longer than 4 GiB; cut the recording.";
+            return Status::kInvalid;
+        }
+        TimeUnitGuess guess;
+        lines = lines_of(text_, guess);
+        times_.unit = guess.unit();
+        times_.step = guess.step();
+        if (times_.unit != TimeUnit::kFrames || times_.frames_per_s > 0) return Status::kOk;
+        message_ =
+            file_ + ": times go up by " + std::to_string(static_cast<int>(times_.step)) +
+            ": frame numbers? Say how many frames the camera took in a second, as in --fps 30 (--fps 1: they are "
+            "seconds).";
+        return Status::kInvalid;
+    }
+    // The time and the name at the begin of `rest`, taken from there.
+    [[nodiscard]] Status take(std::size_t line, std::string_view& rest, ListedImage& image) {
+        const std::string word = take_time(rest);
+        auto time_ns = parse_time_ns(word, nanosecond_digits(times_.unit));
+        if (!time_ns) {
+            return fail(line, "'" + word.substr(0, 40) + "' is not a time in " +
+                                  (times_.unit == TimeUnit::kFrames ? "seconds" : time_unit_name(times_.unit)) +
+                                  "; a line is 'seconds file name'.");
+        }
+        if (times_.unit == TimeUnit::kFrames) {
+            time_ns = static_cast<std::int64_t>(static_cast<double>(*time_ns) / times_.frames_per_s);
+        }
+        const std::string_view name = take_name(rest);
+        if (name.empty() || name.size() > kFileNameMax || name.find('\0') != std::string_view::npos) {
+            return fail(line, "no usable file name after the time; a line is 'seconds file name'.");
+        }
+        image = {*time_ns, static_cast<std::uint32_t>(name.data() - text_.data()),
+                 static_cast<std::uint32_t>(name.size())};
+        return Status::kOk;
+    }
+    [[nodiscard]] Status check_order(const ListedLine& line, std::int64_t before_ns, std::int64_t time_ns) {
+        if (time_ns > before_ns) return Status::kOk;
+        std::string_view rest = line.text;
+        const std::string word = "time " + take_time(rest).substr(0, 40);
+        return fail(line.number, word + (time_ns == before_ns ? " repeats the line before; remove one of the two."
+                                                              : " goes backwards; sort the list by time."));
+    }
+
+private:
+    [[nodiscard]] Status fail(std::size_t line, const std::string& sentence) {
+        message_ = file_ + ", line " + std::to_string(line) + ": " + sentence;
+        return Status::kInvalid;
+    }
+
+    std::string_view text_;
+    const std::string& file_;
+    std::string& message_;
+    ListTimes& times_;
+};
+
+[[nodiscard]] bool names_depth(std::string_view name) {
+    return name.find("depth") != std::string_view::npos || name.find("Depth") != std::string_view::npos;
 }
 
 }  // namespace
 
 Status parse_image_list(std::string_view text, const std::string& file, std::vector<ListedImage>& images,
                         std::string& message) {
-    const auto fail = [&](std::size_t line_number, const std::string& sentence) {
-        message = file + ", line " + std::to_string(line_number) + ": " + sentence;
-        return Status::kInvalid;
-    };
+    ListTimes times{.frames_per_s = 1};
+    return parse_image_list(text, file, images, message, times);
+}
+
+Status parse_image_list(std::string_view text, const std::string& file, std::vector<ListedImage>& images,
+                        std::string& message, ListTimes& times) {
     images.clear();
-    if (text.size() > 0xffffffffU) {
-        message = file + ": the list is longer than 4 GiB; cut the recording.";
-        return Status::kInvalid;
+    ListReader reader(text, file, message, times);
+    std::vector<ListedLine> lines;
+    STILLMESH_TRY(reader.begin(lines));
+    for (const ListedLine& line : lines) {
+        std::string_view rest = line.text;
+        ListedImage image;
+        STILLMESH_TRY(reader.take(line.number, rest, image));
+        if (!images.empty()) STILLMESH_TRY(reader.check_order(line, images.back().time_ns, image.time_ns));
+        images.push_back(image);
     }
-    std::size_t line_number = 0;
-    for (std::size_t begin = 0; begin < text.size();) {
-        const std::size_t end = std::min(text.find('\n', begin), text.size());
-        const std::string_view line = text.substr(begin, end - begin);
-        ++line_number;
-        std::size_t at = 0;
-        const std::string_view time_word = next_word(line, at);
-        if (!time_word.empty() && time_word[0] != '#') {
-            const std::string_view name = next_word(line, at);
-            const auto time_ns = parse_time_ns(time_word);
-            if (!time_ns) {
-                return fail(line_number, "'" + std::string(time_word.substr(0, 40)) +
-                                             "' is not a time in seconds; a line is 'seconds file name'.");
-            }
-            if (name.empty() || name.size() > kFileNameMax || name.find('\0') != std::string_view::npos) {
-                return fail(line_number, "no usable file name after the time; a line is 'seconds file name'.");
-            }
-            if (!images.empty() && *time_ns == images.back().time_ns) {
-                return fail(line_number, "time " + std::string(time_word.substr(0, 40)) +
-                                             " repeats the line before; remove one of the two.");
-            }
-            if (!images.empty() && *time_ns < images.back().time_ns) {
-                return fail(line_number,
-                            "time " + std::string(time_word.substr(0, 40)) + " goes backwards; sort the list by time.");
-            }
-            const auto offset = static_cast<std::uint32_t>(name.data() - text.data());
-            images.push_back({*time_ns, offset, static_cast<std::uint32_t>(name.size())});
+    return Status::kOk;
+}
+
+Status parse_associations(std::string_view text, const std::string& file, std::vector<ImagePair>& pairs,
+                          std::string& message, ListTimes& times) {
+    pairs.clear();
+    ListReader reader(text, file, message, times);
+    std::vector<ListedLine> lines;
+    STILLMESH_TRY(reader.begin(lines));
+    bool is_depth_first = false;
+    for (const ListedLine& line : lines) {
+        std::string_view rest = line.text;
+        ImagePair pair;
+        STILLMESH_TRY(reader.take(line.number, rest, pair.colour));
+        STILLMESH_TRY(reader.take(line.number, rest, pair.depth));
+        if (pairs.empty()) {
+            const auto name = [text](const ListedImage& image) {
+                return text.substr(image.name_offset, image.name_size);
+            };
+            is_depth_first = names_depth(name(pair.colour)) && !names_depth(name(pair.depth));
         }
-        begin = end + 1;
+        if (is_depth_first) std::swap(pair.colour, pair.depth);
+        if (!pairs.empty()) {
+            STILLMESH_TRY(reader.check_order(line, pairs.back().colour.time_ns, pair.colour.time_ns));
+        }
+        pairs.push_back(pair);
     }
     return Status::kOk;
 }
@@ -103,6 +249,36 @@ std::vector<ImagePair> associate(std::span<const ListedImage> colour, std::span<
         pairs.push_back({colour[i], partner});
     }
     return pairs;
+}
+
+std::optional<std::int64_t> constant_offset_ns(std::span<const ListedImage> colour, std::span<const ListedImage> depth,
+                                               std::int64_t gap_max_ns) {
+    constexpr std::size_t kTried = 4;  // of each list's first: one of them has a partner, or the offset is not constant
+    std::int64_t best_ns = 0;
+    std::size_t most = 0;
+    double least_apart_ns = std::numeric_limits<double>::infinity();
+    std::vector<ListedImage> moved(depth.begin(), depth.end());
+    for (std::size_t i = 0; i < std::min(kTried, colour.size()); ++i) {
+        for (std::size_t j = 0; j < std::min(kTried, depth.size()); ++j) {
+            const std::int64_t offset_ns = depth[j].time_ns - colour[i].time_ns;
+            if (offset_ns < 0 && depth.back().time_ns > std::numeric_limits<std::int64_t>::max() + offset_ns) continue;
+            for (std::size_t k = 0; k < depth.size(); ++k) {
+                moved[k].time_ns = std::max<std::int64_t>(depth[k].time_ns - offset_ns, 0);
+            }
+            const std::vector<ImagePair> pairs = associate(colour, moved, gap_max_ns);
+            double apart_ns = 0;
+            for (const ImagePair& pair : pairs) {
+                apart_ns += std::fabs(static_cast<double>(pair.depth.time_ns - pair.colour.time_ns));
+            }
+            // An image more or less at the begin fits as well, but for the unevenness of a camera's clock.
+            if (pairs.size() < most || (pairs.size() == most && apart_ns >= least_apart_ns)) continue;
+            most = pairs.size();
+            least_apart_ns = apart_ns;
+            best_ns = offset_ns;
+        }
+    }
+    if (2 * most < std::min(colour.size(), depth.size())) return std::nullopt;
+    return best_ns;
 }
 
 }  // namespace stillmesh

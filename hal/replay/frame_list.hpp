@@ -3,12 +3,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "engine/base/status.hpp"
+#include "hal/replay/time_unit.hpp"
 
 namespace stillmesh {
 
@@ -26,14 +28,32 @@ struct ImagePair {
     ListedImage depth;
 };
 
-// Lines are "seconds name", '#' begins a comment, blank lines are nothing; CRLF is fine.
+struct ListTimes {
+    double frames_per_s = 0;             // of a list that has frame numbers for times; 0: it is refused
+    TimeUnit unit = TimeUnit::kSeconds;  // that was found
+    double step = 0;                     // in it, from one image to the next
+};
+
+// Lines are "time name", '#' begins a comment, blank lines are nothing; CRLF and a byte order mark are fine. A name may
+// have blanks, or stand in quotes; words behind its ".png" are nothing. Times are seconds, or what TimeUnitGuess says.
 // kInvalid: a line that is not that, a time that repeats or goes backwards; `message` names file, line and remedy.
 [[nodiscard]] Status parse_image_list(std::string_view text, const std::string& file, std::vector<ListedImage>& images,
+                                      std::string& message, ListTimes& times);
+[[nodiscard]] Status parse_image_list(std::string_view text, const std::string& file, std::vector<ListedImage>& images,
                                       std::string& message);
+// Both lists in one, as the TUM tools' associate.py writes it: "time name time name", colour or depth first as the
+// first line's names tell, else colour. The pairs are those of the lines.
+[[nodiscard]] Status parse_associations(std::string_view text, const std::string& file, std::vector<ImagePair>& pairs,
+                                        std::string& message, ListTimes& times);
 
 // The pairs of the TUM tools' associate.py: nearest in time first, each image used once, at most `gap_max_ns` apart;
 // and in time order on both sides (a pair that would cross an earlier one is dropped).
 [[nodiscard]] std::vector<ImagePair> associate(std::span<const ListedImage> colour, std::span<const ListedImage> depth,
                                                std::int64_t gap_max_ns);
+// How much later the depth images were taken than their colour images, if that is one time throughout: with it taken
+// off, at least half of the shorter list has a partner within `gap_max_ns`. Empty: it is not.
+[[nodiscard]] std::optional<std::int64_t> constant_offset_ns(std::span<const ListedImage> colour,
+                                                             std::span<const ListedImage> depth,
+                                                             std::int64_t gap_max_ns);
 
 }  // namespace stillmesh

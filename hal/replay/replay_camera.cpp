@@ -4,11 +4,16 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <filesystem>
+#include <limits>
 #include <utility>
 
 #include "hal/calibration/calibration.hpp"
@@ -66,14 +71,14 @@ constexpr off_t kListBytesMax = off_t{256} << 20U;  // two days at 30 images a s
 
 }  // namespace
 
-Status ReplayCamera::read_list(const char* name, std::string& text, std::vector<ListedImage>& images) {
-    const std::string file = options_.folder + "/" + name;
-    int& list = lists_[std::strcmp(name, "rgb.txt") == 0 ? kColour : kDepth];
-    list = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe must not let us wait
+Status ReplayCamera::read_file(int list, const std::string& file, std::string& text) {
+    list_names_[list] = file;
+    int& descriptor = lists_[list];
+    descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe must not let us wait
     struct stat about {};
-    if (list < 0 || ::fstat(list, &about) != 0 || !S_ISREG(about.st_mode)) {
-        message_ = file + ": " + (list < 0 ? std::strerror(errno) : "not a file") +
-                   "; a recording needs rgb.txt and depth.txt with lines 'seconds file'.";
+    if (descriptor < 0 || ::fstat(descriptor, &about) != 0 || !S_ISREG(about.st_mode)) {
+        message_ = file + ": " + (descriptor < 0 ? std::strerror(errno) : "not a file") +
+                   "; a recording needs rgb.txt and depth.txt with lines 'seconds file', or both in associations.txt.";
         return Status::kUnavailable;
     }
     if (about.st_size > kListBytesMax) {
@@ -84,7 +89,7 @@ Status ReplayCamera::read_list(const char* name, std::string& text, std::vector<
     text.resize(static_cast<std::size_t>(about.st_size));
     std::size_t read_bytes = 0;
     while (read_bytes < text.size()) {
-        const ssize_t count = ::read(list, text.data() + read_bytes, text.size() - read_bytes);
+        const ssize_t count = ::read(descriptor, text.data() + read_bytes, text.size() - read_bytes);
         if (count < 0 && errno == EINTR) continue;
         if (count <= 0) {
             message_ = file + ": cannot be read; is the disk still there?";
@@ -92,7 +97,14 @@ Status ReplayCamera::read_list(const char* name, std::string& text, std::vector<
         }
         read_bytes += static_cast<std::size_t>(count);
     }
-    STILLMESH_TRY(parse_image_list(text, file, images, message_));
+    return Status::kOk;
+}
+
+Status ReplayCamera::read_list(int list, const char* name, std::vector<ListedImage>& images, ListTimes& times) {
+    const std::string file = options_.folder + "/" + name;
+    std::string text;
+    STILLMESH_TRY(read_file(list, file, text));
+    STILLMESH_TRY(parse_image_list(text, file, images, message_, times));
     if (images.empty()) {
         message_ = file + ": the list is empty; a recording needs lines 'seconds file'.";
         return Status::kInvalid;
@@ -105,8 +117,7 @@ Status ReplayCamera::image_path(int list, const ListedImage& image, std::string&
     STILLMESH_CHECK(image.name_size <= name.size());
     const ssize_t count = ::pread(lists_[list], name.data(), image.name_size, static_cast<off_t>(image.name_offset));
     if (count != static_cast<ssize_t>(image.name_size)) {
-        message_ = options_.folder + (list == kColour ? "/rgb.txt" : "/depth.txt") +
-                   ": changed while it was being replayed; do not write into a recording in use.";
+        message_ = list_names_[list] + ": changed while it was being replayed; do not write into a recording in use.";
         return Status::kUnavailable;
     }
     path.clear();
@@ -143,6 +154,81 @@ Status ReplayCamera::find_calibration() {
     return load_calibration(calibration_source_, info_, message_);
 }
 
+Status ReplayCamera::find_pairs() {
+    std::error_code error;
+    if (std::filesystem::exists(options_.folder + "/rgb.txt", error)) return pair_lists();
+    for (const char* const name : {"associations.txt", "associate.txt", "associated.txt", "association.txt"}) {
+        const std::string file = options_.folder + "/" + name;
+        if (!std::filesystem::exists(file, error)) continue;
+        std::string text;
+        ListTimes times{.frames_per_s = options_.frames_per_s};
+        STILLMESH_TRY(read_file(kDepth, file, text));  // open twice: each list has its descriptor
+        STILLMESH_TRY(read_file(kColour, file, text));
+        STILLMESH_TRY(parse_associations(text, file, pairs_, message_, times));
+        if (pairs_.empty()) {
+            message_ = file + ": the list is empty; its lines are 'seconds colour-file seconds depth-file'.";
+            return Status::kInvalid;
+        }
+        counts_.unit = times.unit;
+        counts_.step = times.step;
+        counts_.colour_images = counts_.depth_images = counts_.frames = static_cast<std::uint32_t>(pairs_.size());
+        return Status::kOk;
+    }
+    return pair_lists();
+}
+
+Status ReplayCamera::pair_lists() {
+    std::vector<ListedImage> colour, depth;
+    ListTimes times{.frames_per_s = options_.frames_per_s};
+    ListTimes depth_times = times;
+    STILLMESH_TRY(read_list(kColour, "rgb.txt", colour, times));
+    STILLMESH_TRY(read_list(kDepth, "depth.txt", depth, depth_times));
+    for (ListedImage& image : depth)
+        image.time_ns = std::max<std::int64_t>(image.time_ns - options_.depth_offset_ns, 0);
+    pairs_ = associate(colour, depth, options_.association_gap_max_ns);
+    counts_.unit = times.unit;
+    counts_.step = times.step;
+    counts_.colour_images = static_cast<std::uint32_t>(colour.size());
+    counts_.depth_images = static_cast<std::uint32_t>(depth.size());
+    counts_.frames = static_cast<std::uint32_t>(pairs_.size());
+    if (!pairs_.empty()) return Status::kOk;
+    message_ = why_no_pairs(colour, depth);
+    return Status::kInvalid;
+}
+
+// Seldom two clocks are all that differs: then the sentence says by how much, and what takes it.
+std::string ReplayCamera::why_no_pairs(std::span<const ListedImage> colour, std::span<const ListedImage> depth) const {
+    constexpr std::int64_t kGap_ns = 100'000'000;  // of images that still show one scene, more or less
+    char text[200];
+    const std::string sentence = options_.folder + ": no colour image has a depth image within " +
+                                 std::to_string(options_.association_gap_max_ns / 1'000'000) + " ms; ";
+    std::vector<std::int64_t> gaps_ns;  // from each colour image to the nearest depth image
+    for (const ListedImage& image : colour) {
+        auto at = std::lower_bound(depth.begin(), depth.end(), image.time_ns,
+                                   [](const ListedImage& d, std::int64_t time_ns) { return d.time_ns < time_ns; });
+        std::int64_t gap_ns = std::numeric_limits<std::int64_t>::max();
+        if (at != depth.end()) gap_ns = at->time_ns - image.time_ns;
+        if (at != depth.begin()) gap_ns = std::min(gap_ns, image.time_ns - (at - 1)->time_ns);
+        gaps_ns.push_back(gap_ns);
+    }
+    std::sort(gaps_ns.begin(), gaps_ns.end());
+    const std::int64_t gap_ns = gaps_ns[gaps_ns.size() * 9 / 10];  // the last of a list may have none near
+    if (gap_ns <= kGap_ns) {
+        std::snprintf(text, sizeof(text),
+                      "depth is %.1f ms away: --pair-gap %.3f pairs them all the same, --depth-offset takes a "
+                      "constant one off.",
+                      static_cast<double>(gap_ns) * 1e-6, static_cast<double>(gap_ns / 1'000'000 + 1) * 1e-3);
+        return sentence + text;
+    }
+    const auto offset_ns = constant_offset_ns(colour, depth, options_.association_gap_max_ns);
+    if (!offset_ns) return sentence + "do rgb.txt and depth.txt share one clock?";
+    const double offset_s = static_cast<double>(*offset_ns) * 1e-9;
+    std::snprintf(text, sizeof(text),
+                  "two clocks, %.3f s apart throughout? If images of one moment are, give --depth-offset=%.3f.",
+                  std::fabs(offset_s), offset_s);
+    return sentence + text;
+}
+
 Status ReplayCamera::open_folder() {
     std::error_code error;
     if (!std::filesystem::exists(options_.folder, error)) {
@@ -154,24 +240,13 @@ Status ReplayCamera::open_folder() {
         return Status::kUnavailable;
     }
     counts_ = {};
-    {
-        std::string text;
-        std::vector<ListedImage> colour;
-        std::vector<ListedImage> depth;
-        STILLMESH_TRY(read_list("rgb.txt", text, colour));
-        STILLMESH_TRY(read_list("depth.txt", text, depth));
-        pairs_ = associate(colour, depth, options_.association_gap_max_ns);
-        counts_.colour_images = static_cast<std::uint32_t>(colour.size());
-        counts_.depth_images = static_cast<std::uint32_t>(depth.size());
-        counts_.frames = static_cast<std::uint32_t>(pairs_.size());
-    }
-    if (pairs_.empty()) {
-        message_ = options_.folder +
-                   ": no colour image has a depth image within 20 ms; do rgb.txt and depth.txt share one clock?";
-        return Status::kInvalid;
-    }
+    STILLMESH_TRY(find_pairs());
     counts_.first_ns = pairs_.front().colour.time_ns;
     counts_.last_ns = pairs_.back().colour.time_ns;
+    for (const ImagePair& pair : pairs_) {
+        const std::int64_t gap_ns = std::abs(pair.depth.time_ns - pair.colour.time_ns);
+        counts_.pair_gap_longest_ns = std::max(counts_.pair_gap_longest_ns, gap_ns);
+    }
     for (std::size_t i = 1; i < pairs_.size(); ++i) {
         const std::int64_t gap = pairs_[i].colour.time_ns - pairs_[i - 1].colour.time_ns;
         if (gap > options_.gap_ns) ++counts_.gaps;
@@ -182,28 +257,47 @@ Status ReplayCamera::open_folder() {
     }
     STILLMESH_TRY(find_calibration());
 
-    std::string colour_file;
-    std::string depth_file;
-    STILLMESH_TRY(image_path(kColour, pairs_[0].colour, colour_file));
-    STILLMESH_TRY(image_path(kDepth, pairs_[0].depth, depth_file));
-    STILLMESH_TRY(read_png_header(colour_file, colour_header_, message_));
-    STILLMESH_TRY(read_png_header(depth_file, depth_header_, message_));
+    STILLMESH_TRY(find_first_images());
+    return check_images();
+}
+
+// The first pair whose images can be read says what all are like; those before are skipped when they are polled.
+Status ReplayCamera::find_first_images() {
+    constexpr std::size_t kTriedMax = 30;
+    std::string first_message;
+    Status first = Status::kOk;
+    for (std::size_t i = 0; i < std::min(pairs_.size(), kTriedMax); ++i) {
+        STILLMESH_TRY(image_path(kColour, pairs_[i].colour, colour_file_));
+        STILLMESH_TRY(image_path(kDepth, pairs_[i].depth, depth_file_));
+        Status status = read_png_header(colour_file_, colour_header_, message_);
+        if (status == Status::kOk) status = read_png_header(depth_file_, depth_header_, message_);
+        if (status == Status::kOk || status == Status::kInvalid) return status;
+        if (i == 0) {
+            first = status;
+            first_message = message_;
+        }
+    }
+    message_ = first_message;
+    return first;
+}
+
+Status ReplayCamera::check_images() {
     if (colour_header_.kind == PngKind::kGrey16) {
         message_ =
-            colour_file + ": colour must be 8-bit grey or RGB, this is 16-bit; are rgb.txt and depth.txt swapped?";
+            colour_file_ + ": colour must be 8-bit grey or RGB, this is 16-bit; are rgb.txt and depth.txt swapped?";
         return Status::kInvalid;
     }
     if (depth_header_.kind != PngKind::kGrey16) {
-        message_ = depth_file + ": depth must be a 16-bit grey PNG; save it with its full depth.";
+        message_ = depth_file_ + ": depth must be a 16-bit grey PNG; save it with its full depth.";
         return Status::kInvalid;
     }
     if (colour_header_.width != depth_header_.width || colour_header_.height != depth_header_.height) {
-        message_ = depth_file + ": depth is " + size_text(depth_header_) + " but colour is " +
+        message_ = depth_file_ + ": depth is " + size_text(depth_header_) + " but colour is " +
                    size_text(colour_header_) + "; register depth to colour when recording.";
         return Status::kInvalid;
     }
     if (colour_header_.width > options_.width_max || colour_header_.height > options_.height_max) {
-        message_ = colour_file + ": the images are " + size_text(colour_header_) + ", the limits allow " +
+        message_ = colour_file_ + ": the images are " + size_text(colour_header_) + ", the limits allow " +
                    std::to_string(options_.width_max) + "x" + std::to_string(options_.height_max) +
                    "; scale the recording and its calibration down.";
         return Status::kInvalid;

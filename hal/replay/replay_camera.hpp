@@ -1,12 +1,14 @@
 // A recording in the layout of the TUM RGB-D benchmark, played as a depth camera: rgb.txt and depth.txt list "seconds
 // file", colour is 8-bit grey or RGB PNG, depth 16-bit PNG. Frames come as fast as they are polled; nothing is skipped
-// but colour images without a depth image within 20 ms. The calibration is a file or name given by the caller, else
-// camera.toml or camera.yaml in the folder; with none, open() refuses rather than guesses.
-// Memory: two image buffers and 32 bytes per frame, all taken in open(). Every failure leaves a sentence in message().
+// but colour images without a depth image within 20 ms. Without those lists associations.txt is read, which has both.
+// The calibration is a file or name given by the caller, else camera.toml or camera.yaml in the folder; with none,
+// open() refuses rather than guesses. Memory: two image buffers and 32 bytes per frame, all taken in open(). Every
+// failure leaves a sentence in message().
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,7 +26,9 @@ struct ReplayOptions {
     std::uint32_t width_max = 640;                     // px; larger images are refused
     std::uint32_t height_max = 480;                    // px
     std::int64_t association_gap_max_ns = 20'000'000;  // between a colour image and its depth image
-    std::int64_t gap_ns = 1'000'000'000;               // silence between two frames that counts as a gap
+    std::int64_t depth_offset_ns = 0;     // what depth's clock is ahead of colour's: taken off depth's times
+    double frames_per_s = 0;              // of lists that number frames; 0: they are refused
+    std::int64_t gap_ns = 1'000'000'000;  // silence between two frames that counts as a gap
 };
 
 struct ReplayCounts {
@@ -36,6 +40,9 @@ struct ReplayCounts {
     std::int64_t gap_longest_after_ns = 0;  // time of the last frame before it
     std::int64_t first_ns = 0;
     std::int64_t last_ns = 0;
+    std::int64_t pair_gap_longest_ns = 0;  // between the images of a pair
+    TimeUnit unit = TimeUnit::kSeconds;    // of the times in the colour list
+    double step = 0;                       // of these times, in that unit
 };
 
 class ReplayCamera final : public DepthCamera {
@@ -65,7 +72,14 @@ public:
 private:
     [[nodiscard]] Status open_folder();
     [[nodiscard]] Status find_calibration();
-    [[nodiscard]] Status read_list(const char* name, std::string& text, std::vector<ListedImage>& images);
+    [[nodiscard]] Status find_pairs();
+    [[nodiscard]] Status pair_lists();
+    [[nodiscard]] Status read_file(int list, const std::string& file, std::string& text);
+    [[nodiscard]] Status read_list(int list, const char* name, std::vector<ListedImage>& images, ListTimes& times);
+    [[nodiscard]] std::string why_no_pairs(std::span<const ListedImage> colour,
+                                           std::span<const ListedImage> depth) const;
+    [[nodiscard]] Status find_first_images();
+    [[nodiscard]] Status check_images();
     [[nodiscard]] Status read_pair(const ImagePair& pair, Frame& frame);
     [[nodiscard]] Status image_path(int list, const ListedImage& image, std::string& path);
 
@@ -73,7 +87,8 @@ private:
     CameraInfo info_;
     std::string calibration_source_;
     std::string message_;
-    std::string path_;  // reused: no allocation per frame once it has grown
+    std::string colour_file_, depth_file_;  // that said what all are like
+    std::string path_;                      // reused: no allocation per frame once it has grown
     ReplayCounts counts_;
     std::vector<ImagePair> pairs_;
     std::size_t next_ = 0;
@@ -82,6 +97,7 @@ private:
     std::vector<std::uint8_t> colour_pixels_;
     std::vector<std::uint16_t> depth_pixels_;
     int lists_[2] = {-1, -1};  // rgb.txt and depth.txt stay open: names are read from them when needed
+    std::string list_names_[2];
     bool is_open_ = false;
 };
 

@@ -75,6 +75,11 @@ struct Fault {
     const char* calibration = "";
 };
 
+// The recording's only one.
+void keep_first_image(const std::string& folder) {
+    write_text(folder + "/rgb.txt", "100.100 rgb/0.png\n");
+}
+
 class ReplayFaults : public testing::TestWithParam<Fault> {};
 
 // Promise: every way a recording can be broken at the door is its own status and a sentence with file and remedy.
@@ -139,7 +144,23 @@ INSTANTIATE_TEST_SUITE_P(
               [](const std::string& f) { write_text(f + "/depth.txt", "100.1 depth/0.png\n100.0 depth/1.png\n"); },
               Status::kInvalid, "depth.txt, line 2: time 100.0 goes backwards"},
         Fault{"two_clocks", [](const std::string& f) { write_text(f + "/depth.txt", "5.0 depth/0.png\n"); },
-              Status::kInvalid, "no colour image has a depth image within 20 ms"},
+              Status::kInvalid,
+              "two clocks, 95.100 s apart throughout? If images of one moment are, give --depth-offset=-95.100."},
+        Fault{"depth_late",
+              [](const std::string& f) {
+                  write_text(f + "/depth.txt", "100.140 depth/0.png\n100.173 depth/1.png\n100.206 depth/2.png\n");
+                  write_text(f + "/rgb.txt", "100.100 rgb/0.png\n");
+              },
+              Status::kInvalid, "depth is 40.0 ms away: --pair-gap 0.041"},
+        Fault{"frame_numbers",
+              [](const std::string& f) { write_text(f + "/rgb.txt", "0 rgb/0.png\n1 rgb/1.png\n2 rgb/2.png\n"); },
+              Status::kInvalid, "/rgb.txt: times go up by 1: frame numbers?"},
+        Fault{"empty_associations",
+              [](const std::string& f) {
+                  std::filesystem::remove(f + "/rgb.txt");
+                  write_text(f + "/associations.txt", "# nothing\n");
+              },
+              Status::kInvalid, "/associations.txt: the list is empty"},
         Fault{"no_calibration", [](const std::string& f) { std::filesystem::remove(f + "/camera.toml"); },
               Status::kInvalid, "a camera is not guessed; name one with --calibration"},
         Fault{"depth_factor_0",
@@ -151,21 +172,27 @@ INSTANTIATE_TEST_SUITE_P(
               Status::kInvalid, "camera.yaml: key 'DepthMapFactor' is 0"},
         Fault{"calibration_of_another_size", [](const std::string&) {}, Status::kInvalid,
               "tum-fr1: is for 640x480 pixels, the images are 64x48", "tum-fr1"},
-        Fault{"image_missing", [](const std::string& f) { std::filesystem::remove(f + "/rgb/0.png"); },
+        Fault{"images_missing", [](const std::string& f) { std::filesystem::remove_all(f + "/rgb"); },
               Status::kUnavailable, "/rgb/0.png: cannot be opened"},
         Fault{"image_is_a_pipe",
               [](const std::string& f) {
+                  keep_first_image(f);
                   std::filesystem::remove(f + "/depth/0.png");
                   ASSERT_EQ(::mkfifo((f + "/depth/0.png").c_str(), 0600), 0);
               },
               Status::kUnavailable, "/depth/0.png: is no regular file"},
         Fault{"image_is_text",
               [](const std::string& f) {
+                  keep_first_image(f);
                   write_text(f + "/rgb/0.png", "GIF89a, not a PNG at all, and long enough to have had a header");
               },
               Status::kCorrupt, "/rgb/0.png: cannot be read as PNG"},
-        Fault{"image_is_empty", [](const std::string& f) { write_text(f + "/depth/0.png", ""); }, Status::kCorrupt,
-              "/depth/0.png: the PNG is truncated"},
+        Fault{"image_is_empty",
+              [](const std::string& f) {
+                  keep_first_image(f);
+                  write_text(f + "/depth/0.png", "");
+              },
+              Status::kCorrupt, "/depth/0.png: the PNG is truncated"},
         Fault{"depth_of_another_size", [](const std::string& f) { test::write_depth(f + "/depth/0.png", 32, 24, 0); },
               Status::kInvalid, "depth is 32x24 but colour is 64x48"},
         Fault{"beyond_the_limits",
@@ -190,6 +217,62 @@ INSTANTIATE_TEST_SUITE_P(
               },
               Status::kInvalid, "this kind of PNG"}),
     [](const testing::TestParamInfo<Fault>& fault) { return fault.param.name; });
+
+// Promise: a first image that is missing or broken is skipped like any other; the others are played.
+TEST(ReplayCamera, TheFirstImageIsNoDoor) {
+    for (const char* const name : {"/rgb/0.png", "/depth/0.png"}) {
+        for (const bool is_there : {false, true}) {
+            TemporaryFolder folder;
+            write_recording(folder.path());
+            std::filesystem::remove(folder.path() + name);
+            if (is_there) write_text(folder.path() + name, "no picture at all, but long enough to have a header");
+            ReplayCamera camera({.folder = folder.path(), .calibration = ""});
+            ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+            Frame frame;
+            EXPECT_EQ(camera.poll(frame), is_there ? Status::kCorrupt : Status::kUnavailable);
+            EXPECT_NE(camera.message().find(name), std::string::npos) << camera.message();
+            EXPECT_EQ(camera.poll(frame), Status::kOk) << camera.message();
+            EXPECT_EQ(camera.poll(frame), Status::kOk) << camera.message();
+            EXPECT_EQ(camera.poll(frame), Status::kEnd);
+        }
+    }
+}
+
+// Promise: a folder with one list of both plays like one with two, and options take what two clocks differ by and what
+// lies between the images of a frame.
+TEST(ReplayCamera, OtherListsPlayTheSame) {
+    const struct {
+        const char *name, *rgb, *depth, *associations;
+        std::int64_t gap_ns = 20'000'000, offset_ns = 0, lag_ns = 2'000'000;
+    } cases[] = {
+        {"associations", nullptr, nullptr,
+         "100.1 rgb/0.png 100.102 depth/0.png\n100.133 rgb/1.png 100.135 depth/1.png\n100.166 rgb/2.png 100.168 "
+         "depth/2.png\n"},
+        {"clocks apart", "100.1 rgb/0.png\n100.133 rgb/1.png\n100.166 rgb/2.png\n",
+         "5.102 depth/0.png\n5.135 depth/1.png\n5.168 depth/2.png\n", nullptr, 20'000'000, -95'000'000'000},
+        {"late", "100.1 rgb/0.png\n100.2 rgb/1.png\n100.3 rgb/2.png\n",
+         "100.125 depth/0.png\n100.225 depth/1.png\n100.325 depth/2.png\n", nullptr, 25'000'000, 0, 25'000'000},
+    };
+    for (const auto& c : cases) {
+        TemporaryFolder folder;
+        write_recording(folder.path());
+        for (const auto& [name, text] : {std::pair{"/rgb.txt", c.rgb}, std::pair{"/depth.txt", c.depth},
+                                         std::pair{"/associations.txt", c.associations}}) {
+            std::filesystem::remove(folder.path() + name);
+            if (text != nullptr) write_text(folder.path() + name, text);
+        }
+        ReplayCamera camera({.folder = folder.path(),
+                             .calibration = "",
+                             .association_gap_max_ns = c.gap_ns,
+                             .depth_offset_ns = c.offset_ns});
+        ASSERT_EQ(camera.open(), Status::kOk) << c.name << ": " << camera.message();
+        Frame frame;
+        ASSERT_EQ(camera.poll(frame), Status::kOk) << c.name << ": " << camera.message();
+        EXPECT_EQ(frame.depth_time_ns - frame.time_ns, c.lag_ns) << c.name;
+        EXPECT_EQ(frame.colour.at(3, 3), test::colour_byte(0, 3 * 64 + 3)) << c.name;
+        EXPECT_EQ(frame.depth.at(3, 3), test::depth_value(0, 3 * 64 + 3)) << c.name;
+    }
+}
 
 // Promise: a broken image in the middle says so, leaves the caller's frame alone, and the rest can still be played.
 TEST(ReplayCamera, GoesOnAfterABrokenImage) {
