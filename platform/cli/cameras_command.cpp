@@ -145,8 +145,7 @@ std::string cameras_json(const std::vector<CameraReport>& reports) {
 
 int cameras_command(const CamerasOptions& options) {
     if (options.is_udev_rules) {
-        std::fputs(udev_rules().c_str(), stdout);
-        return kExitDone;
+        return answer(udev_rules());
     }
 #ifdef STILLMESH_HAS_USB
     LibusbLink link;

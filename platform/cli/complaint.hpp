@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "platform/cli/exit_code.hpp"
 #include "platform/linux/service.hpp"
@@ -16,6 +17,14 @@ inline void complain(const std::string& sentence, LogLevel level = LogLevel::kEr
 inline int refuse(const std::string& sentence) {
     complain(sentence);
     return kExitUsage;
+}
+
+// Text that is asked for, to standard output; whoever reads it may stop early.
+inline int answer(std::string_view text) {
+    std::string message;
+    if (write_for_reader(text, message)) return kExitDone;
+    complain(message);
+    return kExitFailed;
 }
 
 }  // namespace stillmesh

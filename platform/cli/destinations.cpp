@@ -45,6 +45,10 @@ namespace {
     if (to.path.empty()) {
         return std::string(to.option) + ": the name is empty; give a " + (is_folder ? "folder." : "file.");
     }
+    if (to.path == "-") {
+        if (to.may_be_standard_output) return {};
+        return name + "only --trajectory can go to standard output; give a name (a file called '-' is './-').";
+    }
     struct stat status {};
     if (::stat(to.path.c_str(), &status) == 0) {
         if (is_folder) {

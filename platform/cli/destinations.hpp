@@ -20,6 +20,7 @@ struct Destination {
     const char* option;  // as it is typed
     std::string path;
     DestinationKind kind;
+    bool may_be_standard_output = false;  // "-"
 };
 
 // What a run reads, and must not write over: option and path, and the option that may write over it all the same.

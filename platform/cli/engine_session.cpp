@@ -13,6 +13,7 @@
 #include "engine/engine.hpp"
 #include "hal/calibration/toml_document.hpp"
 #include "platform/cli/configuration_file.hpp"
+#include "platform/cli/place_probe.hpp"
 #include "platform/cli/step_pacer.hpp"
 #include "platform/evaluation/final_trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
@@ -130,9 +131,12 @@ class EngineSession final : public TrackingSession {
 public:
     // kOk, kInvalid, kUnavailable: `message` says why.
     [[nodiscard]] Status create(const SessionOptions& options, const CameraInfo& camera, std::string& message) {
-        Configuration configuration;
+        Configuration& configuration = configuration_;
         STILLMESH_TRY(configuration_of(options, camera, limits_, configuration, message));
         note_ = message;
+        camera_ = camera.model;
+        extractor_number_ = options.features == "opencv" ? 1 : 0;
+        map_every_ns_ = static_cast<std::int64_t>(options.map_every_s * 1e9);
         FeatureExtractor* extractor = nullptr;
         if (options.features == "opencv") {
 #ifdef STILLMESH_HAS_OPENCV
@@ -186,11 +190,10 @@ public:
             is_localising_ = options.is_localising;
         }
         if (!options.map_out.empty() &&
-            !map_saver_.open(options.map_out, limits_, extractor_number,
-                             static_cast<std::int64_t>(options.map_every_s * 1e9), message)) {
+            !map_saver_->open(options.map_out, limits_, extractor_number, map_every_ns_, message)) {
             return Status::kUnavailable;
         }
-        map_out_ = options.map_out;
+        map_out_ = map_files_begin_ = options.map_out;
         units_per_frame_ = configuration.schedule.units_per_frame;
         slice_units_ = configuration.schedule.slice_units;
         pacer_ = StepPacer(slice_units_);
@@ -272,7 +275,7 @@ public:
             if (progress == Progress::kIdle) break;
         }
         background_ms_.add(static_cast<double>(now_ns - begin_ns) * 1e-6);
-        if (map_saver_.is_open()) map_saver_.work(*engine_, now_ns, slice_units_);
+        if (map_saver_->is_open()) map_saver_->work(*engine_, now_ns, slice_units_);
         out.state_hash = recorded_.hash = engine_->state_hash();
         if (writer_ != nullptr) {
             record_frame();
@@ -289,11 +292,49 @@ public:
     }
     std::optional<Trajectory> final_trajectory() override {
         note_keyframes();
-        return final_.finish();
+        Trajectory all = final_of_maps_before_;
+        const Trajectory last = final_.finish();
+        all.insert(all.end(), last.begin(), last.end());
+        return all;
+    }
+
+    std::optional<bool> could_begin_here(const Frame& frame) override {
+        return probe_.frame(camera_, configuration_, frame);
+    }
+    void is_found_again() override {
+        probe_.forget();
+    }
+    std::string begin_new_map() override {
+        if (engine_->statistics().keyframes.size == 0) return {};
+        const EngineStatistics statistics = engine_->statistics();
+        of_maps_before_.keyframes_made += statistics.keyframes_made;
+        of_maps_before_.keyframes_forgotten += statistics.keyframes_forgotten;
+        of_maps_before_.points_forgotten += statistics.points_forgotten;
+        of_maps_before_.recoveries += statistics.recoveries;
+        of_maps_before_.keyframes_refused += statistics.keyframes_refused;
+        if (keeps_final_) {
+            final_of_maps_before_ = *final_trajectory();
+            final_ = FinalTrajectory();
+        }
+        std::string sentence = "a new map begins here";
+        if (map_saver_->is_open()) {
+            finish_map();
+            const std::string before = map_out_;
+            map_out_ = free_name(map_files_begin_);
+            std::string message;
+            map_saver_ = std::make_unique<MapSaver>();
+            if (map_saver_->open(map_out_, limits_, extractor_number_, map_every_ns_, message)) {
+                sentence += ", to be written to " + map_out_ + "; the one before is " + before;
+            } else {
+                map_problems_.push_back(message);
+            }
+        }
+        engine_->reset();
+        return sentence;
     }
 
     std::string news() override {
-        return map_saver_.take_news();
+        return map_saver_->take_news();
     }
 
     void draw(MeshSnapshot& snapshot) override {
@@ -313,14 +354,14 @@ public:
                         {"map points", statistics.map_points.high_water, statistics.map_points.capacity}};
         record.block_bytes = block_.bytes().size();
         record.arena_used_bytes = statistics.arena_used_bytes;
-        record.keyframes_made = statistics.keyframes_made;
-        record.keyframes_forgotten = statistics.keyframes_forgotten;
-        record.points_forgotten = statistics.points_forgotten;
-        record.recoveries = statistics.recoveries;
+        record.keyframes_made = of_maps_before_.keyframes_made + statistics.keyframes_made;
+        record.keyframes_forgotten = of_maps_before_.keyframes_forgotten + statistics.keyframes_forgotten;
+        record.points_forgotten = of_maps_before_.points_forgotten + statistics.points_forgotten;
+        record.recoveries = of_maps_before_.recoveries + statistics.recoveries;
         record.has_vocabulary = has_vocabulary_;
         record.loops = statistics.loop;
         close_store(record);
-        record.keyframes_refused = statistics.keyframes_refused;
+        record.keyframes_refused = of_maps_before_.keyframes_refused + statistics.keyframes_refused;
         record.keyframe_queue = statistics.keyframe_queue;
         record.schedule = statistics.schedule;
         record.background_ms = background_ms_;
@@ -330,15 +371,9 @@ public:
             record.maps.push_back(
                 map_record(map_in_, map_in_info_, map_load_s_, is_localising_ ? "localised in" : "read"));
         }
-        if (map_saver_.is_open()) {
-            if (const std::string problem = map_saver_.finish(*engine_); !problem.empty()) {
-                record.problems.push_back(problem);
-            }
-            if (map_saver_.is_saved()) {
-                record.maps.push_back(map_record(map_out_, map_saver_.info(), map_saver_.last_save_s(), "written"));
-                record.maps.back().times = map_saver_.saves();
-            }
-        }
+        finish_map();
+        record.maps.insert(record.maps.end(), maps_written_.begin(), maps_written_.end());
+        record.problems.insert(record.problems.end(), map_problems_.begin(), map_problems_.end());
         if (writer_ != nullptr) {
             if (const std::string problem = writer_->close(); !problem.empty()) record.problems.push_back(problem);
             record.recording = recording_;
@@ -348,12 +383,27 @@ public:
     }
 
 private:
+    // The first of FILE.1, FILE.2, ... that is not there: none that was kept before is lost.
+    [[nodiscard]] static std::string free_name(const std::string& file) {
+        std::error_code error;
+        std::string name;
+        for (int i = 1; name.empty() || std::filesystem::exists(name, error); ++i) name = fmt::format("{}.{}", file, i);
+        return name;
+    }
+    void finish_map() {
+        if (!map_saver_->is_open()) return;
+        if (std::string problem = map_saver_->finish(*engine_); !problem.empty()) {
+            map_problems_.push_back(std::move(problem));
+        }
+        if (map_saver_->is_saved()) {
+            maps_written_.push_back(map_record(map_out_, map_saver_->info(), map_saver_->last_save_s(), "written"));
+            maps_written_.back().times = map_saver_->saves();
+        }
+    }
     // Renames a map that cannot be gone on in to the first free FILE.1, FILE.2, ...: none of those kept before is lost.
     [[nodiscard]] bool keep_aside(const std::string& map, const std::string& why, std::string& message) {
         std::error_code error;
-        std::string aside;
-        for (int i = 1; aside.empty() || std::filesystem::exists(aside, error); ++i)
-            aside = fmt::format("{}.{}", map, i);
+        const std::string aside = free_name(map);
         std::filesystem::rename(map, aside, error);
         if (error) {
             message = why + " It cannot be kept as " + aside + " either: " + error.message() + ".";
@@ -446,10 +496,20 @@ private:
     std::uint32_t slice_units_ = 1;
     StepPacer pacer_{1};
     std::string map_in_, map_out_;
+    std::string map_files_begin_;  // map_out_ of the first map
     MapFileInfo map_in_info_;
     double map_load_s_ = 0;
     bool is_localising_ = false;
-    MapSaver map_saver_;
+    std::unique_ptr<MapSaver> map_saver_ = std::make_unique<MapSaver>();
+    std::vector<MapRecord> maps_written_;
+    std::vector<std::string> map_problems_;
+    Configuration configuration_;
+    CameraModel camera_;
+    std::uint8_t extractor_number_ = 0;
+    std::int64_t map_every_ns_ = 0;
+    PlaceProbe probe_;
+    EngineStatistics of_maps_before_;
+    Trajectory final_of_maps_before_;
     StoreService store_;
     std::string map_store_, store_note_;
     bool can_wait_ = true;
@@ -479,7 +539,8 @@ Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::st
     Limits limits;
     Configuration configuration;
     STILLMESH_TRY(configuration_of(options, CameraInfo{}, limits, configuration, message));
-    sizes = {limits.image_width_max, limits.image_height_max};
+    sizes = {
+        limits.image_width_max, limits.image_height_max, {configuration.depth.z_min_m, configuration.depth.z_max_m}};
     return Status::kOk;
 }
 

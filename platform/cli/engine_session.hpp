@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "hal/depth_camera.hpp"
+#include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/session.hpp"
 
 namespace stillmesh {
@@ -32,9 +33,11 @@ struct SessionOptions {
 struct SessionSizes {
     std::uint32_t width_max = 640;
     std::uint32_t height_max = 480;
+    DepthRange depth;
 };
 
-// The largest image that the limits allow. kInvalid, kUnavailable: the options are bad, `message` says how.
+// The largest image that the limits allow, and the depth that is used. kInvalid, kUnavailable: the options are bad,
+// `message` says how.
 [[nodiscard]] Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message);
 // kOk: `message` is empty, or a note for the user. kInvalid, kUnavailable: it says why; `session` is untouched.
 [[nodiscard]] Status create_engine_session(const SessionOptions& options, const CameraInfo& camera,

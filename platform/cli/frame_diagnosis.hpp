@@ -6,9 +6,30 @@
 
 namespace stillmesh {
 
-enum class FrameFault { kNone, kBlack, kSaturated, kNoDepth, kCovered, kPlain };
+enum class FrameFault {
+    kNone,
+    kBlack,
+    kSaturated,
+    kNoDepth,
+    kCovered,
+    kPlain,
+    kOutOfRange,
+    // What no single frame says:
+    kColourStuck,
+    kDepthStuck,
+    kBothStuck,
+    kElsewhere,  // the map does not hold this place
+    kOtherMap,   // nor anything of it, and it is one that was read
+};
+inline constexpr std::size_t kFrameFaults = 12;
 
-[[nodiscard]] FrameFault diagnose(const Frame& frame);
+// What the engine uses of the depth.
+struct DepthRange {
+    double min_m = 0.3;
+    double max_m = 6.0;
+};
+
+[[nodiscard]] FrameFault diagnose(const Frame& frame, const DepthRange& range = {});
 // A sentence's second half with a remedy: "the images are black; is the lens cap on?"
 [[nodiscard]] const char* fault_sentence(FrameFault fault);
 

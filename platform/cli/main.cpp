@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -86,6 +87,23 @@ int program(int argc, char** argv) {
         ->type_name("DIR")
         ->group(kCameraGroup);
     run_app
+        ->add_option("--fps", arguments.replay_frames_per_s, "of a recording whose lists have frame numbers for times")
+        ->check(CLI::Range(1.0, 1000.0).description(""))
+        ->type_name("N")
+        ->group(kCameraGroup);
+    run_app
+        ->add_option("--pair-gap", arguments.replay_pair_gap_s,
+                     "of a recording: at most between a colour image and its depth image (0.02)")
+        ->check(CLI::Range(0.0, 1.0).description(""))
+        ->type_name("SECONDS")
+        ->group(kCameraGroup);
+    run_app
+        ->add_option("--depth-offset", arguments.replay_depth_offset_s,
+                     "of a recording: what the clock of its depth images is ahead (negative: behind)")
+        ->check(CLI::Range(-4e9, 4e9).description(""))
+        ->type_name("SECONDS")
+        ->group(kCameraGroup);
+    run_app
         ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
         ->type_name("SCENE[:SEED[+DAY]]")
         ->group(kCameraGroup);
@@ -108,7 +126,10 @@ int program(int argc, char** argv) {
     run_app->add_option("--report", arguments.report, "a page to look at: DIR/index.html")
         ->type_name("DIR")
         ->group("What comes out");
-    run_app->add_option("--trajectory", arguments.loop.trajectory, "each pose as it was given out, TUM format")
+    run_app
+        ->add_option(
+            "--trajectory", arguments.loop.trajectory,
+            "each pose as it was given out, TUM format; - is standard output, and the summary goes to standard error")
         ->type_name("FILE")
         ->group("What comes out");
     run_app->add_flag("--append", arguments.loop.adds_to_trajectory, "with --trajectory: added to what is there")
@@ -161,6 +182,12 @@ int program(int argc, char** argv) {
         ->add_option("--map-in", arguments.session.map_in,
                      "begin in this map: find the camera in it, then go on mapping")
         ->type_name("FILE")
+        ->group("Map");
+    run_app
+        ->add_option("--new-map-when-lost", arguments.new_map_when_lost_s,
+                     "lost for so long, begin another map; the one before is written, the next gets FILE.1")
+        ->check(CLI::Range(0.5, 1e6).description(""))
+        ->type_name("SECONDS")
         ->group("Map");
     run_app
         ->add_flag("--localize", arguments.session.is_localising, "with --map-in: the map stays as it is, poses only")
@@ -339,12 +366,18 @@ int program(int argc, char** argv) {
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success& success) {
-        return app.exit(success);
+        std::ostringstream out, err;
+        const int code = app.exit(success, out, err);
+        const int answered = answer(out.str());
+        return code == kExitDone ? answered : code;
     } catch (const CLI::ParseError& error) {
         std::string command;
         for (const CLI::App* parsed = &app; !parsed->get_subcommands().empty();) {
             parsed = parsed->get_subcommands().front();
             command += parsed->get_name() + " ";
+        }
+        if (app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-') {
+            return refuse("'" + std::string(argv[1]) + "' is no command; 'stillmesh --help' shows the commands.");
         }
         return refuse(std::string(error.what()) + "; 'stillmesh " + command + "--help' shows the " +
                       (command.empty() ? "commands." : "options."));

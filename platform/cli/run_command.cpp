@@ -29,6 +29,10 @@ namespace {
 
 constexpr double kMapEvery_s = 60;  // of --map, where --map-every does not say
 
+[[nodiscard]] std::int64_t nanoseconds(double seconds) {
+    return static_cast<std::int64_t>(std::llround(seconds * 1e9));
+}
+
 // A simulated camera that writes down where it truly was.
 class TruthfulCamera final : public DepthCamera {
 public:
@@ -90,10 +94,15 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     if (!arguments.record_frames.empty() && !frames_writer.open(arguments.record_frames, camera.info(), message)) {
         return refuse(message);
     }
+    SessionSizes sizes;
+    if (session_sizes(arguments.session, sizes, message) != Status::kOk) return refuse(message);
     catch_stop_signals();
     catch_reopen_signal();
     record.start_up_ms = static_cast<double>(monotonic_ns() - begin_ns) * 1e-6;
     RunLoopOptions loop = arguments.loop;
+    loop.depth_range = sizes.depth;
+    loop.begins_in_map = !options.map_in.empty();
+    loop.new_map_after_ns = nanoseconds(arguments.new_map_when_lost_s);
     const bool ends_earlier = loop.frames_max > 0 && (loop.frames_max < source.frames || source.frames == 0);
     loop.frames_expected = ends_earlier ? loop.frames_max : source.frames;
     loop.snapshots_max = arguments.report.empty() ? 0 : 6;
@@ -138,10 +147,12 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         }
     }
     release_stop_signals();  // all is written: whoever reads the summary slowly may end us
+    // Where the poses went to standard output, nothing else does.
+    std::FILE* const out = arguments.loop.trajectory == "-" ? stderr : stdout;
     std::fputs(
         (arguments.is_json ? summary_json(record, report, code) : printable(summary_text(record, report))).c_str(),
-        stdout);
-    static_cast<void>(std::fflush(stdout));
+        out);
+    static_cast<void>(std::fflush(out));
     for (const std::string& problem : record.problems) complain(problem);
     return code;
 }
@@ -213,6 +224,25 @@ int track_maybe_faulty(const Source& source, bool is_open, const RunArguments& a
                       [&](const Source& alive, RunRecord& r) { return track(alive, arguments, begin_ns, r); });
 }
 
+// What is not as every recording has it is said, so that a wrong guess does not go unseen.
+void note_what_was_read(const ReplayCounts& counts, double pair_gap_s, RunRecord& record) {
+    if (counts.colour_images > counts.frames) {
+        record.notes.push_back(fmt::format("{} of {} colour images have no depth image within {:.0f} ms: skipped.",
+                                           counts.colour_images - counts.frames, counts.colour_images,
+                                           1e3 * pair_gap_s));
+    }
+    if (counts.unit != TimeUnit::kSeconds) {
+        record.notes.push_back(fmt::format("the times of the recording are taken for {}: they go up by {:g}.",
+                                           time_unit_name(counts.unit), counts.step));
+    }
+    constexpr std::int64_t kUsual_ns = 20'000'000;
+    if (counts.pair_gap_longest_ns > kUsual_ns) {
+        record.notes.push_back(fmt::format(
+            "images of one frame are up to {:.1f} ms apart; what moved meanwhile is not where its depth is.",
+            static_cast<double>(counts.pair_gap_longest_ns) * 1e-6));
+    }
+}
+
 int replay(const RunArguments& arguments, std::int64_t begin_ns) {
     SessionSizes sizes;
     std::string message;
@@ -222,7 +252,10 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
     ReplayCamera camera({.folder = folder,
                          .calibration = arguments.calibration,
                          .width_max = sizes.width_max,
-                         .height_max = sizes.height_max});
+                         .height_max = sizes.height_max,
+                         .association_gap_max_ns = nanoseconds(arguments.replay_pair_gap_s),
+                         .depth_offset_ns = nanoseconds(arguments.replay_depth_offset_s),
+                         .frames_per_s = arguments.replay_frames_per_s});
     if (camera.open() != Status::kOk) return refuse(camera.message());
     RunRecord record;
     record.input = folder;
@@ -231,14 +264,11 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
     const std::string truth_file = folder + "/groundtruth.txt";
     std::error_code error;
     if (std::filesystem::exists(truth_file, error) &&
-        read_trajectory(truth_file, record.truth, message) != Status::kOk) {
+        read_trajectory(truth_file, record.truth, message, arguments.replay_frames_per_s) != Status::kOk) {
         return refuse(message);
     }
     const ReplayCounts& counts = camera.counts();
-    if (counts.colour_images > counts.frames) {
-        record.notes.push_back(fmt::format("{} of {} colour images have no depth image within 20 ms: skipped.",
-                                           counts.colour_images - counts.frames, counts.colour_images));
-    }
+    note_what_was_read(counts, arguments.replay_pair_gap_s, record);
     return track_maybe_faulty(
         {.camera = camera, .message = [&camera] { return camera.message(); }, .frames = counts.frames}, true, arguments,
         begin_ns, record);
@@ -325,7 +355,7 @@ int live(const RunArguments& arguments) {
     using enum DestinationKind;
     const SessionOptions& session = arguments.session;
     const Destination all[] = {
-        {"--trajectory", arguments.loop.trajectory, kLines},
+        {"--trajectory", arguments.loop.trajectory, kLines, true},
         {"--trajectory-final", arguments.loop.trajectory_final, kWhole},
         {"--state-hashes", arguments.loop.state_hashes, kLines},
         {"--record", session.record, kLines},
@@ -368,8 +398,7 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
         std::string toml;
         std::string message;
         if (print_configuration(arguments.session, toml, message) != Status::kOk) return refuse(message);
-        std::fputs(toml.c_str(), stdout);
-        return kExitDone;
+        return answer(toml);
     }
     const SessionOptions& session = arguments.session;
     if (session.is_localising && session.map_in.empty()) {
@@ -380,6 +409,13 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
     }
     if (session.is_localising && !session.map_store.empty()) {
         return refuse("--localize leaves the map as it is: nothing goes to --map-store, and nothing comes back.");
+    }
+    if (arguments.new_map_when_lost_s > 0 &&
+        (session.is_localising || !session.record.empty() || !session.map_store.empty())) {
+        const char* const other = session.is_localising    ? "--localize: it leaves the map as it is"
+                                  : session.record.empty() ? "--map-store: its places are of one map"
+                                                           : "--record: it repeats a run in one map";
+        return refuse(fmt::format("--new-map-when-lost: does not go with {}; leave one of them out.", other));
     }
     if (arguments.loop.adds_to_trajectory && arguments.loop.trajectory.empty()) {
         return refuse("--append: needs a file to add to: --trajectory FILE.");

@@ -11,6 +11,7 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/progress.hpp"
+#include "platform/cli/stream_log.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
 #include "platform/linux/text_output.hpp"
@@ -93,34 +94,61 @@ private:
 // The longest time without a measured pose, and what the pixels said meanwhile.
 class LossWatch {
 public:
-    // `is_live`: what was lost while the camera itself was away does not count.
-    void frame(const Frame& frame, PoseState state, bool is_live) {
+    LossWatch(const RunLoopOptions& options, TrackingSession& session) : options_(options), session_(session) {}
+
+    // `known`: what is wrong with the frame, if it is known. What was lost while a live camera itself was away does not
+    // count.
+    void frame(const Frame& frame, PoseState state, FrameFault known) {
         if (first_ns_ < 0) first_ns_ = last_measured_ns_ = last_ns_ = frame.time_ns;
-        if (is_live && frame.time_ns - last_ns_ > kGapNoted_ns) last_measured_ns_ += frame.time_ns - last_ns_;
+        if (options_.is_live && frame.time_ns - last_ns_ > kGapNoted_ns) last_measured_ns_ += frame.time_ns - last_ns_;
         last_ns_ = frame.time_ns;
+        fault_ = FrameFault::kNone;
         if (state >= PoseState::kUnsure) {
             end_of_loss(frame.time_ns);
             last_measured_ns_ = frame.time_ns;
+            was_measured_ = true;
             return;
         }
         ++lost_frames_;
-        const auto fault = static_cast<std::size_t>(diagnose(frame));
-        ++faults_[fault];
-        ++all_faults_[fault];
+        fault_ = known != FrameFault::kNone ? known : diagnose(frame, options_.depth_range);
+        // Lost for so long among good pictures: is it the place, or what moves in it?
+        if (fault_ == FrameFault::kNone && lost_ns() > kProbed_ns && options_.new_map_after_ns == 0 &&
+            session_.could_begin_here(frame).value_or(false)) {
+            is_elsewhere_ = was_elsewhere_ = true;
+        }
+        ++faults_[static_cast<std::size_t>(fault_)];
+        ++all_faults_[static_cast<std::size_t>(fault_)];
         ++all_lost_frames_;
     }
     void finish() { end_of_loss(last_ns_); }
-    [[nodiscard]] std::string sentence(std::int64_t lost_max_ns) const {
-        if (longest_ns_ <= lost_max_ns) return {};
+    [[nodiscard]] std::int64_t lost_ns() const { return lost_frames_ > 0 ? last_ns_ - last_measured_ns_ : 0; }
+    // The last frame shows something that a map could begin with.
+    [[nodiscard]] bool is_good_picture() const { return fault_ == FrameFault::kNone; }
+    // Another map begins: what was lost is known, and is no failure.
+    [[nodiscard]] std::string begin_anew() {
+        const std::string sentence =
+            fmt::format("second {:.1f}: no pose for {:.1f} s", second(last_ns_), static_cast<double>(lost_ns()) * 1e-9);
+        last_measured_ns_ = last_ns_;
+        lost_frames_ = 0;
+        faults_ = {};
+        was_measured_ = true;
+        return sentence;
+    }
+    [[nodiscard]] double second(std::int64_t time_ns) const { return static_cast<double>(time_ns - first_ns_) * 1e-9; }
+    [[nodiscard]] std::string sentence() const {
+        if (longest_ns_ <= options_.lost_ns) return {};
         return fmt::format("no pose for {:.1f} s ({} frames) from second {:.1f} on: {}.",
-                           static_cast<double>(longest_ns_) * 1e-9, longest_frames_,
-                           static_cast<double>(longest_begin_ns_ - first_ns_) * 1e-9, fault_sentence(longest_fault_));
+                           static_cast<double>(longest_ns_) * 1e-9, longest_frames_, second(longest_begin_ns_),
+                           fault_sentence(longest_fault_));
     }
     // What most of the frames without a measured pose say, of the whole run.
-    [[nodiscard]] const char* fault() const { return fault_sentence(most_say(all_faults_, all_lost_frames_)); }
+    [[nodiscard]] const char* fault() const {
+        return fault_sentence(with_place(most_say(all_faults_, all_lost_frames_), was_elsewhere_));
+    }
 
 private:
-    using Counts = std::array<std::uint64_t, 6>;
+    static constexpr std::int64_t kProbed_ns = 500'000'000;  // half of what is a failure
+    using Counts = std::array<std::uint64_t, kFrameFaults>;
     // What more than half of the frames say; else the general sentence.
     [[nodiscard]] static FrameFault most_say(const Counts& faults, std::uint64_t frames) {
         FrameFault fault = FrameFault::kNone;
@@ -129,24 +157,82 @@ private:
         }
         return fault;
     }
+    [[nodiscard]] FrameFault with_place(FrameFault fault, bool is_elsewhere) const {
+        if (fault != FrameFault::kNone || !is_elsewhere) return fault;
+        return options_.begins_in_map && !was_measured_ ? FrameFault::kOtherMap : FrameFault::kElsewhere;
+    }
     void end_of_loss(std::int64_t now_ns) {
         if (lost_frames_ > 0 && now_ns - last_measured_ns_ > longest_ns_) {
             longest_ns_ = now_ns - last_measured_ns_;
             longest_begin_ns_ = last_measured_ns_;
             longest_frames_ = lost_frames_;
-            longest_fault_ = most_say(faults_, lost_frames_);
+            longest_fault_ = with_place(most_say(faults_, lost_frames_), is_elsewhere_);
         }
+        if (lost_frames_ > 0) session_.is_found_again();
         lost_frames_ = 0;
         faults_ = {};
+        is_elsewhere_ = false;
     }
 
+    const RunLoopOptions& options_;
+    TrackingSession& session_;
     std::int64_t first_ns_ = -1, last_ns_ = 0, last_measured_ns_ = 0;
     std::uint64_t lost_frames_ = 0;
     Counts faults_{}, all_faults_{};
     std::uint64_t all_lost_frames_ = 0;
+    FrameFault fault_ = FrameFault::kNone;  // of the last frame
+    bool was_measured_ = false;             // ever
+    bool is_elsewhere_ = false, was_elsewhere_ = false;
     std::int64_t longest_ns_ = 0, longest_begin_ns_ = 0;
     std::uint64_t longest_frames_ = 0;
     FrameFault longest_fault_ = FrameFault::kNone;
+};
+
+// The maps of a run: no pose of one says where it lies in another, so that the error is that of the one with most
+// poses.
+class MapsOfRun {
+public:
+    [[nodiscard]] std::size_t count() const { return count_; }
+    void begin_another(RunRecord& record, std::size_t given) {
+        keep(record, given);
+        ++count_;
+        begin_ = given;
+        record.estimate.clear();
+    }
+    void finish(RunRecord& record, std::size_t given) {
+        keep(record, given);
+        record.estimate = std::move(most_);
+        if (count_ > 1 && !record.estimate.empty()) {
+            record.notes.push_back(
+                fmt::format("{} maps; the error and the path shown are those of map {} alone.", count_, chosen_));
+        }
+    }
+    // Of the poses given out, those in that map.
+    [[nodiscard]] std::size_t final_begin() const { return chosen_begin_; }
+    [[nodiscard]] std::size_t final_end() const { return chosen_end_; }
+
+private:
+    // Where there is a truth, what lies in its time counts.
+    [[nodiscard]] static std::size_t worth_of(const RunRecord& record) {
+        if (record.truth.empty()) return record.estimate.size();
+        return static_cast<std::size_t>(
+            std::count_if(record.estimate.begin(), record.estimate.end(), [&record](const TrajectoryPose& pose) {
+                return pose.time_ns >= record.truth.front().time_ns && pose.time_ns <= record.truth.back().time_ns;
+            }));
+    }
+    void keep(RunRecord& record, std::size_t given) {
+        const std::size_t worth = worth_of(record);
+        if (count_ > 1 && worth <= most_worth_) return;
+        most_worth_ = worth;
+        most_ = std::move(record.estimate);
+        chosen_ = count_;
+        chosen_begin_ = begin_;
+        chosen_end_ = given;
+    }
+
+    std::size_t count_ = 1, begin_ = 0;
+    std::size_t chosen_ = 1, chosen_begin_ = 0, chosen_end_ = 0, most_worth_ = 0;
+    Trajectory most_;
 };
 
 // A predicted pose is given out, but not measured: a comment, so that no tool counts it as covered.
@@ -180,6 +266,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     constexpr const char* kHeader = "# timestamp tx ty tz qx qy qz qw (camera to world, s, m)\n";
     if (options.adds_to_trajectory) trajectory.add_to_it();
     trajectory.limit_to(options.trajectory_bytes_max);
+    constexpr int kReaderPatience_ms = 5000;  // a recording waits for whoever reads its path, a camera does not
+    if (options.trajectory == "-" && options.times == nullptr) trajectory.wait_for_reader(kReaderPatience_ms);
     if (!options.trajectory.empty() && !trajectory.open(options.trajectory, message)) return give_up(kExitUsage);
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
 
@@ -193,7 +281,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     };
     put(trajectory, kHeader);
     SnapshotKeeper snapshots(options.snapshots_max);
-    LossWatch loss;
+    LossWatch loss(options, session);
+    MapsOfRun maps;
+    StreamLog streams;
     Trajectory given;  // for the poses as they are known at the end
     std::vector<PoseState> given_states;
     if (!options.trajectory_final.empty()) session.keep_final_trajectory();
@@ -262,8 +352,19 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             if (options.times == nullptr) options.frames->wait_for_room(std::chrono::seconds(10));
             options.frames->add(frame);
         }
+        streams.frame(frame);
+        if (const std::string sentence = streams.take_news(); !sentence.empty()) {
+            progress.say(sentence);
+            put(trajectory, "# " + sentence + "\n");
+        }
         SessionFrame out;
         const std::int64_t begin_ns = monotonic_ns();
+        if (streams.fault() != FrameFault::kNone) {  // old pictures: a pose of them would be of another time
+            record.add({frame.time_ns, 0, 0, 0, 0, PoseState::kNone}, false);
+            loss.frame(frame, PoseState::kNone, streams.fault());
+            progress.frame(record.frames_total, PoseState::kNone, begin_ns);
+            continue;
+        }
         const Status submitted = session.submit(frame, out, message);
         const std::int64_t end_ns = monotonic_ns();
         if (submitted != Status::kOk) {
@@ -288,7 +389,16 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.state_hash = out.state_hash;
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
                     out.dynamic_features, out.state});
-        loss.frame(frame, out.state, options.is_live);
+        loss.frame(frame, out.state, FrameFault::kNone);
+        if (options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns && loss.is_good_picture()) {
+            if (const std::string begun = session.begin_new_map(); !begun.empty()) {
+                const std::string sentence = loss.begin_anew() + ": " + begun + ".";
+                progress.say(sentence);
+                put(trajectory, fmt::format("# map {}: {}\n", maps.count() + 1, sentence));
+                maps.begin_another(record, given.size());
+                record.new_maps.push_back({loss.second(frame.time_ns), sentence});
+            }
+        }
         const std::int64_t latency_ns = end_ns - (options.times != nullptr ? options.times->due_ns() : begin_ns);
         record.latency_ms.add(static_cast<double>(latency_ns) * 1e-6);
         if (options.frame_period_ns > 0 && latency_ns > options.frame_period_ns) ++record.deadline_misses;
@@ -298,11 +408,13 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     record.wall_seconds = static_cast<double>(monotonic_ns() - wall_begin_ns) * 1e-9;
     record.cpu_seconds = cpu_seconds() - cpu_begin;
     record.snapshots = snapshots.finish();
+    maps.finish(record, given.size());
     const std::size_t problems = record.problems.size();
     for (const CountedLines* const lines : {&trajectory, &hashes}) {
         if (std::string problem = lines->problem(); !problem.empty()) record.problems.push_back(std::move(problem));
     }
     session.account(record);
+    streams.account(record);
     if (options.frames != nullptr) {
         if (const std::string problem = options.frames->close(); !problem.empty()) record.problems.push_back(problem);
     }
@@ -316,7 +428,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     if (!options.trajectory_final.empty()) {
         const std::optional<Trajectory> known = session.final_trajectory();
         if (known && known->size() == given.size()) {
-            for (std::size_t i = 0; i < known->size(); ++i) {
+            for (std::size_t i = maps.final_begin(); i < std::min(known->size(), maps.final_end()); ++i) {
                 if (given_states[i] >= PoseState::kUnsure) record.final_estimate.push_back((*known)[i]);
             }
         }
@@ -337,7 +449,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         code = give_up(kExitFailed);
     }
     loss.finish();
-    if (const std::string sentence = loss.sentence(options.lost_ns); !sentence.empty()) {
+    if (const std::string sentence = loss.sentence(); !sentence.empty()) {
         record.problems.push_back(sentence);
         if (code == kExitDone) code = kExitFailed;
     } else if (record.frames_total > 0 && record.coverage() < 0.5) {

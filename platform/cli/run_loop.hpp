@@ -8,13 +8,14 @@
 
 #include "hal/depth_camera.hpp"
 #include "hal/live/frame_times.hpp"
+#include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/session.hpp"
 #include "platform/record/frame_folder_writer.hpp"
 
 namespace stillmesh {
 
 struct RunLoopOptions {
-    std::string trajectory;                  // file; empty: none
+    std::string trajectory;                  // file; "-": standard output; empty: none
     bool adds_to_trajectory = false;         // to what is in the file already
     std::uint64_t trajectory_bytes_max = 0;  // beyond, it becomes FILE.1 and begins anew; 0: no limit
     std::string trajectory_final;            // file; empty: none
@@ -29,6 +30,9 @@ struct RunLoopOptions {
     std::function<std::string()> news;     // sentences about the camera, oldest first, then an empty one; may be empty
     FrameFolderWriter* frames = nullptr;   // where every frame is written to, if anywhere
     std::int64_t frame_period_ns = 0;      // of the camera; longer from frame to pose is a deadline missed; 0: unknown
+    std::int64_t new_map_after_ns = 0;     // lost for so long, another map is begun; 0: never
+    bool begins_in_map = false;            // in one that was read
+    DepthRange depth_range;                // that the engine uses
     std::int64_t lost_ns = 1'000'000'000;  // longer without a measured pose, or without a frame, is a failure
 };
 

@@ -42,6 +42,16 @@ public:
     // What has happened since it was asked last that the user should hear of now (a map that could not be saved);
     // empty: nothing.
     [[nodiscard]] virtual std::string news() { return {}; }
+    // Of a camera that is lost: whether it would find its way if it began anew where this frame is; empty: not known
+    // yet. Each frame of the loss is shown once.
+    [[nodiscard]] virtual std::optional<bool> could_begin_here(const Frame& frame) {
+        static_cast<void>(frame);
+        return std::nullopt;
+    }
+    virtual void is_found_again() {}
+    // Lays the map aside, written where maps are written to, and begins another. Empty: there is none yet, nothing was
+    // done; else what to say.
+    [[nodiscard]] virtual std::string begin_new_map() { return {}; }
     // What the last frame's mesh was, without the picture.
     virtual void draw(MeshSnapshot& snapshot) = 0;
     // Stages with their times, pools with their high-water marks, memory.

@@ -31,6 +31,27 @@ using Json = nlohmann::ordered_json;
             {"coverage", number(e.coverage)}};
 }
 
+[[nodiscard]] Json json_of(const StreamRecord& streams) {
+    Json stuck = Json::array();
+    for (const StreamRecord::Episode& e : streams.stuck) {
+        stuck.push_back({{"stream", e.stream}, {"second", e.second}, {"length_s", e.length_s}, {"frames", e.frames}});
+    }
+    return {{"times_stuck", streams.times_stuck},     {"colour_repeats", streams.colour_repeats},
+            {"depth_repeats", streams.depth_repeats}, {"stuck", stuck},
+            {"no_depth_s", streams.no_depth_s},       {"no_depth_longest_s", streams.no_depth_longest_s}};
+}
+
+[[nodiscard]] std::string streams_text(const StreamRecord& streams) {
+    if (streams.colour_repeats + streams.depth_repeats == 0) return {};
+    std::string text = fmt::format("streams       stuck {} times; {} colour and {} depth images repeat, without a pose",
+                                   streams.times_stuck, streams.colour_repeats, streams.depth_repeats);
+    for (std::size_t i = 0; i < streams.stuck.size() && i < 3; ++i) {
+        const StreamRecord::Episode& e = streams.stuck[i];
+        text += fmt::format("; {} for {:.1f} s from second {:.1f} on", e.stream, e.length_s, e.second);
+    }
+    return text + "\n";
+}
+
 }  // namespace
 
 std::string evaluation_text(const Evaluation& e) {
@@ -122,6 +143,8 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
             camera.unplugs, camera.stalls, camera.returns, camera.away_s, camera.away_longest_s, camera.frames_refused,
             camera.clock_restarts);
     }
+    text += streams_text(record.streams);
+    for (const RunRecord::NewMap& map : record.new_maps) text += fmt::format("new map       {}\n", map.sentence);
     if (!record.camera.faults.empty()) text += fmt::format("faults        {}\n", record.camera.faults);
     if (!record.recording.empty()) {
         text +=
@@ -284,6 +307,11 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                     {"frames_refused", camera.frames_refused},
                     {"clock_restarts", camera.clock_restarts},
                     {"events", camera.events}};
+    json["streams"] = json_of(record.streams);
+    json["new_maps"] = Json::array();
+    for (const RunRecord::NewMap& map : record.new_maps) {
+        json["new_maps"].push_back({{"second", map.second}, {"what", map.sentence}});
+    }
     json["faults"] = camera.faults.empty() ? Json(nullptr) : Json(camera.faults);
     json["recording"] = record.recording.empty() ? Json(nullptr) : Json(record.recording);
     json["frames_recorded"] = record.frames_recorded;

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "hal/replay/decimal_time.hpp"
+#include "hal/replay/time_unit.hpp"
 #include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
 
@@ -42,10 +43,28 @@ std::size_t columns_of(std::string_view line, std::array<std::string, kColumns>&
     return kColumns;
 }
 
+// What all of its times are.
+TimeUnit unit_of(std::string_view text) {
+    TimeUnitGuess guess;
+    std::array<std::string, kColumns> words;
+    for (std::size_t begin = 0; begin < text.size();) {
+        const std::size_t end = std::min(text.find('\n', begin), text.size());
+        const std::string_view line = text.substr(begin, end - begin);
+        begin = end + 1;
+        const std::size_t first = line.find_first_not_of(" \t\r,");
+        if (first == std::string_view::npos || line[first] == '#') continue;
+        if (!guess.wants_more()) break;
+        if (columns_of(line, words) == kColumns) guess.see(words[0]);
+    }
+    return guess.unit();
+}
+
 }  // namespace
 
-Status parse_trajectory(std::string_view text, const std::string& file, Trajectory& trajectory, std::string& message) {
+Status parse_trajectory(std::string_view text, const std::string& file, Trajectory& trajectory, std::string& message,
+                        double frames_per_s) {
     trajectory.clear();
+    const TimeUnit unit = unit_of(text);
     if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
     std::size_t line_number = 0;
     for (std::size_t begin = 0; begin < text.size();) {
@@ -68,8 +87,11 @@ Status parse_trajectory(std::string_view text, const std::string& file, Trajecto
             return fail(std::to_string(count) + " words" + (has_commas ? " (are there decimal commas?)" : ""));
         }
         TrajectoryPose pose;
-        const auto time_ns = parse_time_ns(words[0]);
+        auto time_ns = parse_time_ns(words[0], nanosecond_digits(unit));
         if (!time_ns) return fail("'" + words[0].substr(0, 40) + "' is not a time in seconds");
+        if (unit == TimeUnit::kFrames && frames_per_s >= 1) {
+            time_ns = static_cast<std::int64_t>(static_cast<double>(*time_ns) / frames_per_s);
+        }
         pose.time_ns = *time_ns;
         bool is_finite = true;
         for (std::size_t i = 1; i < words.size(); ++i) {
@@ -95,11 +117,12 @@ Status parse_trajectory(std::string_view text, const std::string& file, Trajecto
     return Status::kOk;
 }
 
-Status read_trajectory(const std::string& file, Trajectory& trajectory, std::string& message) {
+Status read_trajectory(const std::string& file, Trajectory& trajectory, std::string& message, double frames_per_s) {
     MemoryBlock block;
     std::span<const std::byte> bytes;
     if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
-    return parse_trajectory({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file, trajectory, message);
+    return parse_trajectory({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file, trajectory, message,
+                            frames_per_s);
 }
 
 std::string time_text(std::int64_t time_ns) {

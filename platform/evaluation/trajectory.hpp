@@ -21,9 +21,10 @@ struct TrajectoryPose {
 using Trajectory = std::vector<TrajectoryPose>;
 
 // Sorted by time. kUnavailable: no such file.    kInvalid: a line that is no pose; `message` names file and line.
-[[nodiscard]] Status read_trajectory(const std::string& file, Trajectory& trajectory, std::string& message);
+[[nodiscard]] Status read_trajectory(const std::string& file, Trajectory& trajectory, std::string& message,
+                                     double frames_per_s = 0);
 [[nodiscard]] Status parse_trajectory(std::string_view text, const std::string& file, Trajectory& trajectory,
-                                      std::string& message);
+                                      std::string& message, double frames_per_s = 0);
 
 // "1305031229.528748000": exact, 9 decimals.
 [[nodiscard]] std::string time_text(std::int64_t time_ns);

@@ -16,6 +16,7 @@ namespace {
 
 constexpr const char* kNoReader = "nobody reads it";
 constexpr int kReaderPatience_ms = 5000;  // between one piece and the next
+constexpr std::string_view kStandardOutput = "-";
 constexpr const char* kSlowReader = "its reader does not keep up";
 
 [[nodiscard]] std::string reason(int error) {
@@ -28,7 +29,9 @@ constexpr const char* kSlowReader = "its reader does not keep up";
 
 bool LineFile::open_with(int flags, std::string& message) {
     // O_NONBLOCK: opening a named pipe would wait for its reader.
-    const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK | flags, 0644);
+    const int descriptor = file_ == kStandardOutput
+                               ? ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)
+                               : ::open(file_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK | flags, 0644);
     const int error = errno;
     struct stat status {};
     if (descriptor < 0) {
@@ -53,7 +56,7 @@ bool LineFile::open(const std::string& file, std::string& message) {
         file_.clear();
         return false;
     }
-    if (is_added_to_ && is_regular_) {
+    if (is_added_to_ && is_regular_ && file_ != kStandardOutput) {
         const int reader = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
         char last = '\n';
         const off_t end = reader >= 0 ? ::lseek(reader, 0, SEEK_END) : 0;
@@ -65,7 +68,7 @@ bool LineFile::open(const std::string& file, std::string& message) {
 
 // Where it cannot be renamed, or opened anew, the old one grows on: better a large file than none.
 void LineFile::begin_anew_if_large() {
-    if (bytes_max_ == 0 || !is_regular_) return;
+    if (bytes_max_ == 0 || !is_regular_ || file_ == kStandardOutput) return;
     const off_t end = ::lseek(descriptor_, 0, SEEK_END);
     if (end < 0 || static_cast<std::uint64_t>(end) < bytes_max_) return;
     std::string ignored;
@@ -211,6 +214,20 @@ bool write_standard_output(std::string_view text, std::string& message) {
     if (is_written) return true;
     message = "standard output cannot be written" + (errno != 0 ? ": " + reason(errno) : std::string()) + ".";
     return false;
+}
+
+bool write_for_reader(std::string_view text, std::string& message) {
+    while (!text.empty()) {
+        const ssize_t count = ::write(STDOUT_FILENO, text.data(), text.size());
+        if (count < 0 && errno == EINTR) continue;
+        if (count < 0 && errno == EPIPE) return true;
+        if (count <= 0) {
+            message = "standard output cannot be written: " + reason(count < 0 ? errno : ENOSPC) + ".";
+            return false;
+        }
+        text.remove_prefix(static_cast<std::size_t>(count));
+    }
+    return true;
 }
 
 void write_standard_error(std::string_view text) {

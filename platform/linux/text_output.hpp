@@ -21,8 +21,8 @@ public:
     // A file that has grown beyond becomes FILE.1, replacing the one before, and begins anew; 0: no limit. Before
     // open().
     void limit_to(std::uint64_t bytes) { bytes_max_ = bytes; }
-    // Replaces the file, or adds to it; a pipe, a terminal or another device is written to as it is, and a named pipe
-    // needs no reader yet. False: `message` says why.
+    // "-" is standard output. Replaces the file, or adds to it; a pipe, a terminal or another device is written to as
+    // it is, and a named pipe needs no reader yet. False: `message` says why.
     [[nodiscard]] bool open(const std::string& file, std::string& message);
     // The file under the same name anew, after it was moved away; one that is still there is added to. False: as open,
     // and the old one is kept.
@@ -59,6 +59,7 @@ public:
     [[nodiscard]] bool open(const std::string& file, std::string& message) { return lines_.open(file, message); }
     [[nodiscard]] bool reopen(std::string& message) { return lines_.reopen(message); }
     [[nodiscard]] bool is_open() const { return lines_.is_open(); }
+    void wait_for_reader(int milliseconds) { lines_.wait_for_reader(milliseconds); }
     // The sentence to say when these are the first that could not be written; else empty.
     [[nodiscard]] std::string write(std::string_view lines);
     // What to say of the run: how many were not written, and why the first was not; empty: all were.
@@ -81,6 +82,8 @@ private:
 
 // Writes to standard output. False: this, or something before it, could not be (a full disk, a closed pipe).
 [[nodiscard]] bool write_standard_output(std::string_view text, std::string& message);
+// As before, for text that its reader may have enough of (`| head`): a pipe that is closed is no failure.
+[[nodiscard]] bool write_for_reader(std::string_view text, std::string& message);
 // Writes to standard error what a run says while it runs. Never waits: where a pipe is full, or has no reader, it is
 // dropped.
 void write_standard_error(std::string_view text);

@@ -92,6 +92,20 @@ struct CameraRecord {
     std::string faults;  // injected: how many of which
 };
 
+// What the streams of the run were like (platform/cli/stream_log.hpp).
+struct StreamRecord {
+    static constexpr std::size_t kEpisodesMax = 64;
+    struct Episode {
+        std::string stream;
+        double second = 0, length_s = 0;
+        std::uint64_t frames = 0;
+    };
+    std::uint64_t colour_repeats = 0, depth_repeats = 0;  // frames without a pose for it
+    std::uint64_t times_stuck = 0;
+    std::vector<Episode> stuck;  // the first of them
+    double no_depth_s = 0, no_depth_longest_s = 0, no_depth_longest_at_s = 0;
+};
+
 struct RunRecord {
     static constexpr std::size_t kFramesMax = 32768;
 
@@ -140,10 +154,17 @@ struct RunRecord {
     Percentiles record_ms;  // what recording a frame costs the engine's thread
     std::vector<MapRecord> maps;
     StoreRecord store;
+    StreamRecord streams;
+    struct NewMap {
+        double second = 0;
+        std::string sentence;
+    };
+    std::vector<NewMap> new_maps;       // that were begun while the run went on: poses behind each are in another map
     std::vector<std::string> notes;     // sentences about what was as it should not be, but did no harm
     std::vector<std::string> problems;  // sentences about what makes this a failed run
 
-    void add(const FrameRecord& frame) {
+    // `is_tracked`: the engine was given it.
+    void add(const FrameRecord& frame, bool is_tracked = true) {
         if (frames_total++ % frames_stride == 0) {
             if (frames.size() == kFramesMax) {
                 for (std::size_t i = 0; i < kFramesMax / 2; ++i) frames[i] = frames[2 * i];
@@ -153,7 +174,7 @@ struct RunRecord {
             if ((frames_total - 1) % frames_stride == 0) frames.push_back(frame);
         }
         ++state_counts[static_cast<std::size_t>(frame.state)];
-        frame_ms.add(static_cast<double>(frame.ms));
+        if (is_tracked) frame_ms.add(static_cast<double>(frame.ms));
     }
     [[nodiscard]] double units_per_frame(std::uint64_t units) const {
         return frames_total == 0 ? 0.0 : static_cast<double>(units) / static_cast<double>(frames_total);

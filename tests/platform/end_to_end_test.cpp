@@ -402,6 +402,98 @@ TEST(EndToEnd, GoesOnAfterDarkness) {
     EXPECT_LT(lost.json()["evaluation"]["ate_rmse_m"].get<double>(), 0.03);
 }
 
+// Promise: a camera lost in a place that the map does not hold is told apart from one around which nothing stands
+// still, and from one in a map of another place; --new-map-when-lost tracks on in a map of its own, and keeps the one
+// before.
+TEST(EndToEnd, SaysThatAPlaceIsNotInTheMap) {
+    constexpr std::uint32_t kFrames = 90, kAway = 30;
+    SimulatedCamera corridor({.scene = "corridor", .seed = 3, .frames = kFrames, .width = 320, .height = 240});
+    ASSERT_EQ(corridor.open(), Status::kOk) << corridor.message();
+    const auto elsewhere = [&corridor](Picture& p) {
+        Frame frame;
+        if (p.index < kAway || corridor.poll(frame) != Status::kOk) return;
+        std::copy_n(frame.colour.data, p.grey.size(), p.grey.begin());
+        std::copy_n(frame.depth.data, p.depth.size(), p.depth.begin());
+    };
+    std::uint32_t dice = 1;
+    const auto chaos = [&dice](Picture& p) {  // corners everywhere, in every frame others
+        if (p.index < kAway) return;
+        for (std::size_t y = 0; y < 240; y += 5) {
+            for (std::size_t x = 0; x < 320; x += 5) {
+                const auto grey = static_cast<std::uint8_t>((dice = dice * 1664525 + 1013904223) >> 24U);
+                for (std::size_t i = 0; i < 25; ++i) p.grey[(y + i / 5) * 320 + x + i % 5] = grey;
+            }
+        }
+    };
+    const Recording walled(kFrames, chaos);
+    const Answer nothing_stands = walled.run();
+    EXPECT_EQ(nothing_stands.code, 1);
+    EXPECT_NE(nothing_stands.error.find("too few features stood still"), std::string::npos) << nothing_stands.error;
+
+    const Recording recording(kFrames, elsewhere);
+    const std::string map = recording.output("m.map");
+    const Answer lost = recording.run("--frames 30 --map-out " + map);
+    ASSERT_EQ(lost.code, 0) << lost.error;
+    const Answer away = recording.run();
+    EXPECT_EQ(away.code, 1);
+    EXPECT_NE(away.error.find("enough stands still here, but this place is not in the map"), std::string::npos)
+        << away.error;
+
+    const Answer anew = recording.run("--new-map-when-lost 0.7 --map-out " + map);
+    EXPECT_EQ(anew.code, 0) << anew.error;
+    EXPECT_GE(poses_in(recording.output("t.txt")), 65U);
+    EXPECT_NE(test::read_text(recording.output("t.txt")).find("\n# map 2: second 1."), std::string::npos);
+    ASSERT_EQ(anew.json()["new_maps"].size(), 1U) << anew.out;
+    ASSERT_EQ(anew.json()["maps"].size(), 2U) << anew.out;
+    EXPECT_EQ(anew.json()["maps"][0]["file"], map);
+    EXPECT_EQ(anew.json()["maps"][1]["file"], map + ".1");
+
+    const std::string rgb = test::read_text(recording.path("rgb.txt"));
+    test::write_text(recording.path("rgb.txt"), rgb.substr(rgb.rfind('\n', rgb.find("rgb/30.png")) + 1));
+    const Answer other = recording.run("--map-in " + map);
+    EXPECT_EQ(other.code, 1);
+    EXPECT_NE(other.error.find("nothing of it is in the map that was read"), std::string::npos) << other.error;
+    for (const char* const option : {"--record x.rec", "--map-store x.store", "--map-in m --localize"}) {
+        EXPECT_EQ(recording.run(std::string("--new-map-when-lost 1 ") + option).code, 2) << option;
+    }
+}
+
+// Promise: a stream that is stuck gives no pose, is named, and tracking is found again behind it; a recording without
+// noise may stand still.
+TEST(EndToEnd, StreamsThatAreStuck) {
+    std::vector<Picture> seen;
+    const auto stuck = [&seen](bool is_colour, bool is_depth) {
+        return [&seen, is_colour, is_depth](Picture& p) {
+            seen.resize(std::max<std::size_t>(seen.size(), p.index + 1));
+            seen[p.index] = p;
+            if (p.index <= 20 || p.index >= 60) return;
+            if (is_colour) p.grey = seen[20].grey;
+            if (is_depth) p.depth = seen[20].depth;
+        };
+    };
+    for (const auto& [is_colour, is_depth, name] :
+         {std::tuple{true, false, "the colour images repeat"}, std::tuple{false, true, "the depth images repeat"},
+          std::tuple{true, true, "the images repeat"}}) {
+        const Recording recording(80, stuck(is_colour, is_depth), 160, 120);
+        const Answer answer = recording.run();
+        EXPECT_EQ(answer.code, 1);
+        EXPECT_NE(answer.error.find(name), std::string::npos) << answer.error;
+        EXPECT_EQ(answer.json()["streams"]["times_stuck"], 1) << answer.out;
+        EXPECT_GE(poses_in(recording.output("t.txt")), 21U + 8U) << "found again behind it";
+        EXPECT_LE(poses_in(recording.output("t.txt")), 80U - 38U);
+    }
+    const Recording still(
+        60,
+        [&seen](Picture& p) {
+            p.grey = seen[0].grey;
+            p.depth = seen[0].depth;
+        },
+        160, 120);
+    const Answer answer = still.run();
+    EXPECT_EQ(answer.code, 0) << answer.error;
+    EXPECT_EQ(answer.json()["share_none"], 0.0) << answer.out;
+}
+
 // Promise: a gap of seconds is a failure that says when; a short one is a note. What comes after it is tracked.
 TEST(EndToEnd, SaysWhereFramesAreMissing) {
     const auto gap = [](double seconds) { return [seconds](Picture& p) { p.time_s += p.index >= 20 ? seconds : 0; }; };

@@ -78,6 +78,34 @@ TEST(Outputs, StandardOutputCounts) {
     EXPECT_EQ(shell(folder, std::string(STILLMESH_PROGRAM) + " --help > /dev/full 2> err"), 1);
 }
 
+// Promise: a reader that has enough of what it asked for is no failure of ours: help and configuration end with 0.
+TEST(Outputs, AReaderMayHaveEnough) {
+    const TemporaryFolder folder;
+    for (const char* const asked : {"run --print-config", "run --help", "--help", "cameras --udev-rules"}) {
+        ASSERT_EQ(shell(folder, "(" + std::string(STILLMESH_PROGRAM) + " " + asked + " 2> err; echo $? > code) | true"),
+                  0);
+        EXPECT_EQ(read_text(folder.path("code")), "0\n") << asked;
+        EXPECT_EQ(read_text(folder.path("err")), "") << asked;
+    }
+}
+
+// Promise: `--trajectory -` is the path on standard output and nothing else there, to a file and to a pipe; the summary
+// goes to standard error. No other output can go there, and no file of that name is made.
+TEST(Outputs, AHyphenIsStandardOutput) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(shell(folder, run("--trajectory t.txt > out 2> err")), 0);
+    ASSERT_EQ(shell(folder, run("--trajectory - > piped 2> err")), 0);
+    EXPECT_EQ(read_text(folder.path("piped")), read_text(folder.path("t.txt")));
+    EXPECT_NE(read_text(folder.path("err")).find("frames        20 ("), std::string::npos);
+    ASSERT_EQ(shell(folder, run("--trajectory - 2> err") + " | cat > through"), 0);
+    EXPECT_EQ(read_text(folder.path("through")), read_text(folder.path("t.txt")));
+    for (const char* const option : {"--state-hashes", "--trajectory-final", "--map-out", "--record"}) {
+        EXPECT_EQ(shell(folder, run(std::string(option) + " - > out 2> err")), 2) << option;
+        EXPECT_NE(read_text(folder.path("err")).find(std::string(option) + " -: only --trajectory"), std::string::npos);
+    }
+    EXPECT_FALSE(std::filesystem::exists(folder.path("-")));
+}
+
 // Promise: a start that is refused changes no file, whichever destination is wrong and wherever it stands among them.
 TEST(Outputs, ARefusedStartChangesNothing) {
     const TemporaryFolder folder;

@@ -85,7 +85,8 @@ TEST(Program, ASlipNamesTheHelp) {
     struct Case {
         const char *arguments, *help;
     };
-    for (const Case& c : {Case{"wlak", "; 'stillmesh --help' shows the commands."},
+    for (const Case& c : {Case{"wlak", "'wlak' is no command; 'stillmesh --help' shows the commands."},
+                          Case{"bogus --replay x", "'bogus' is no command; 'stillmesh --help' shows the commands."},
                           Case{"run --cam auto", "; 'stillmesh run --help' shows the options."},
                           Case{"run --camera", "; 'stillmesh run --help' shows the options."},
                           Case{"run --camera auto --exposure slow", "; 'stillmesh run --help' shows the options."},

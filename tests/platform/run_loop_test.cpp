@@ -232,12 +232,123 @@ TEST(RunLoopDeathTest, SignalsFinishTheFrame) {
     }
 }
 
+// Promise: a stream that is stuck gives no pose while it lasts, is said within five frames with its name and its
+// second, counted in both summaries, and tracked behind.
+TEST(RunLoop, StuckStreamsHaveNoPose) {
+    for (const bool is_colour : {true, false}) {
+        StoryCamera camera;
+        StorySession session;
+        const std::vector<std::uint8_t> colour = camera.colour;
+        camera.status_of = [&](std::uint64_t i) {
+            const bool is_stuck = i > 30 && i < 60;
+            for (std::size_t k = 0; k < colour.size(); ++k) {
+                if (!is_stuck || !is_colour)
+                    camera.colour[k] = static_cast<std::uint8_t>(colour[k] + (i * 37 + k * i) % 50);
+                if (!is_stuck || is_colour)
+                    camera.depth[k] = static_cast<std::uint16_t>(9000 + (i * 631 + k * 7) % 3000);
+            }
+            return Status::kOk;
+        };
+        const Outcome outcome = play(camera, session);
+        const std::string name = is_colour ? "colour" : "depth";
+        EXPECT_EQ(outcome.record.frames_total, 90U);
+        EXPECT_EQ(poses_in(outcome.trajectory), 61U);
+        EXPECT_EQ(outcome.record.state_counts[0], 29U);
+        EXPECT_EQ(outcome.record.streams.times_stuck, 1U);
+        EXPECT_NE(outcome.trajectory.find("# second 1.0: the " + name + " images repeat to the bit"),
+                  std::string::npos);
+        ASSERT_EQ(outcome.record.streams.stuck.size(), 1U);
+        EXPECT_EQ(outcome.record.streams.stuck[0].stream, name);
+        EXPECT_EQ(outcome.record.streams.stuck[0].frames, 29U);
+        EXPECT_NE(summary_text(outcome.record, "").find("stuck 1 times"), std::string::npos);
+        EXPECT_NE(summary_json(outcome.record, "", 0).find("\"times_stuck\": 1"), std::string::npos);
+    }
+}
+
+// Promise: without depth for a while is a note that says when and how long.
+TEST(RunLoop, MissingDepthIsNoted) {
+    StoryCamera camera;
+    StorySession session;
+    camera.status_of = [&](std::uint64_t i) {
+        std::fill(camera.depth.begin(), camera.depth.end(), std::uint16_t(i >= 30 && i < 60 ? 0 : 10000));
+        return Status::kOk;
+    };
+    const Outcome outcome = play(camera, session);
+    EXPECT_EQ(outcome.code, 0);
+    ASSERT_EQ(outcome.record.notes.size(), 1U);
+    EXPECT_EQ(outcome.record.notes[0], "no depth for 1.0 s from second 1.0 on.");
+    EXPECT_EQ(poses_in(outcome.trajectory), 90U);
+}
+
+// Promise: why a camera stays lost is told apart: where it would find its way if it began anew, the map lacks the
+// place, or is the map of another; else too little stands still. What the pictures say goes before.
+TEST(RunLoop, TheLastSentenceIsRight) {
+    const struct {
+        bool is_black, would_begin, begins_in_map;
+        std::uint64_t first_lost;
+        const char* sentence;
+    } cases[] = {
+        {false, false, false, 20, "too few features stood still"},
+        {false, true, false, 20, "this place is not in the map; go back"},
+        {false, true, true, 0, "nothing of it is in the map that was read"},
+        {false, true, true, 20, "this place is not in the map; go back"},
+        {false, false, true, 0, "too few features stood still"},
+        {true, true, false, 20, "the images are black"},
+    };
+    for (const auto& c : cases) {
+        StoryCamera camera;
+        StorySession session;
+        session.would_begin_here = c.would_begin;
+        session.state_of = [&c](std::uint64_t i) { return i >= c.first_lost ? PoseState::kNone : PoseState::kTracked; };
+        if (c.is_black) std::fill(camera.colour.begin(), camera.colour.end(), std::uint8_t{3});
+        RunLoopOptions options;
+        options.show_progress = false;
+        options.begins_in_map = c.begins_in_map;
+        RunRecord record;
+        EXPECT_EQ(run_loop(
+                      camera, [] { return std::string(); }, session, options, record),
+                  1);
+        EXPECT_NE(record.problems.at(0).find(c.sentence), std::string::npos) << record.problems[0];
+    }
+}
+
+// Promise: lost for as long as it says, a run with --new-map-when-lost begins another map, once; what is given out
+// behind is marked, the error is that of the map with most poses, and the run is good.
+TEST(RunLoop, BeginsAnotherMap) {
+    StoryCamera camera;
+    camera.frames = 200;
+    StorySession session;
+    session.state_of = [&session](std::uint64_t i) {
+        return i >= 50 && session.maps_begun == 0 ? PoseState::kNone : PoseState::kTracked;
+    };
+    test::TemporaryFolder folder;
+    RunLoopOptions options;
+    options.trajectory = folder.path() + "/t.txt";
+    options.show_progress = false;
+    options.keep_trajectory = true;
+    options.new_map_after_ns = 1'000'000'000;
+    RunRecord record;
+    EXPECT_EQ(run_loop(
+                  camera, [] { return std::string(); }, session, options, record),
+              0)
+        << record.problems.at(0);
+    EXPECT_EQ(session.maps_begun, 1);
+    ASSERT_EQ(record.new_maps.size(), 1U);
+    EXPECT_NEAR(record.new_maps[0].second, 81 * 0.033, 0.05);
+    const std::string text = test::read_text(options.trajectory);
+    EXPECT_NE(text.find("# map 2: second 2.6: no pose for 1.0 s: the story begins anew."), std::string::npos) << text;
+    EXPECT_NE(summary_json(record, "", 0).find("\"new_maps\": [\n    {"), std::string::npos);
+    EXPECT_EQ(record.estimate.size(), 200U - 81) << "of the second map, which has more";
+}
+
 // Promise: black, saturated, empty, covered and plain pictures are told apart.
 TEST(FrameDiagnosis, TellsWhy) {
     StoryCamera camera;
     Frame frame;
     ASSERT_EQ(camera.poll(frame), Status::kOk);
     EXPECT_EQ(diagnose(frame), FrameFault::kNone);
+    EXPECT_EQ(diagnose(frame, {.min_m = 0.3, .max_m = 1.9}), FrameFault::kOutOfRange);
+    EXPECT_EQ(diagnose(frame, {.min_m = 2.1, .max_m = 6}), FrameFault::kOutOfRange);
     std::fill(camera.depth.begin(), camera.depth.end(), std::uint16_t{0});
     EXPECT_EQ(diagnose(frame), FrameFault::kNoDepth);
     std::fill(camera.colour.begin(), camera.colour.end(), std::uint8_t{0});

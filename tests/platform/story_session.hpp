@@ -17,6 +17,14 @@ public:
     std::function<PoseState(std::uint64_t)> state_of = [](std::uint64_t) { return PoseState::kTracked; };
     std::function<Status(std::uint64_t)> status_of = [](std::uint64_t) { return Status::kOk; };
 
+    bool would_begin_here = false;
+    int maps_begun = 0;
+
+    std::optional<bool> could_begin_here(const Frame&) override { return would_begin_here; }
+    std::string begin_new_map() override {
+        ++maps_begun;
+        return "the story begins anew";
+    }
     Status submit(const Frame&, SessionFrame& out, std::string& message) override {
         const std::uint64_t index = count_++;
         if (const Status status = status_of(index); status != Status::kOk) {
