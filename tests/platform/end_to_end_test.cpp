@@ -270,8 +270,12 @@ TEST(EndToEnd, RefusesBadInput) {
         {"empty list", [](const Recording& r) { test::write_text(r.path("rgb.txt"), "# nothing\n"); }, "is empty"},
         {"no camera file", [](const Recording& r) { std::filesystem::remove(r.path("camera.toml")); },
          "a camera is not guessed"},
-        {"not a PNG", [](const Recording& r) { test::write_text(r.path("rgb/0.png"), "GIF89a"); }, "rgb/0.png"},
-        {"missing PNG", [](const Recording& r) { std::filesystem::remove(r.path("depth/0.png")); }, "depth/0.png"},
+        {"no PNGs",
+         [](const Recording& r) {
+             for (const char* const name : {"rgb/0.png", "rgb/1.png"}) test::write_text(r.path(name), "GIF89a");
+         },
+         "rgb/0.png"},
+        {"missing PNGs", [](const Recording& r) { std::filesystem::remove_all(r.path("depth")); }, "depth/0.png"},
         {"depth of another size", [](const Recording& r) { test::write_depth(r.path("depth/0.png"), 64, 48, 0); },
          "depth is 64x48 but colour is 320x240"},
         {"larger than the limits",
