@@ -6,6 +6,7 @@
 #include <cstring>
 #include <filesystem>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -14,6 +15,11 @@ namespace {
 
 // Why a file is none that OpenNI2 could play; empty: it may.
 [[nodiscard]] std::string why_no_recording(const std::string& name) {
+    std::error_code ignored;
+    // A pipe would be waited for, and a socket or device is nothing that could be played.
+    if (std::filesystem::exists(name, ignored) && !std::filesystem::is_regular_file(name, ignored)) {
+        return "is no regular file.";
+    }
     errno = 0;
     std::FILE* const file = std::fopen(name.c_str(), "rb");
     char magic[4] = {};

@@ -64,6 +64,7 @@ namespace {
             return {};
         }
         if (S_ISDIR(status.st_mode)) return name + "is a folder; give a file in it.";
+        if (S_ISSOCK(status.st_mode)) return name + "is a socket, which takes no file; give another name.";
         if (to.kind == DestinationKind::kFile && !S_ISREG(status.st_mode)) {
             return name + "is no regular file; give another name.";
         }

@@ -337,6 +337,10 @@ public:
         return map_saver_->take_news();
     }
 
+    void rescue() override {
+        if (map_saver_.is_open()) map_saver_.rescue(*engine_);
+    }
+
     void draw(MeshSnapshot& snapshot) override {
         const TrackingView view = engine_->tracking_view();
         for (const TrackedEdge& edge : view.edges) {

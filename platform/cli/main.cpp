@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <new>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -18,6 +19,7 @@
 #include "platform/cli/summary.hpp"
 #include "platform/cli/vocabulary_command.hpp"
 #include "platform/evaluation/evaluation.hpp"
+#include "platform/linux/memory_reserve.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/text_output.hpp"
 
@@ -423,12 +425,16 @@ void stillmesh_check_failed(const char* expression, const char* file, std::int32
 
 int main(int argc, char** argv) {
     stillmesh::ignore_write_signals();
+    stillmesh::keep_memory_reserve();
     try {
         const int code = stillmesh::program(argc, argv);
         std::string message;
         if (stillmesh::write_standard_output({}, message)) return code;
         stillmesh::complain(message);
         return code == stillmesh::kExitDone ? stillmesh::kExitFailed : code;
+    } catch (const std::bad_alloc&) {
+        stillmesh::say_no_memory();
+        return stillmesh::kExitFailed;
     } catch (const std::exception& error) {
         stillmesh::complain(std::string(error.what()) + ".");
         return stillmesh::kExitFailed;

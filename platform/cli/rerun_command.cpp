@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "engine/engine.hpp"
 #include "hal/replay/replay_camera.hpp"
@@ -191,6 +193,10 @@ int rerun_command(const RerunOptions& options) {
             return refuse(fmt::format("{}: was made with another vocabulary than {}; name that one with --vocabulary.",
                                       options.recording, vocabulary.name()));
         }
+    }
+    std::error_code error;
+    if (!options.map_store.empty() && !std::filesystem::is_directory(options.map_store, error)) {
+        return refuse("--map-store " + options.map_store + ": is no folder.");
     }
     StoreService store;
     if (header.limits.store_features_max > 0) {

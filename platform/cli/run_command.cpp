@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <new>
 #include <utility>
 #include <vector>
 
@@ -126,7 +127,13 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         }
     }
     DepthCamera& served = is_realtime ? static_cast<DepthCamera&>(realtime) : camera;
-    int code = run_loop(served, source.message, *session, loop, record);
+    int code = kExitDone;
+    try {
+        code = run_loop(served, source.message, *session, loop, record);
+    } catch (const std::bad_alloc&) {  // behind the reserve: not even a sentence can be made
+        session->rescue();
+        throw;
+    }
     if (is_realtime) record.source_late_s = static_cast<double>(realtime.source_late_ns()) * 1e-9;
     source.account(record);
     realtime.close();

@@ -12,6 +12,7 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/progress.hpp"
 #include "platform/cli/stream_log.hpp"
+#include "platform/linux/memory_reserve.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
 #include "platform/linux/text_output.hpp"
@@ -264,6 +265,10 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         return code;
     };
     constexpr const char* kHeader = "# timestamp tx ty tz qx qy qz qw (camera to world, s, m)\n";
+    if (has_memory_run_out()) {
+        message = std::string(kNoMemory) + " for a run; nothing was changed.";
+        return give_up(kExitUsage);
+    }
     if (options.adds_to_trajectory) trajectory.add_to_it();
     trajectory.limit_to(options.trajectory_bytes_max);
     constexpr int kReaderPatience_ms = 5000;  // a recording waits for whoever reads its path, a camera does not
@@ -308,6 +313,12 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             service.stopping();
             code = 128 + stop_signal();
             record.problems.push_back("stopped by a signal; everything up to the last frame was written.");
+            break;
+        }
+        if (has_memory_run_out()) {
+            message = fmt::format("{}: stopped after {} frames; everything up to the last one was written.", kNoMemory,
+                                  record.frames_total);
+            code = give_up(kExitFailed);
             break;
         }
         Frame frame;

@@ -52,6 +52,8 @@ public:
     // Lays the map aside, written where maps are written to, and begins another. Empty: there is none yet, nothing was
     // done; else what to say.
     [[nodiscard]] virtual std::string begin_new_map() { return {}; }
+    // What should outlive the program is saved, without asking for memory: there is none.
+    virtual void rescue() {}
     // What the last frame's mesh was, without the picture.
     virtual void draw(MeshSnapshot& snapshot) = 0;
     // Stages with their times, pools with their high-water marks, memory.

@@ -4,12 +4,13 @@
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <vector>
 
 #include "engine/features/own_extractor.hpp"
 #include "engine/place/vocabulary.hpp"
 #include "platform/cli/complaint.hpp"
-#include "platform/linux/process.hpp"
+#include "platform/cli/destinations.hpp"
 #include "platform/linux/text_output.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 
@@ -97,7 +98,10 @@ int vocabulary_train_command(VocabularyTrainArguments arguments) {
     if (arguments.sources.folders.empty() && arguments.sources.scenes.empty()) {
         return refuse("vocabulary train needs images: --images DIR, or --simulate SCENE:SEED.");
     }
-    catch_stop_signals();
+    const Destination out{"--out", arguments.out, DestinationKind::kFile};
+    if (const std::string problem = check_destinations(std::span(&out, 1), {}); !problem.empty())
+        return refuse(problem);
+    // SIGTERM and Ctrl-C end it at once: nothing is written before the end, and then as a whole.
     const bool is_terminal = ::isatty(STDERR_FILENO) == 1;
     const auto say = [&](const std::string& what) {
         if (arguments.is_json) return;
@@ -108,8 +112,7 @@ int vocabulary_train_command(VocabularyTrainArguments arguments) {
     std::string message;
     if (!collect_descriptors(arguments.sources, set, left_out, message, say)) {
         if (is_terminal) std::fprintf(stderr, "\r\033[K");
-        complain(message);
-        return stop_signal() != 0 ? 128 + stop_signal() : kExitUsage;
+        return refuse(message);
     }
     say(std::to_string(set.images) + " images, " + std::to_string(set.descriptors.size()) +
         " features; growing the tree");

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <climits>
 #include <cstdio>
 #include <cstring>
 
@@ -16,9 +17,12 @@ namespace {
 
 // Writes down the names in the folder of a file. File systems that cannot (EINVAL) have nothing to write down.
 [[nodiscard]] bool sync_folder(const std::string& file) {
-    const std::size_t slash = file.rfind('/');
-    const std::string folder = slash == std::string::npos ? "." : file.substr(0, slash + 1);
-    const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    // Without asking for memory: a map is saved where there is none left.
+    char folder[PATH_MAX] = ".";
+    if (const std::size_t slash = file.rfind('/'); slash != std::string::npos && slash + 2 <= sizeof folder) {
+        folder[file.copy(folder, slash + 1)] = '\0';
+    }
+    const int descriptor = ::open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (descriptor < 0) return false;
     const bool is_done = ::fsync(descriptor) == 0 || errno == EINVAL;
     static_cast<void>(::close(descriptor));
@@ -36,7 +40,7 @@ bool AtomicFile::fail(int error, std::string& message) {
 bool AtomicFile::open(const std::string& file, std::string& message) {
     discard();
     file_ = file;
-    part_ = file + ".part";
+    part_.assign(file).append(".part");
     struct stat status {};
     if (::stat(file.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
         message = file + ": is no regular file; choose another place.";

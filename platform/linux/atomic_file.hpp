@@ -17,7 +17,8 @@ public:
     AtomicFile(const AtomicFile&) = delete;
     AtomicFile& operator=(const AtomicFile&) = delete;
 
-    // All three: false: `message` says why, and the old file is untouched.
+    // All three: false: `message` says why, and the old file is untouched. Going well, the second time for one name,
+    // they ask for no memory.
     [[nodiscard]] bool open(const std::string& file, std::string& message);
     [[nodiscard]] bool write(std::span<const std::byte> bytes, std::string& message);
     [[nodiscard]] bool commit(std::string& message);

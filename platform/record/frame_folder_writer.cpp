@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <new>
+#include <system_error>
 
 #include "hal/calibration/calibration.hpp"
 #include "platform/evaluation/trajectory.hpp"
@@ -46,8 +48,13 @@ bool FrameFolderWriter::open(const std::string& folder, const CameraInfo& camera
         slot.colour.resize(3 * pixels);
         slot.depth.resize(pixels);
     }
+    try {
+        thread_ = std::jthread([this] { write_all(); });
+    } catch (const std::system_error& failure) {
+        message = fmt::format("{}: there is no thread to write it: {}.", folder, failure.what());
+        return false;
+    }
     is_open_ = true;
-    thread_ = std::jthread([this] { write_all(); });
     return true;
 }
 
@@ -100,7 +107,11 @@ void FrameFolderWriter::write_all() {
                     std::swap(slot->colour[i], slot->colour[i + 2]);
                 }
             }
-            error_ = write(*slot);
+            try {
+                error_ = write(*slot);
+            } catch (const std::bad_alloc&) {
+                error_ = "no memory left.";  // so short that it asks for none
+            }
             if (!error_.empty()) has_failed_ = true;
         }
         ring_.release();

@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <exception>
 #include <new>
 #include <system_error>
-#include <vector>
-
-#include "platform/linux/atomic_file.hpp"
 #include "platform/linux/process.hpp"
 
 namespace stillmesh {
@@ -32,9 +30,9 @@ void MapSaver::join() {
 
 bool MapSaver::open(const std::string& file, const Limits& limits, std::uint8_t extractor, std::int64_t every_ns,
                     std::string& message) {
-    AtomicFile probe;
-    if (!probe.open(file, message)) return false;
-    probe.discard();
+    if (!target_.open(file, message)) return false;
+    target_.discard();
+    piece_.resize(kPieceBytes);
     if (!workspace_.allocate(map_copy_bytes(limits))) {
         message = fmt::format("the system has no {:.1f} MiB of memory left for saving the map; leave out --map-out.",
                               static_cast<double>(map_copy_bytes(limits)) / (1024.0 * 1024.0));
@@ -92,16 +90,14 @@ void MapSaver::write() {
 
 void MapSaver::write_file() {
     MapFileWriter writer(workspace_.bytes());
-    AtomicFile file;
     std::string message;
-    std::vector<std::byte> piece(kPieceBytes);
-    bool is_written = file.open(file_, message);
+    bool is_written = target_.open(file_, message);
     while (is_written) {
-        const std::size_t size = writer.next(piece);
+        const std::size_t size = writer.next(piece_);
         if (size == 0) break;
-        is_written = file.write(std::span(piece).first(size), message);
+        is_written = target_.write(std::span(piece_).first(size), message);
     }
-    if (is_written && file.commit(message)) {
+    if (is_written && target_.commit(message)) {
         ++saves_;
         info_ = writer.info();
         problem_.clear();
@@ -110,15 +106,27 @@ void MapSaver::write_file() {
     }
 }
 
-std::string MapSaver::finish(Engine& engine) {
+bool MapSaver::copy(Engine& engine) {
     join();
     is_copying_ = false;
+    if (engine.begin_map_copy(workspace_.bytes(), extractor_) != Status::kOk) return false;
+    while (engine.step_map_copy(kAllUnits) == Progress::kWorking) {
+    }
+    return true;
+}
+
+void MapSaver::rescue(Engine& engine) noexcept {
+    try {
+        if (copy(engine)) write_file();
+    } catch (const std::exception&) {  // the file before is whole
+    }
+}
+
+std::string MapSaver::finish(Engine& engine) {
     const std::int64_t begin_ns = monotonic_ns();
-    if (engine.begin_map_copy(workspace_.bytes(), extractor_) != Status::kOk) {
+    if (!copy(engine)) {
         problem_ = file_ + ": was not written: there is no map, since no frame had enough depth to begin one.";
         return problem_;
-    }
-    while (engine.step_map_copy(kAllUnits) == Progress::kWorking) {
     }
     write();
     last_save_s_ = static_cast<double>(monotonic_ns() - begin_ns) * 1e-9;

@@ -7,8 +7,10 @@
 #include <cstdint>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "engine/engine.hpp"
+#include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
 
 namespace stillmesh {
@@ -32,18 +34,23 @@ public:
     // The map as it is now, down to the disk. Empty: all saves went well; else a sentence, also for those before.
     [[nodiscard]] std::string finish(Engine& engine);
     [[nodiscard]] bool is_saved() const { return problem_.empty(); }  // by finish()
+    // As finish, where there is no memory left: asks for none, and says nothing.
+    void rescue(Engine& engine) noexcept;
 
     [[nodiscard]] std::uint64_t saves() const { return saves_; }
     [[nodiscard]] const MapFileInfo& info() const { return info_; }    // of the last save; after finish()
     [[nodiscard]] double last_save_s() const { return last_save_s_; }  // copy and writing, of finish()
 
 private:
+    [[nodiscard]] bool copy(Engine& engine);
     void write();
     void write_file();
     void fail(const std::string& problem);
     void join();
 
     std::string file_;
+    AtomicFile target_;
+    std::vector<std::byte> piece_;
     MemoryBlock workspace_;
     std::uint8_t extractor_ = 0;
     std::int64_t every_ns_ = 0;

@@ -1,6 +1,9 @@
 #include "platform/record/recording_reader.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -10,9 +13,14 @@ namespace stillmesh {
 
 Status RecordingReader::open(const std::string& file) {
     file_ = file;
-    stream_.reset(std::fopen(file.c_str(), "rbe"));
+    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe must not let us wait
+    struct stat status {};
+    const bool is_other = descriptor >= 0 && ::fstat(descriptor, &status) == 0 && !S_ISREG(status.st_mode);
+    stream_.reset(descriptor >= 0 && !is_other ? ::fdopen(descriptor, "rb") : nullptr);
     if (stream_ == nullptr) {
-        message_ = fmt::format("{}: cannot be read: {}.", file, std::strerror(errno));
+        message_ =
+            fmt::format("{}: cannot be read: {}.", file, is_other ? "it is no regular file" : std::strerror(errno));
+        if (descriptor >= 0) static_cast<void>(::close(descriptor));
         return Status::kUnavailable;
     }
     buffer_.resize(2 * kRecordingHeaderBytesMax);

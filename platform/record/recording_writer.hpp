@@ -25,7 +25,7 @@ public:
     RecordingWriter(const RecordingWriter&) = delete;
     RecordingWriter& operator=(const RecordingWriter&) = delete;
 
-    // Replaces the file, writes the header, starts the thread. False: `message` says why.
+    // Opens the file and starts the thread. The first frame replaces what is there. False: `message` says why.
     [[nodiscard]] bool open(const std::string& file, const RecordingHeader& header, std::string& message);
     // Sets the frame's index. Does nothing once the recording has ended.
     void add(RecordedFrame& frame);
@@ -41,9 +41,11 @@ private:
         std::size_t size = 0;
     };
     void write_all();
+    [[nodiscard]] bool begin();  // if it has not: what was there goes, the header comes
     [[nodiscard]] bool write(std::span<const std::byte> bytes);
 
     std::string file_;
+    std::vector<std::byte> header_;  // until it is written
     int descriptor_ = -1;
     SlotRing<Record> ring_;
     std::jthread thread_;

@@ -354,7 +354,9 @@ bool RegionStore::begin_segment() {
     if (segment.descriptor < 0) return fail("cannot be written", errno);
     std::array<std::byte, kSegmentHeaderBytes> header{};
     write_segment_header(header, options_.origin, number);
-    const int error = write_at(segment.descriptor, header, 0);
+    int error = write_at(segment.descriptor, header, 0);
+    // Down to the disk before any record: after a power cut a segment without its header would be refused for ever.
+    if (error == 0 && options_.is_durable && ::fdatasync(segment.descriptor) != 0 && errno != EINVAL) error = errno;
     if (error != 0) {
         static_cast<void>(::close(segment.descriptor));
         if (!segment.file.empty()) static_cast<void>(::unlink(segment.file.c_str()));

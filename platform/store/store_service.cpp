@@ -1,7 +1,11 @@
 #include "platform/store/store_service.hpp"
 
 #include <algorithm>
+#include <new>
+#include <system_error>
 #include <utility>
+
+#include "platform/linux/memory_reserve.hpp"
 
 namespace stillmesh {
 
@@ -24,7 +28,13 @@ bool StoreService::open(const RegionStoreOptions& options, Mode mode, std::size_
     for (Answered& answered : ready_) answered.body.resize(body_bytes_max);
     visible_.body.resize(body_bytes_max);
     working_.body.resize(body_bytes_max);
-    if (mode_ == Mode::kThread) thread_ = std::thread([this] { work(); });
+    try {
+        if (mode_ == Mode::kThread) thread_ = std::thread([this] { work(); });
+    } catch (const std::system_error& error) {
+        message = options.folder + ": the map store has no thread to work in: " + error.what() + ".";
+        store_.close();
+        return false;
+    }
     return true;
 }
 
@@ -43,6 +53,8 @@ std::string StoreService::close() {
     store_.sync();
     counts_ = store_.counts();
     std::string problem = store_.problem();
+    if (problem.empty() && is_out_of_memory_)
+        problem = "the map store: " + std::string(kNoMemory) + "; it is as it was.";
     store_.close();
     jobs_.clear();
     first_ = size_ = 0;
@@ -57,12 +69,19 @@ RegionStoreCounts StoreService::counts() const {
 // --- the disk's side -------------------------------------------------------------------------------------------------
 
 void StoreService::do_job(Job& job) {
-    switch (job.kind) {
-        case Kind::kKeep: static_cast<void>(store_.keep(job.region)); break;
-        case Kind::kUse: store_.note_use(job.id); break;
-        case Kind::kAsk: working_.is_found = store_.find(job.question, working_.answer, working_.body); break;
+    bool is_out_of_memory = false;
+    try {
+        switch (job.kind) {
+            case Kind::kKeep: static_cast<void>(store_.keep(job.region)); break;
+            case Kind::kUse: store_.note_use(job.id); break;
+            case Kind::kAsk: working_.is_found = store_.find(job.question, working_.answer, working_.body); break;
+        }
+    } catch (const std::bad_alloc&) {
+        is_out_of_memory = true;
+        working_.is_found = false;
     }
     const std::lock_guard lock(mutex_);
+    if (is_out_of_memory) is_out_of_memory_ = has_failed_ = true;
     if (job.kind == Kind::kAsk) {
         if (ready_count_ == kAnswersMax) {  // nobody has polled: the oldest is forgotten
             std::rotate(ready_.begin(), ready_.begin() + 1, ready_.end());

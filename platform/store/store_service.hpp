@@ -94,7 +94,7 @@ private:
     std::vector<Job> jobs_;  // a ring
     std::size_t first_ = 0, size_ = 0;
     bool is_closing_ = false;
-    bool has_failed_ = false;
+    bool has_failed_ = false, is_out_of_memory_ = false;
     std::vector<Answered> ready_;  // the oldest first; storage of kAnswersMax
     std::size_t ready_count_ = 0;
     Answered working_;  // that the thread is at

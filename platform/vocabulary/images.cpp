@@ -3,17 +3,17 @@
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
+#include <span>
+#include <string_view>
 #include <system_error>
 
 #include "engine/features/own_extractor.hpp"
 #include "hal/replay/frame_list.hpp"
 #include "hal/replay/png_reader.hpp"
 #include "hal/simulated/simulated_camera.hpp"
+#include "platform/linux/atomic_file.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
-#include "platform/linux/process.hpp"
 
 namespace stillmesh {
 namespace {
@@ -65,8 +65,11 @@ bool list_images(const std::string& folder, std::uint32_t every, std::vector<std
     }
     const fs::path list = fs::path(folder) / "rgb.txt";
     if (fs::exists(list, error)) {
-        std::ifstream stream(list, std::ios::binary);
-        const std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+        constexpr std::size_t kListBytesMax = std::size_t{256} << 20U;  // as of a recording that is replayed
+        MemoryBlock block;
+        std::span<const std::byte> bytes;
+        if (!read_whole_file(list.string(), kListBytesMax, block, bytes, message)) return false;
+        const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
         std::vector<ListedImage> images;
         if (parse_image_list(text, list.string(), images, message) != Status::kOk) return false;
         for (std::size_t i = 0; i < images.size(); i += every) {
@@ -132,10 +135,6 @@ bool collect_descriptors(const ImageSources& sources, TrainingSet& set, std::uin
     std::vector<std::uint8_t> pixels;
     std::vector<std::uint8_t> grey;
     for (std::size_t i = 0; i < files.size(); ++i) {
-        if (stop_signal() != 0) {
-            message = "stopped.";
-            return false;
-        }
         PngHeader header;
         const Status status = read_png_header(files[i], header, message);
         const bool is_fit = status == Status::kOk && header.kind != PngKind::kGrey16 && header.width >= kSideMin &&
@@ -183,10 +182,6 @@ bool collect_descriptors(const ImageSources& sources, TrainingSet& set, std::uin
             }
             const std::uint32_t frames = std::clamp(sources.frames, 1U, camera.frame_count());
             for (std::uint32_t i = 0; i < frames; ++i) {
-                if (stop_signal() != 0) {
-                    message = "stopped.";
-                    return false;
-                }
                 camera.seek(static_cast<std::uint32_t>(std::uint64_t{i} * camera.frame_count() / frames));
                 Frame frame;
                 if (camera.poll(frame) != Status::kOk) break;

@@ -22,7 +22,7 @@ bool VocabularyFile::open(const std::string& file, std::uint32_t words_max, std:
     name_ = "the default vocabulary";
     if (!file.empty() && file != "default") {
         name_ = file;
-        const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+        const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe must not let us wait
         if (descriptor < 0) {
             message = file + ": " + std::strerror(errno) + ".";
             return false;
