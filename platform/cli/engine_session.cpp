@@ -334,7 +334,17 @@ public:
     }
 
     std::string news() override {
-        return map_saver_->take_news();
+        if (std::string sentence = map_saver_->take_news(monotonic_ns()); !sentence.empty()) return sentence;
+        // These two have ended with their first failure, and are said once.
+        if (writer_ != nullptr && !is_recording_lost_ && writer_->has_failed()) {
+            is_recording_lost_ = true;
+            return recording_ + ": cannot be written; the run goes on without this recording.";
+        }
+        if (store_.is_open() && !is_store_lost_ && store_.has_failed()) {
+            is_store_lost_ = true;
+            return map_store_ + ": the map store failed; places that memory has no room for are forgotten from now on.";
+        }
+        return {};
     }
 
     void rescue() override {
@@ -517,6 +527,7 @@ private:
     StoreService store_;
     std::string map_store_, store_note_;
     bool can_wait_ = true;
+    bool is_recording_lost_ = false, is_store_lost_ = false;  // said
     std::string recording_;
     std::unique_ptr<RecordingWriter> writer_;
     RecordedFrame recorded_;

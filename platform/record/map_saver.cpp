@@ -11,6 +11,7 @@ namespace stillmesh {
 namespace {
 
 constexpr std::size_t kPieceBytes = 64 * 1024;
+constexpr std::int64_t kSaidAgain_ns = 60'000'000'000;
 // A copy at the end of a run need not be cut.
 constexpr std::uint32_t kAllUnits = 0xffffffffU;
 
@@ -69,14 +70,16 @@ void MapSaver::work(Engine& engine, std::int64_t now_ns, std::uint32_t units) {
 }
 
 void MapSaver::fail(const std::string& problem) {
-    has_news_ = problem_.empty();
+    has_news_ = true;
     problem_ = problem;
     if (failures_++ == 0) first_problem_ = problem;
 }
 
-std::string MapSaver::take_news() {
+std::string MapSaver::take_news(std::int64_t now_ns) {
     if (file_.empty() || is_writing_ || !has_news_) return {};
+    if (said_ns_ != 0 && now_ns - said_ns_ < kSaidAgain_ns) return {};
     has_news_ = false;
+    said_ns_ = now_ns;
     return problem_ + fmt::format(" It is tried again every {:g} s.", static_cast<double>(every_ns_) * 1e-9);
 }
 

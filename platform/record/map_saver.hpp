@@ -29,8 +29,8 @@ public:
     [[nodiscard]] bool is_open() const { return !file_.empty(); }
     // Between frames: begins a save when it is time, and goes on with it for so many units.
     void work(Engine& engine, std::int64_t now_ns, std::uint32_t units);
-    // A save that has failed since this was asked last, and the one before had not; else empty.
-    [[nodiscard]] std::string take_news();
+    // A save that has failed since this last said so, once a minute at most; else empty.
+    [[nodiscard]] std::string take_news(std::int64_t now_ns);
     // The map as it is now, down to the disk. Empty: all saves went well; else a sentence, also for those before.
     [[nodiscard]] std::string finish(Engine& engine);
     [[nodiscard]] bool is_saved() const { return problem_.empty(); }  // by finish()
@@ -62,6 +62,7 @@ private:
     MapFileInfo info_;
     std::string problem_, first_problem_;
     bool has_news_ = false;
+    std::int64_t said_ns_ = 0;  // 0: never
     double last_save_s_ = 0;
 };
 

@@ -33,6 +33,8 @@ public:
     void wait_for_room(std::chrono::milliseconds timeout) { ring_.wait_for_room(timeout); }
     // Writes what is left and the end mark, down to the disk. Empty: all is well; else what was lost, as a sentence.
     [[nodiscard]] std::string close();
+    // The disk failed, or was too slow: nothing more is recorded.
+    [[nodiscard]] bool has_failed() const { return error_ != 0 || missed_ > 0; }
     [[nodiscard]] std::uint64_t frames() const { return frames_; }
 
 private:
