@@ -220,13 +220,16 @@ bool RegionStore::scan(std::uint64_t number, Segment& segment, bool is_last, std
     }
     const auto size = static_cast<std::size_t>(status.st_size);
     segment.size = size;
-    if (is_last && size < kSegmentHeaderBytes) {  // killed while it was begun: there is nothing in it
+    // Killed, or without power, while it was begun: there is nothing in it. What the disk was not given in time is
+    // zero.
+    if (is_last && size <= kSegmentHeaderBytes) {
         std::array<std::byte, kSegmentHeaderBytes> header{};
         write_segment_header(header, options_.origin, number);
         std::array<std::byte, kSegmentHeaderBytes> begun{};
         const bool is_ours =
             read_at(segment.descriptor, std::span(begun).first(size), 0) &&
-            std::equal(begun.begin(), begun.begin() + static_cast<std::ptrdiff_t>(size), header.begin());
+            std::equal(begun.begin(), begun.begin() + static_cast<std::ptrdiff_t>(size), header.begin(),
+                       [](std::byte there, std::byte ours) { return there == ours || there == std::byte{0}; });
         if (is_ours) {
             if (!options_.is_scratch) {
                 if (const int error = write_at(segment.descriptor, header, 0); error != 0) {

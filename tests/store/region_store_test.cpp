@@ -354,6 +354,31 @@ TEST(RegionStore, KilledAHundredTimes) {
     }
 }
 
+// Promise: the power fails while a segment is begun, its header lost (zeros of any length): the store opens with all
+// that was there before, and takes more.
+TEST(RegionStore, ASegmentThatWasNeverBegun) {
+    for (const std::size_t size : {0U, 1U, 63U, 64U}) {
+        const test::TemporaryFolder folder;
+        const RegionStoreOptions options = test::options_in(folder.path() + "/store");
+        {
+            RegionStore store;
+            open(store, options);
+            ASSERT_TRUE(store.keep(test::made_region(1, 1, 50'000).given()));
+        }
+        std::ofstream(options.folder + "/00000002.seg", std::ios::binary) << std::string(size, '\0');
+        {
+            RegionStore store;
+            open(store, options);
+            EXPECT_EQ(store.counts().regions, 1U);
+            ASSERT_TRUE(store.keep(test::made_region(2, 2, 50'000).given()));
+        }
+        RegionStore store;
+        open(store, options);
+        EXPECT_EQ(store.counts().regions, 2U) << size;
+        EXPECT_EQ(store.counts().damaged, 0U);
+    }
+}
+
 // Promise: what is no store, another's store, or a store in use is refused with one sentence that names it, and nothing
 // is changed.
 TEST(RegionStore, RefusesWithASentence) {
