@@ -348,7 +348,7 @@ public:
     }
 
     void rescue() override {
-        if (map_saver_.is_open()) map_saver_.rescue(*engine_);
+        if (map_saver_->is_open()) map_saver_->rescue(*engine_);
     }
 
     void draw(MeshSnapshot& snapshot) override {
