@@ -1,5 +1,5 @@
-// rgb.txt and depth.txt of a recording, one after the other with a byte 0 between them: any bytes give a sentence, or
-// lists in time order with names inside the text, and pairs that keep their promises.
+// rgb.txt and depth.txt of a recording, one after the other with a byte 0 between them, or both in one list: any bytes
+// give a sentence, or lists in time order with names inside the text, and pairs that keep their promises.
 #include <algorithm>
 #include <string>
 #include <string_view>
@@ -38,12 +38,26 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (const auto time_ns = parse_time_ns(text.substr(0, text.find(' ')))) {
         fuzz::expect(*time_ns >= 0, "times are not negative");
     }
+    std::vector<ImagePair> lines;
+    std::string message;
+    ListTimes times{.frames_per_s = 30};
+    if (parse_associations(text, "file", lines, message, times) == Status::kOk) {
+        for (std::size_t i = 0; i < lines.size(); ++i) {
+            const ListedImage& depth = lines[i].depth;
+            fuzz::expect(i == 0 || lines[i - 1].colour.time_ns < lines[i].colour.time_ns,
+                         "times of a pair's list rise");
+            fuzz::expect(
+                depth.time_ns >= 0 && depth.name_size > 0 && depth.name_offset + depth.name_size <= text.size(),
+                "the second name lies inside the text");
+        }
+    }
     const std::size_t cut = std::min(text.find('\0'), text.size());
     std::vector<ListedImage> colour, depth;
     const bool is_colour_good = parse(text.substr(0, cut), colour);
     const bool is_depth_good = parse(text.substr(std::min(cut + 1, text.size())), depth);
     if (!is_colour_good || !is_depth_good) return 0;
 
+    static_cast<void>(constant_offset_ns(colour, depth, 20'000'000));
     for (const std::int64_t gap_max_ns :
          {std::int64_t{0}, std::int64_t{20'000'000}, std::int64_t{0x7fffffffffffffff}}) {
         const std::vector<ImagePair> pairs = associate(colour, depth, gap_max_ns);
