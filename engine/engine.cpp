@@ -209,6 +209,9 @@ EngineStatistics Engine::statistics() const noexcept {
 TrackingView Engine::tracking_view() noexcept {
     return state_of(this).tracking.view();
 }
+const FeatureSet& Engine::features() const noexcept {
+    return state_of(this).tracking.features();
+}
 std::uint32_t Engine::keyframes(std::span<KeyframePose> out) const noexcept {
     return list_keyframes(state_of(this).world.map, out);
 }

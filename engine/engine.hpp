@@ -86,6 +86,8 @@ public:
     [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept;
     [[nodiscard]] EngineStatistics statistics() const noexcept;
     [[nodiscard]] TrackingView tracking_view() noexcept;
+    // Of the last frame, with their descriptors; borrowed until the next submit.
+    [[nodiscard]] const FeatureSet& features() const noexcept;
     // All keyframes, as many as `out` takes (limits.keyframes_max: all); returns how many were written. With them poses
     // that were given out can be carried along as the map is corrected.
     [[nodiscard]] std::uint32_t keyframes(std::span<KeyframePose> out) const noexcept;

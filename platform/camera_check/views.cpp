@@ -1,0 +1,165 @@
+#include "platform/camera_check/views.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+
+namespace stillmesh {
+namespace {
+
+constexpr float kCell_px = 40;
+constexpr std::int32_t kColumns = 52, kRows = 52;  // of pictures up to 2047 px
+// Of 256 bits. Below 60 a pair of ORB descriptors is seldom wrong, with the next best a fifth worse hardly ever.
+constexpr int kDistanceMax = 60;
+constexpr int kFar = 257;
+
+// The fixed point x = distorted / factor(x): lenses of depth cameras need five rounds to 1e-4.
+void undistort(const CameraModel& m, float u, float v, float& x_out, float& y_out) {
+    const double xd = (u - m.cx) / m.fx, yd = (v - m.cy) / m.fy;
+    double x = xd, y = yd;
+    for (int i = 0; i < 8; ++i) {
+        const double r2 = x * x + y * y;
+        const double radial = 1.0 + r2 * (m.k1 + r2 * (m.k2 + r2 * m.k3));
+        if (!(radial > 0.2)) break;
+        const double dx = 2 * m.p1 * x * y + m.p2 * (r2 + 2 * x * x);
+        const double dy = m.p1 * (r2 + 2 * y * y) + 2 * m.p2 * x * y;
+        x = (xd - dx) / radial;
+        y = (yd - dy) / radial;
+    }
+    x_out = static_cast<float>(x);
+    y_out = static_cast<float>(y);
+}
+
+// The mean of the inverse over 5x5 pixels, where all is one surface: on a border, depth of one side would be mixed with
+// the picture of the other.
+float inverse_depth_at(const Frame& frame, float u, float v) {
+    constexpr int kSide = 2;
+    const int x = static_cast<int>(std::lround(u)), y = static_cast<int>(std::lround(v));
+    if (x < kSide || y < kSide || x + kSide >= static_cast<int>(frame.depth.width) ||
+        y + kSide >= static_cast<int>(frame.depth.height)) {
+        return 0;
+    }
+    double sum = 0, least = 1e9, most = 0;
+    int count = 0;
+    for (int row = y - kSide; row <= y + kSide; ++row) {
+        const std::uint16_t* const pixels = frame.depth.row(static_cast<std::uint32_t>(row));
+        for (int column = x - kSide; column <= x + kSide; ++column) {
+            if (pixels[column] == 0) continue;
+            const double w = frame.depth_units_per_m / pixels[column];
+            sum += w;
+            least = std::min(least, w);
+            most = std::max(most, w);
+            ++count;
+        }
+    }
+    if (count < 18 || most - least > 0.08 * most) return 0;
+    return static_cast<float>(sum / count);
+}
+
+int distance_between(const Descriptor& a, const Descriptor& b) {
+    int distance = 0;
+    for (int i = 0; i < 4; ++i) distance += std::popcount(a.words[i] ^ b.words[i]);
+    return distance;
+}
+
+std::int32_t cell_of(float u) {
+    return std::clamp(static_cast<std::int32_t>(u / kCell_px), 0, kColumns - 1);
+}
+
+}  // namespace
+
+View::View(std::uint32_t features_max) {
+    features_.reserve(features_max);
+}
+
+void View::take(const Frame& frame, const FeatureSet& features, const CameraModel& camera) {
+    features_.clear();
+    for (std::size_t i = 0; i < features.size() && features_.size() < features_.capacity(); ++i) {
+        const Keypoint& k = features.keypoints[i];
+        ViewFeature f;
+        f.inverse_depth = inverse_depth_at(frame, k.x, k.y);
+        if (f.inverse_depth <= 0) continue;
+        f.u = k.x;
+        f.v = k.y;
+        undistort(camera, k.x, k.y, f.x, f.y);
+        f.level = k.level;
+        f.noise_px = std::pow(1.2F, static_cast<float>(k.level));
+        f.descriptor = features.descriptors[i];
+        features_.push_back(f);
+    }
+}
+
+ViewMatcher::ViewMatcher(std::uint32_t features_max) : cells_(kColumns * kRows) {
+    forward_.reserve(features_max);
+    back_.reserve(features_max);
+    matches_.reserve(features_max);
+    lengths_.reserve(features_max);
+    for (auto& cell : cells_) cell.reserve(16);
+}
+
+void ViewMatcher::Best::see(int new_distance, std::size_t index) {
+    if (new_distance < distance) {
+        second = distance;
+        distance = new_distance;
+        other = static_cast<std::int32_t>(index);
+    } else if (new_distance < second) {
+        second = new_distance;
+    }
+}
+
+const std::vector<ViewMatch>& ViewMatcher::match(const View& a, const View& b, float reach_px, float u, float v) {
+    const std::vector<ViewFeature>& from = a.features();
+    const std::vector<ViewFeature>& in = b.features();
+    for (auto& cell : cells_) cell.clear();
+    for (std::size_t j = 0; j < in.size(); ++j) {
+        cells_[static_cast<std::size_t>(cell_of(in[j].v) * kColumns + cell_of(in[j].u))].push_back(
+            static_cast<std::uint16_t>(j));
+    }
+    forward_.assign(from.size(), {kFar, kFar, -1});
+    back_.assign(in.size(), {kFar, kFar, -1});
+    for (std::size_t i = 0; i < from.size(); ++i) {
+        const ViewFeature& f = from[i];
+        const float at_u = f.u + u, at_v = f.v + v;
+        for (std::int32_t row = cell_of(at_v - reach_px); row <= cell_of(at_v + reach_px); ++row) {
+            for (std::int32_t column = cell_of(at_u - reach_px); column <= cell_of(at_u + reach_px); ++column) {
+                for (const std::uint16_t j : cells_[static_cast<std::size_t>(row * kColumns + column)]) {
+                    if (std::abs(in[j].level - f.level) > 1) continue;
+                    const int distance = distance_between(f.descriptor, in[j].descriptor);
+                    forward_[i].see(distance, j);
+                    back_[j].see(distance, i);
+                }
+            }
+        }
+    }
+    matches_.clear();
+    for (std::size_t i = 0; i < forward_.size(); ++i) {
+        const Best& best = forward_[i];
+        if (best.other < 0 || best.distance > kDistanceMax || best.distance * 5 > best.second * 4) continue;
+        const auto other = static_cast<std::size_t>(best.other);
+        if (back_[other].other == static_cast<std::int32_t>(i)) matches_.push_back({from[i], in[other]});
+    }
+    return matches_;
+}
+
+float ViewMatcher::median() {
+    if (lengths_.empty()) return 0;
+    float* const middle = lengths_.data() + lengths_.size() / 2;
+    std::nth_element(lengths_.data(), middle, lengths_.data() + lengths_.size());
+    const float value = *middle;
+    lengths_.clear();
+    return value;
+}
+
+ViewMatcher::Flow ViewMatcher::flow() {
+    Flow flow;
+    for (const ViewMatch& m : matches_) lengths_.push_back(m.b.u - m.a.u);
+    flow.u = median();
+    for (const ViewMatch& m : matches_) lengths_.push_back(m.b.v - m.a.v);
+    flow.v = median();
+    for (const ViewMatch& m : matches_) lengths_.push_back(std::hypot(m.b.u - m.a.u, m.b.v - m.a.v));
+    flow.length = median();
+    return flow;
+}
+
+}  // namespace stillmesh
