@@ -351,6 +351,10 @@ public:
         if (map_saver_->is_open()) map_saver_->rescue(*engine_);
     }
 
+    [[nodiscard]] const FeatureSet* features() const override {
+        return &engine_->features();
+    }
+
     void draw(MeshSnapshot& snapshot) override {
         const TrackingView view = engine_->tracking_view();
         for (const TrackedEdge& edge : view.edges) {

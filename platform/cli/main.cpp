@@ -28,8 +28,7 @@ namespace {
 
 // Switches that are planned and have nothing behind them yet: known, so that the answer is a sentence.
 constexpr const char* kLaterOptions[] = {"--cloud", "--view", "--publish"};
-constexpr const char* kLaterCommands[][2] = {{"check-camera", "check a camera's calibration"},
-                                             {"report", "compare runs"}};
+constexpr const char* kLaterCommands[][2] = {{"report", "compare runs"}};
 
 constexpr const char* kCameraGroup = "Camera (--camera, --replay or --simulate)";
 
@@ -117,6 +116,10 @@ int program(int argc, char** argv) {
     run_app->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
         ->type_name("N")
+        ->group(kCameraGroup);
+    run_app
+        ->add_flag("!--trust-camera", arguments.loop.checks_camera,
+                   "do not check whether calibration and depth can be right (stillmesh check-camera)")
         ->group(kCameraGroup);
     run_app
         ->add_flag("--realtime", arguments.is_realtime,
@@ -248,6 +251,32 @@ int program(int argc, char** argv) {
     eval_command->add_option("--groundtruth", truth_file, "TUM format")->required()->type_name("FILE");
     eval_command->add_option("--trajectory", trajectory_file, "TUM format")->required()->type_name("FILE");
     eval_command->add_flag("--json", is_eval_json, "as JSON");
+
+    RunArguments check;
+    check.is_camera_check = true;
+    check.loop.frames_max = 300;
+    CLI::App* const check_app = app.add_subcommand(
+        "check-camera", "whether focal length, centre, depth unit and registration can be what they are said to be");
+    add_camera_options(*check_app, check.live, check.does_wait, kCameraGroup);
+    check_app->add_option("--replay", check.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
+        ->type_name("DIR")
+        ->group(kCameraGroup);
+    check_app->add_option("--simulate", check.simulate, "simulated room")
+        ->type_name("SCENE[:SEED]")
+        ->group(kCameraGroup);
+    check_app
+        ->add_option("--calibration", check.calibration,
+                     "the one to check; the camera's or recording's own if not given")
+        ->type_name("FILE|NAME")
+        ->group(kCameraGroup);
+    check_app->add_option("--frames", check.loop.frames_max, "how many are looked at (300)")
+        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
+        ->type_name("N")
+        ->group(kCameraGroup);
+    check_app->add_flag("--json", check.is_json, "as JSON, with all the rest of a run");
+    check_app->footer(
+        "Turn the camera slowly left and right, up and down, in a room where nobody moves: ten seconds are enough.\n"
+        "Exit codes: 0 no fault found; 1 a fault, or the camera was lost; 2 bad usage or input.");
 
     RerunOptions rerun;
     CLI::App* const rerun_command =
@@ -407,6 +436,10 @@ int program(int argc, char** argv) {
     }
     if (capture_app->parsed()) return stillmesh::capture_command(capture);
     if (simulate_command->parsed()) return stillmesh::simulate_command(simulation);
+    if (check_app->parsed()) {
+        check.command = "stillmesh check-camera";
+        return run_command(check, begin_ns);
+    }
     if (train_command->parsed()) return vocabulary_train_command(training);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
     std::string command = "stillmesh";

@@ -154,6 +154,13 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         }
     }
     release_stop_signals();  // all is written: whoever reads the summary slowly may end us
+    if (arguments.is_camera_check && !arguments.is_json) {
+        for (const std::string& line : record.camera_check) std::fputs((printable(line) + "\n").c_str(), stdout);
+        if (record.problems.empty()) std::fputs("verdict       no fault found\n", stdout);
+        static_cast<void>(std::fflush(stdout));
+        for (const std::string& problem : record.problems) complain(problem);
+        return code;
+    }
     // Where the poses went to standard output, nothing else does.
     std::FILE* const out = arguments.loop.trajectory == "-" ? stderr : stdout;
     std::fputs(

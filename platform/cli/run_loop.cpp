@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "platform/cli/camera_watch.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/progress.hpp"
@@ -289,6 +290,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     LossWatch loss(options, session);
     MapsOfRun maps;
     StreamLog streams;
+    CameraWatch watch(options.checks_camera);
     Trajectory given;  // for the poses as they are known at the end
     std::vector<PoseState> given_states;
     if (!options.trajectory_final.empty()) session.keep_final_trajectory();
@@ -385,7 +387,13 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             break;
         }
         out.world_from_camera.time_ns = frame.time_ns;
+        watch.judge(out);
         put(trajectory, trajectory_line(out.state, out.world_from_camera));
+        watch.frame(camera, frame, session);
+        for (std::string sentence = watch.news(); !sentence.empty(); sentence = watch.news()) {
+            progress.say(sentence);
+            put(trajectory, "# " + sentence + "\n");
+        }
         snapshots.frame(record.frames_total, frame, out, session);
         session.work(options.times != nullptr ? std::optional(options.times->next_due_ns()) : std::nullopt, out);
         if (hashes.is_open()) put(hashes, fmt::format("{} {:016x}\n", time_text(frame.time_ns), out.state_hash));
@@ -429,6 +437,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     if (options.frames != nullptr) {
         if (const std::string problem = options.frames->close(); !problem.empty()) record.problems.push_back(problem);
     }
+    watch.account(record);
     if (record.problems.size() > problems && code == kExitDone) code = kExitFailed;
     record.frame_period_ms = static_cast<double>(options.frame_period_ns) * 1e-6;
     if (options.times != nullptr) {

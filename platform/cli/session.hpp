@@ -8,6 +8,7 @@
 #include <string>
 
 #include "engine/base/status.hpp"
+#include "engine/features/features.hpp"
 #include "engine/frame/frame.hpp"
 #include "platform/report/run_record.hpp"
 
@@ -42,6 +43,8 @@ public:
     // What has happened since it was asked last that the user should hear of now (a map that could not be saved);
     // empty: nothing.
     [[nodiscard]] virtual std::string news() { return {}; }
+    // Of the last frame's colour image; nullptr: not known.
+    [[nodiscard]] virtual const FeatureSet* features() const { return nullptr; }
     // Of a camera that is lost: whether it would find its way if it began anew where this frame is; empty: not known
     // yet. Each frame of the loss is shown once.
     [[nodiscard]] virtual std::optional<bool> could_begin_here(const Frame& frame) {

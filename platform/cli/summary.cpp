@@ -317,6 +317,7 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
     json["frames_recorded"] = record.frames_recorded;
     json["record_ms_median"] = record.record_ms.median();
     json["record_ms_p99"] = record.record_ms.p99();
+    json["camera_check"] = record.camera_check;
     json["notes"] = record.notes;
     json["problems"] = record.problems;
     json["report"] = report.empty() ? Json(nullptr) : Json(report);

@@ -1,0 +1,23 @@
+#include "platform/cli/camera_watch.hpp"
+
+namespace stillmesh {
+
+void CameraWatch::frame(const DepthCamera& camera, const Frame& frame, const TrackingSession& session) {
+    const FeatureSet* const features = is_on_ ? session.features() : nullptr;
+    if (features == nullptr) return;
+    if (!check_) check_.emplace(camera.info(), static_cast<std::uint32_t>(features->keypoints.capacity()));
+    check_->frame(frame, *features);
+}
+
+std::string CameraWatch::news() {
+    return check_ ? check_->news() : std::string();
+}
+
+void CameraWatch::account(RunRecord& record) const {
+    if (!check_) return;
+    record.camera_check = check_->report();
+    const std::vector<std::string> faults = check_->faults();
+    record.problems.insert(record.problems.end(), faults.begin(), faults.end());
+}
+
+}  // namespace stillmesh
