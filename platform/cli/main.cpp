@@ -256,7 +256,7 @@ int program(int argc, char** argv) {
     check.is_camera_check = true;
     check.loop.frames_max = 300;
     CLI::App* const check_app = app.add_subcommand(
-        "check-camera", "whether focal length, centre, depth unit and registration can be what they are said to be");
+        "check-camera", "whether focal length, centre and depth unit can be what they are said to be");
     add_camera_options(*check_app, check.live, check.does_wait, kCameraGroup);
     check_app->add_option("--replay", check.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
         ->type_name("DIR")
