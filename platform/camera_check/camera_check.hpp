@@ -1,8 +1,8 @@
 // Watches whether calibration and streams can be what they are said to be, while a camera is tracked: beside the
 // engine, from its features and the depth images, without its poses. Three questions, each with its own evidence:
 // depth unit (depth_steps.hpp), focal lengths and centre (self_calibration.hpp), and whether depth belongs to colour at
-// all (depth_edges.hpp and rigidity.hpp together). How far depth is registered is told, and no fault. It rather misses a
-// fault than to see one that is not there (docs/camera.md says what is missed). Cost: 1 to 4 ms a frame, up to 15 ms
+// all (depth_edges.hpp and rigidity.hpp together). How far depth is registered is told, and no fault. It rather misses
+// a fault than to see one that is not there (docs/camera.md says what is missed). Cost: 1 to 4 ms a frame, up to 15 ms
 // where a calibration is fitted, every fourth pair of views until it is known to be right.
 #pragma once
 
