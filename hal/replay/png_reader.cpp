@@ -5,8 +5,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
-#include <cstdio>
+#include <cstddef>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 
@@ -18,10 +21,79 @@ struct CloseContext {
 };
 using Context = std::unique_ptr<spng_ctx, CloseContext>;
 
-struct CloseFile {
-    void operator()(std::FILE* file) const noexcept { static_cast<void>(std::fclose(file)); }
+// What libspng and zlib take while they decode one image (48 KiB for 640x480): cut from one block a thread, which is
+// taken with its first image and emptied before each. Else every image is eight calls of the heap, 32 KiB among them.
+class Scratch {
+public:
+    [[nodiscard]] bool begin() noexcept {
+        if (block_ == nullptr) block_.reset(static_cast<std::byte*>(std::malloc(kBytes)));
+        used_ = 0;
+        return block_ != nullptr;
+    }
+    [[nodiscard]] void* take(std::size_t size) noexcept {
+        if (size > kBytes || kBytes - used_ < kHead + size)
+            return std::malloc(size);  // an image of another kind of size
+        std::byte* const head = block_.get() + used_;
+        std::memcpy(head, &size, sizeof size);
+        used_ += kHead + (size + kHead - 1) / kHead * kHead;
+        used_ = std::min(used_, kBytes);
+        return head + kHead;
+    }
+    void give(void* memory) noexcept {
+        if (!is_inside(memory)) std::free(memory);
+    }
+    [[nodiscard]] void* resize(void* memory, std::size_t size) noexcept {
+        if (memory == nullptr) return take(size);
+        if (!is_inside(memory)) return std::realloc(memory, size);
+        std::size_t held = 0;
+        std::memcpy(&held, static_cast<std::byte*>(memory) - kHead, sizeof held);
+        void* const larger = take(size);
+        if (larger != nullptr) std::memcpy(larger, memory, std::min(held, size));
+        return larger;
+    }
+
+private:
+    static constexpr std::size_t kBytes = std::size_t{96} * 1024;
+    static constexpr std::size_t kHead = alignof(std::max_align_t) < 16 ? 16 : alignof(std::max_align_t);
+    struct Free {
+        void operator()(std::byte* block) const noexcept { std::free(block); }
+    };
+    [[nodiscard]] bool is_inside(const void* memory) const noexcept {
+        return memory >= block_.get() && memory < block_.get() + kBytes;
+    }
+
+    std::unique_ptr<std::byte, Free> block_;
+    std::size_t used_ = 0;
 };
-using File = std::unique_ptr<std::FILE, CloseFile>;
+// libspng hands no pointer of ours to its allocator; a context never outlives the call that made it.
+thread_local Scratch scratch;
+
+[[nodiscard]] void* scratch_calloc(std::size_t count, std::size_t size) {
+    if (size != 0 && count > static_cast<std::size_t>(-1) / size) return nullptr;
+    void* const memory = scratch.take(count * size);
+    if (memory != nullptr) std::memset(memory, 0, count * size);
+    return memory;
+}
+
+// A regular file, read through a buffer of its own: stdio's would be two more calls of the heap.
+class File {
+public:
+    File() = default;
+    ~File() {
+        if (descriptor_ >= 0) static_cast<void>(::close(descriptor_));
+    }
+    File(const File&) = delete;
+    File& operator=(const File&) = delete;
+
+    Status open(const std::string& name, std::string& message) noexcept;
+    // libspng's read function.
+    static int read(spng_ctx* context, void* user, void* destination, std::size_t length) noexcept;
+
+private:
+    int descriptor_ = -1;
+    std::size_t at_ = 0, end_ = 0;
+    std::array<std::byte, 16384> buffer_;
+};
 
 // Larger than any image of ours; keeps a wild header from being worth anything.
 constexpr std::uint32_t kSideMax = 16384;
@@ -47,7 +119,11 @@ Status spng_failure(const std::string& name, int error, std::string& message) {
 }
 
 Status open_context(Context& context, const std::string& name, std::string& message) {
-    context.reset(spng_ctx_new(0));
+    context.reset();
+    spng_alloc heap{[](std::size_t size) { return scratch.take(size); },
+                    [](void* memory, std::size_t size) { return scratch.resize(memory, size); }, scratch_calloc,
+                    [](void* memory) { scratch.give(memory); }};
+    if (scratch.begin()) context.reset(spng_ctx_new2(&heap, 0));
     if (context == nullptr) {
         message = name + ": no memory left to decode it.";
         return Status::kUnavailable;
@@ -103,28 +179,46 @@ Status pixels_of(spng_ctx* context, const std::string& name, const PngHeader& ex
     return Status::kOk;
 }
 
-Status open_file(const std::string& name, File& file, std::string& message) {
+Status File::open(const std::string& name, std::string& message) noexcept {
     // O_NONBLOCK: opening a pipe would wait for its writer.
-    const int descriptor = ::open(name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    descriptor_ = ::open(name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     struct stat status {};
-    const bool is_file = descriptor >= 0 && ::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
-    if (is_file) file.reset(::fdopen(descriptor, "rb"));
-    if (file != nullptr) return Status::kOk;
-    message = descriptor >= 0 && !is_file
-                  ? name + ": is no regular file; is the recording complete?"
-                  : name + ": cannot be opened: " + std::strerror(errno) + "; is the recording complete?";
-    if (descriptor >= 0) static_cast<void>(::close(descriptor));
+    if (descriptor_ >= 0 && ::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode)) return Status::kOk;
+    message = descriptor_ >= 0 ? name + ": is no regular file; is the recording complete?"
+                               : name + ": cannot be opened: " + std::strerror(errno) + "; is the recording complete?";
     return Status::kUnavailable;
+}
+
+int File::read(spng_ctx* /*context*/, void* user, void* destination, std::size_t length) noexcept {
+    File& file = *static_cast<File*>(user);
+    auto* out = static_cast<std::byte*>(destination);
+    while (length > 0) {
+        if (file.at_ == file.end_) {
+            ssize_t count = -1;
+            do {
+                count = ::read(file.descriptor_, file.buffer_.data(), file.buffer_.size());
+            } while (count < 0 && errno == EINTR);
+            if (count <= 0) return count == 0 ? SPNG_IO_EOF : SPNG_IO_ERROR;
+            file.at_ = 0;
+            file.end_ = static_cast<std::size_t>(count);
+        }
+        const std::size_t piece = std::min(length, file.end_ - file.at_);
+        std::memcpy(out, file.buffer_.data() + file.at_, piece);
+        file.at_ += piece;
+        out += piece;
+        length -= piece;
+    }
+    return 0;
 }
 
 }  // namespace
 
 Status read_png_header(const std::string& file, PngHeader& header, std::string& message) {
     File stream;
-    STILLMESH_TRY(open_file(file, stream, message));
+    STILLMESH_TRY(stream.open(file, message));
     Context context;
     STILLMESH_TRY(open_context(context, file, message));
-    if (const int error = spng_set_png_file(context.get(), stream.get()); error != 0) {
+    if (const int error = spng_set_png_stream(context.get(), File::read, &stream); error != 0) {
         return spng_failure(file, error, message);
     }
     return header_of(context.get(), file, header, message);
@@ -133,10 +227,10 @@ Status read_png_header(const std::string& file, PngHeader& header, std::string& 
 Status read_png(const std::string& file, const PngHeader& expected, std::span<std::uint8_t> pixels,
                 std::string& message) {
     File stream;
-    STILLMESH_TRY(open_file(file, stream, message));
+    STILLMESH_TRY(stream.open(file, message));
     Context context;
     STILLMESH_TRY(open_context(context, file, message));
-    if (const int error = spng_set_png_file(context.get(), stream.get()); error != 0) {
+    if (const int error = spng_set_png_stream(context.get(), File::read, &stream); error != 0) {
         return spng_failure(file, error, message);
     }
     return pixels_of(context.get(), file, expected, pixels, message);

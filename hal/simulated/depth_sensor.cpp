@@ -18,61 +18,52 @@ constexpr float kNoiseShared = 0.0357F;
 constexpr std::uint32_t kCell = 6;     // px of the shared noise
 constexpr float kBilinearGain = 1.5F;  // interpolation takes 4/9 of the variance
 
-// Smooth random numbers over the image.
-class Lattice {
-public:
-    Lattice(std::uint32_t width, std::uint32_t height, std::uint32_t key)
-        : width_(width / kCell + 2), values_(static_cast<std::size_t>(width_) * (height / kCell + 2)) {
-        for (std::size_t i = 0; i < values_.size(); ++i) {
-            values_[i] = kBilinearGain * bell(scramble(static_cast<std::uint32_t>(i) * 2654435761U + key));
-        }
-    }
-    // The values of a row, ready for at().
-    void take_row(std::uint32_t y, std::vector<float>& row) const {
-        const float s = static_cast<float>(y % kCell) / static_cast<float>(kCell);
-        const float* const a = values_.data() + static_cast<std::size_t>(y / kCell) * width_;
-        row.resize(width_);
-        for (std::uint32_t i = 0; i < width_; ++i) row[i] = a[i] + (a[i + width_] - a[i]) * s;
-    }
-    [[nodiscard]] static float at(const std::vector<float>& row, std::uint32_t x) noexcept {
-        const std::uint32_t i = x / kCell;
-        return row[i] + (row[i + 1] - row[i]) * (static_cast<float>(x % kCell) / static_cast<float>(kCell));
-    }
-
-private:
-    std::uint32_t width_;
-    std::vector<float> values_;
-};
-
 }  // namespace
 
-void sense_depth(const Renderer& renderer, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth) {
+Lattice::Lattice(std::uint32_t width, std::uint32_t height)
+    : width_(width / kCell + 2), values_(static_cast<std::size_t>(width_) * (height / kCell + 2)), row_(width_) {}
+
+void Lattice::fill(std::uint32_t key) {
+    for (std::size_t i = 0; i < values_.size(); ++i) {
+        values_[i] = kBilinearGain * bell(scramble(static_cast<std::uint32_t>(i) * 2654435761U + key));
+    }
+}
+
+void Lattice::take_row(std::uint32_t y) {
+    const float s = static_cast<float>(y % kCell) / static_cast<float>(kCell);
+    const float* const a = values_.data() + static_cast<std::size_t>(y / kCell) * width_;
+    for (std::uint32_t i = 0; i < width_; ++i) row_[i] = a[i] + (a[i + width_] - a[i]) * s;
+}
+
+float Lattice::at(std::uint32_t x) const noexcept {
+    const std::uint32_t i = x / kCell;
+    return row_[i] + (row_[i + 1] - row_[i]) * (static_cast<float>(x % kCell) / static_cast<float>(kCell));
+}
+
+void DepthSensor::sense(const Renderer& renderer, std::uint64_t seed, float units_per_m,
+                        std::vector<std::uint16_t>& depth) {
     const Pinhole& camera = renderer.camera();
     const std::vector<float>& inverse = renderer.inverse_depth();
     const std::vector<std::uint32_t>& ids = renderer.face_ids();
     const auto key = static_cast<std::uint32_t>(seed ^ (seed >> 32U));
-    const Lattice shared(camera.width, camera.height, key);
-    const Lattice edges(camera.width, camera.height, key ^ 0x1234567U);
-    const Lattice loss(camera.width, camera.height, key ^ 0x7654321U);
-    std::vector<float> shared_row;
-    std::vector<float> edge_row;
-    std::vector<float> loss_row;
-    std::vector<bool> hidden(camera.width);
+    shared_.fill(key);
+    edges_.fill(key ^ 0x1234567U);
+    loss_.fill(key ^ 0x7654321U);
     const auto width = static_cast<std::int32_t>(camera.width);
     const float pixel_scale = static_cast<float>(camera.fx) / 580.0F;  // shadows in px of this image
     depth.resize(inverse.size());
     for (std::uint32_t y = 0; y < camera.height; ++y) {
         const std::size_t row = static_cast<std::size_t>(y) * camera.width;
-        shared.take_row(y, shared_row);
-        edges.take_row(y, edge_row);
-        loss.take_row(y, loss_row);
+        shared_.take_row(y);
+        edges_.take_row(y);
+        loss_.take_row(y);
         // The projector stands to the right: of two pixels that it sees in one direction, the one further right is in
         // the light.
         float lit = 1e9F;
         for (std::int32_t x = width - 1; x >= 0; --x) {
             const float w = inverse[row + static_cast<std::size_t>(x)];
             const float direction = static_cast<float>(x) - kFocalBaseline * pixel_scale * w;
-            hidden[static_cast<std::size_t>(x)] = direction > lit + 0.5F;
+            hidden_[static_cast<std::size_t>(x)] = direction > lit + 0.5F;
             lit = std::min(lit, direction);
         }
         const float ray_y = (static_cast<float>(y) - static_cast<float>(camera.cy)) / static_cast<float>(camera.fy);
@@ -80,7 +71,7 @@ void sense_depth(const Renderer& renderer, std::uint64_t seed, float units_per_m
             std::uint16_t& out = depth[row + x];
             out = 0;
             // Ragged borders: where depth jumps, a neighbour's value may win.
-            const float wander = Lattice::at(edge_row, x) * 1.3F;
+            const float wander = edges_.at(x) * 1.3F;
             const std::int32_t beside = std::clamp(
                 static_cast<std::int32_t>(x) + round_clamped(static_cast<double>(wander), -3, 3), 0, width - 1);
             std::size_t from = row + x;
@@ -88,7 +79,7 @@ void sense_depth(const Renderer& renderer, std::uint64_t seed, float units_per_m
             const float there = inverse[row + static_cast<std::size_t>(beside)];
             const float jump = here - there;
             if ((jump < 0 ? -jump : jump) > 0.04F * here) from = row + static_cast<std::size_t>(beside);
-            if (hidden[from - row] || ids[from] == kNoFace) continue;
+            if (hidden_[from - row] || ids[from] == kNoFace) continue;
             const float w = inverse[from];
             const VisibleFace& face = renderer.face(ids[from]);
             const std::uint32_t dice = scramble(static_cast<std::uint32_t>(row + x) * 747796405U + key);
@@ -98,8 +89,8 @@ void sense_depth(const Renderer& renderer, std::uint64_t seed, float units_per_m
             float threshold = 2.9F - (slant < 0.3F ? (0.3F - slant) * 14.0F : 0.0F);
             if (face.material.infrared == Infrared::kPoor) threshold -= 1.6F;
             if (face.material.infrared == Infrared::kBad) threshold -= 3.0F;
-            if (Lattice::at(loss_row, x) > threshold || (dice >> 8U) % 512U == 0) continue;
-            const float noise = kNoiseOwn * bell(scramble(dice)) + kNoiseShared * Lattice::at(shared_row, x);
+            if (loss_.at(x) > threshold || (dice >> 8U) % 512U == 0) continue;
+            const float noise = kNoiseOwn * bell(scramble(dice)) + kNoiseShared * shared_.at(x);
             const std::int32_t steps =
                 round_clamped(static_cast<double>((kFocalBaseline * w + noise) * kDisparitySteps), 1, 100000);
             const float z = kFocalBaseline * kDisparitySteps / static_cast<float>(steps);

@@ -14,8 +14,32 @@ namespace stillmesh::simulated {
 inline constexpr float kDepthMin = 0.5F;  // m
 inline constexpr float kDepthMax = 4.5F;
 
-// From the renderer's current picture to depth in units of 1 / units_per_m, 0 = nothing.
-void sense_depth(const Renderer& renderer, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth);
+// Smooth random numbers over the image.
+class Lattice {
+public:
+    Lattice(std::uint32_t width, std::uint32_t height);
+    void fill(std::uint32_t key);
+    // The values of a row, ready for at().
+    void take_row(std::uint32_t y);
+    [[nodiscard]] float at(std::uint32_t x) const noexcept;
+
+private:
+    std::uint32_t width_;
+    std::vector<float> values_, row_;
+};
+
+// For pictures of one size; its buffers stay from frame to frame.
+class DepthSensor {
+public:
+    DepthSensor(std::uint32_t width, std::uint32_t height)
+        : shared_(width, height), edges_(width, height), loss_(width, height), hidden_(width) {}
+    // From the renderer's current picture to depth in units of 1 / units_per_m, 0 = nothing.
+    void sense(const Renderer& renderer, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth);
+
+private:
+    Lattice shared_, edges_, loss_;
+    std::vector<bool> hidden_;
+};
 
 // A quick hash of 32 bits: neighbours in, strangers out (lowbias32, Wellons 2018).
 [[nodiscard]] constexpr std::uint32_t scramble(std::uint32_t x) noexcept {

@@ -64,7 +64,8 @@ struct SimulatedCamera::State {
           sum(static_cast<std::size_t>(pinhole.width) * pinhole.height),
           grey(sum.size()),
           mask(sum.size()),
-          depth(sum.size()) {
+          depth(sum.size()),
+          depth_sensor(pinhole.width, pinhole.height) {
         Random random(day ^ 0x6578'706f'7375'7265ULL);
         for (double& phase : exposure_phase) phase = random.uniform(0, 2 * kPi);
     }
@@ -75,6 +76,7 @@ struct SimulatedCamera::State {
     std::vector<std::uint8_t> grey;
     std::vector<std::uint8_t> mask;
     std::vector<std::uint16_t> depth;
+    DepthSensor depth_sensor;
     double exposure_phase[3] = {};
 };
 
@@ -200,7 +202,7 @@ Status SimulatedCamera::poll(Frame& frame) noexcept {
         s.renderer.begin(depth_pose, 0, 0);
         s.world.draw(s.renderer, t + lag);
     }
-    sense_depth(s.renderer, scramble(key), static_cast<float>(info_.depth_units_per_m), s.depth);
+    s.depth_sensor.sense(s.renderer, scramble(key), static_cast<float>(info_.depth_units_per_m), s.depth);
 
     pose_.time_ns = kFirstFrameNs + since_start_ns;
     pose_.t = {pose.translation.x, pose.translation.y, pose.translation.z};

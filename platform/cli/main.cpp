@@ -118,8 +118,8 @@ int program(int argc, char** argv) {
         ->type_name("N")
         ->group(kCameraGroup);
     run_app
-        ->add_flag("!--trust-camera", arguments.loop.checks_camera,
-                   "do not check whether calibration and depth can be right (stillmesh check-camera)")
+        ->add_flag("--check-camera", arguments.loop.checks_camera,
+                   "check whether calibration and depth can be right (stillmesh check-camera); not tracked while not")
         ->group(kCameraGroup);
     run_app
         ->add_flag("--realtime", arguments.is_realtime,
@@ -254,6 +254,7 @@ int program(int argc, char** argv) {
 
     RunArguments check;
     check.is_camera_check = true;
+    check.loop.checks_camera = true;
     check.loop.frames_max = 300;
     CLI::App* const check_app = app.add_subcommand(
         "check-camera", "whether focal length, centre and depth unit can be what they are said to be");

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <iterator>
 #include <string>
 
 #include "platform/linux/service.hpp"
@@ -20,15 +21,18 @@ void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_
     if (now_ns - last_ns_ < interval_ns) return;
     last_ns_ = now_ns;
     const double fps = static_cast<double>(count) * 1e9 / static_cast<double>(now_ns - begin_ns_);
-    std::string line = fmt::format("frame {}", count);
-    if (frames_expected_ > 0) line += fmt::format(" of {}", frames_expected_);
-    line += fmt::format(", {:.0f} frames/s, {}", fps, pose_state_name(state));
+    fmt::memory_buffer line;  // 500 bytes without the heap
+    const auto end = [&line] { return std::back_inserter(line); };
+    fmt::format_to(end(), "{}frame {}", is_terminal_ ? "\r" : log_prefix(LogLevel::kInfo), count);
+    if (frames_expected_ > 0) fmt::format_to(end(), " of {}", frames_expected_);
+    fmt::format_to(end(), ", {:.0f} frames/s, {}", fps, pose_state_name(state));
     if (is_terminal_) {
-        write_standard_error(fmt::format("\r{:<60}", line));
+        while (line.size() < 61) line.push_back(' ');
         is_line_open_ = true;
     } else {
-        write_standard_error(log_prefix(LogLevel::kInfo) + line + "\n");
+        line.push_back('\n');
     }
+    write_standard_error({line.data(), line.size()});
 }
 
 void ProgressLine::say(const std::string& sentence) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <iterator>
 #include <optional>
 #include <vector>
 
@@ -238,10 +239,10 @@ private:
 };
 
 // A predicted pose is given out, but not measured: a comment, so that no tool counts it as covered.
-[[nodiscard]] std::string trajectory_line(PoseState state, const TrajectoryPose& pose) {
-    if (state == PoseState::kNone) return {};
-    const std::string line = pose_line(pose);
-    return state == PoseState::kPredicted ? "# predicted " + line : line;
+void append_trajectory_line(PoseState state, const TrajectoryPose& pose, std::string& text) {
+    if (state == PoseState::kNone) return;
+    if (state == PoseState::kPredicted) text += "# predicted ";
+    append_pose_line(pose, text);
 }
 
 // The same poses as they are known at the end.
@@ -250,7 +251,7 @@ private:
     std::string text = header;
     const bool is_known = known && known->size() == given.size();
     for (std::size_t i = 0; i < given.size(); ++i)
-        text += trajectory_line(states[i], is_known ? (*known)[i] : given[i]);
+        append_trajectory_line(states[i], is_known ? (*known)[i] : given[i], text);
     return text;
 }
 
@@ -286,6 +287,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         if (const std::string sentence = lines.write(text); !sentence.empty()) progress.say(sentence);
     };
     put(trajectory, kHeader);
+    std::string line;  // keeps its memory from frame to frame
     SnapshotKeeper snapshots(options.snapshots_max);
     LossWatch loss(options, session);
     MapsOfRun maps;
@@ -388,7 +390,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         }
         out.world_from_camera.time_ns = frame.time_ns;
         watch.judge(out);
-        put(trajectory, trajectory_line(out.state, out.world_from_camera));
+        line.clear();
+        append_trajectory_line(out.state, out.world_from_camera, line);
+        put(trajectory, line);
         watch.frame(camera, frame, session);
         for (std::string sentence = watch.news(); !sentence.empty(); sentence = watch.news()) {
             progress.say(sentence);
@@ -396,7 +400,12 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         }
         snapshots.frame(record.frames_total, frame, out, session);
         session.work(options.times != nullptr ? std::optional(options.times->next_due_ns()) : std::nullopt, out);
-        if (hashes.is_open()) put(hashes, fmt::format("{} {:016x}\n", time_text(frame.time_ns), out.state_hash));
+        if (hashes.is_open()) {
+            line.clear();
+            append_time(frame.time_ns, line);
+            fmt::format_to(std::back_inserter(line), " {:016x}\n", out.state_hash);
+            put(hashes, line);
+        }
         if (std::string sentence = session.news(); !sentence.empty()) progress.say(sentence);
         if (!options.trajectory_final.empty() && out.state != PoseState::kNone) {
             given.push_back(out.world_from_camera);

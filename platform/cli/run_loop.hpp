@@ -25,7 +25,7 @@ struct RunLoopOptions {
     std::uint32_t snapshots_max = 0;         // meshes kept for a report
     bool keep_trajectory = false;            // in record.estimate
     bool show_progress = true;
-    bool checks_camera = true;             // while a fault of calibration or streams holds, nothing is `tracked`
+    bool checks_camera = false;            // while a fault of calibration or streams holds, nothing is `tracked`
     FrameTimes* times = nullptr;           // the camera's, if frames come by the clock: late ones are dropped
     bool is_live = false;                  // a silence is the camera's life, and no failure of the run
     std::function<std::string()> news;     // sentences about the camera, oldest first, then an empty one; may be empty

@@ -126,19 +126,31 @@ Status read_trajectory(const std::string& file, Trajectory& trajectory, std::str
 }
 
 std::string time_text(std::int64_t time_ns) {
+    std::string text;
+    append_time(time_ns, text);
+    return text;
+}
+
+void append_time(std::int64_t time_ns, std::string& text) {
     std::array<char, 40> buffer{};
     std::snprintf(buffer.data(), buffer.size(), "%lld.%09lld", static_cast<long long>(time_ns / 1'000'000'000),
                   static_cast<long long>(time_ns % 1'000'000'000));
-    return buffer.data();
+    text += buffer.data();
 }
 
 std::string pose_line(const TrajectoryPose& pose) {
+    std::string line;
+    append_pose_line(pose, line);
+    return line;
+}
+
+void append_pose_line(const TrajectoryPose& pose, std::string& text) {
     // The largest double has 309 digits before its point; a trajectory read from a file may hold it.
     std::array<char, 3 * 320 + 4 * 16 + 32> buffer{};
-    std::snprintf(buffer.data(), buffer.size(), "%s %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
-                  time_text(pose.time_ns).c_str(), pose.t[0], pose.t[1], pose.t[2], pose.q[0], pose.q[1], pose.q[2],
-                  pose.q[3]);
-    return buffer.data();
+    std::snprintf(buffer.data(), buffer.size(), " %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", pose.t[0], pose.t[1],
+                  pose.t[2], pose.q[0], pose.q[1], pose.q[2], pose.q[3]);
+    append_time(pose.time_ns, text);
+    text += buffer.data();
 }
 
 }  // namespace stillmesh

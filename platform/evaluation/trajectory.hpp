@@ -30,5 +30,8 @@ using Trajectory = std::vector<TrajectoryPose>;
 [[nodiscard]] std::string time_text(std::int64_t time_ns);
 // One line with its line feed. Nine decimals: 1 nm, far below any error, and the same text for the same bits.
 [[nodiscard]] std::string pose_line(const TrajectoryPose& pose);
+// The same behind what `text` holds: a text that is used again takes no memory.
+void append_time(std::int64_t time_ns, std::string& text);
+void append_pose_line(const TrajectoryPose& pose, std::string& text);
 
 }  // namespace stillmesh
