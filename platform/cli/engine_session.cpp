@@ -179,8 +179,10 @@ public:
         if (!options.map_in.empty()) {
             const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
             const std::int64_t begin_ns = monotonic_ns();
-            if (!load_map_file(options.map_in, *engine_, use, extractor_number, map_in_info_, message)) {
-                if (!options.is_map_own) return Status::kInvalid;
+            const Status loaded = load_map_file(options.map_in, *engine_, use, extractor_number, map_in_info_, message);
+            if (loaded != Status::kOk) {
+                // A disk that fails, or a right that is missing, says nothing about the map: it stays where it is.
+                if (!options.is_map_own || loaded == Status::kUnavailable) return Status::kInvalid;
                 not_gone_on_in = message;
                 message.clear();
             } else {

@@ -232,7 +232,7 @@ int rerun_command(const RerunOptions& options) {
         const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
         MapFileInfo info;
         std::string message;
-        if (!load_map_file(options.map_in, *engine.value(), use, header.extractor, info, message)) {
+        if (load_map_file(options.map_in, *engine.value(), use, header.extractor, info, message) != Status::kOk) {
             return refuse(message);
         }
     }

@@ -168,20 +168,20 @@ std::string map_sentence(const std::string& file, const MapFileProblem& p) {
     return {};
 }
 
-bool load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor, MapFileInfo& info,
-                   std::string& message) {
+Status load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor, MapFileInfo& info,
+                     std::string& message) {
     // More than any limits ask for; a larger file would only be read to be refused.
     constexpr std::size_t kBytesMax = std::size_t{1} << 30U;
     MemoryBlock block;
     std::span<const std::byte> bytes;
-    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return false;
+    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
     MapFileProblem problem;
     if (engine.load_map(bytes, use, problem, extractor) != Status::kOk) {
         message = map_sentence(file, problem);
-        return false;
+        return Status::kInvalid;
     }
     static_cast<void>(read_map_header(bytes, info, problem));
-    return true;
+    return Status::kOk;
 }
 
 }  // namespace stillmesh

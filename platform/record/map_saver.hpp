@@ -68,8 +68,9 @@ private:
 
 // A sentence for what is wrong with a map file.
 [[nodiscard]] std::string map_sentence(const std::string& file, const MapFileProblem& problem);
-// False: `message` says why, and the engine was not touched.
-[[nodiscard]] bool load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor,
-                                 MapFileInfo& info, std::string& message);
+// kOk; else `message` says why, and the engine was not touched. kUnavailable: the file could not be read (this time);
+// kInvalid: it could, and is no map to go on in.
+[[nodiscard]] Status load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor,
+                                   MapFileInfo& info, std::string& message);
 
 }  // namespace stillmesh
