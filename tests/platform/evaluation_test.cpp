@@ -223,9 +223,10 @@ TEST(Trajectory, OtherSpellings) {
     Trajectory plain, other;
     std::string message;
     ASSERT_EQ(parse_trajectory("1.5 0.25 -1 2 0 0 0 1\n", "f", plain, message), Status::kOk);
-    for (const char* const text :
-         {"1,5 0,25 -1 2 0 0 0 1\n", "\xef\xbb\xbf# x\n1.5 0.25 -1 2 0 0 0 1\r\n", "\xef\xbb\xbf" "1.5,0.25,-1,2,0,0,0,1",
-          "1.5, 0.25, -1, 2, 0, 0, 0, 1\n", "\t1,5\t0,25 -1,0 2,0 0 0 0 1"}) {
+    for (const char* const text : {"1,5 0,25 -1 2 0 0 0 1\n", "\xef\xbb\xbf# x\n1.5 0.25 -1 2 0 0 0 1\r\n",
+                                   "\xef\xbb\xbf"
+                                   "1.5,0.25,-1,2,0,0,0,1",
+                                   "1.5, 0.25, -1, 2, 0, 0, 0, 1\n", "\t1,5\t0,25 -1,0 2,0 0 0 0 1"}) {
         ASSERT_EQ(parse_trajectory(text, "f", other, message), Status::kOk) << message;
         ASSERT_EQ(other.size(), 1U) << text;
         EXPECT_EQ(other[0].time_ns, plain[0].time_ns) << text;

@@ -20,7 +20,8 @@ inline const char* find_fault(const Map& map) {
         }
         const std::span<const Observation> seen = map.observations(map.keyframes().handle_of(a));
         for (const Observation& o : seen) {
-            if (map.points().find(o.point) != nullptr && !map.is_observed_by(o.point.slot(), a)) return "an observer has no bit";
+            if (map.points().find(o.point) != nullptr && !map.is_observed_by(o.point.slot(), a))
+                return "an observer has no bit";
         }
         for (std::uint32_t b = 0; b < count; ++b) {
             if (map.shared(a, b) != map.shared(b, a)) return "the numbers of shared points are not symmetric";
@@ -57,7 +58,8 @@ inline const char* find_fault(const Map& map) {
         if (point.observers != bits) return "a number of observers is wrong";
         if (bits == 0) {
             if (!point.reference.is_null()) return "a reference without observers";
-        } else if (map.keyframes().find(point.reference) == nullptr || !map.is_observed_by(slot, point.reference.slot())) {
+        } else if (map.keyframes().find(point.reference) == nullptr ||
+                   !map.is_observed_by(slot, point.reference.slot())) {
             return "a reference that does not observe";
         }
     }
