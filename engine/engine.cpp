@@ -102,9 +102,8 @@ ConfigurationProblem validate(const Parameters& parameters, const Limits& limits
          std::max(p.noise.pixel_start, p.noise.depth_start), 1000.0},
         {"weights.drift_m", "is above weights.drift_max_m", p.weights.drift_m, 0.0, p.weights.drift_max_m},
     };
-    for (const Rule& rule : rules) {
-        if (rule.value < rule.min || rule.value > rule.max)
-            return {rule.key, rule.sentence, rule.value, rule.min, rule.max};
+    for (const auto& [key, sentence, value, min, max] : rules) {
+        if (value < min || value > max) return {key, sentence, value, min, max};
     }
     if (p.depth.z_min_m >= p.depth.z_max_m) {
         return {"depth.z_min_m", "is not below depth.z_max_m", p.depth.z_min_m, 0.05, p.depth.z_max_m};
@@ -120,11 +119,10 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
 
 Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, const Parameters& parameters,
                               const CameraModel& camera, const EngineParts& parts) noexcept {
-    if (stillmesh::validate(limits).key != nullptr) return Status::kInvalid;
-    if (stillmesh::validate(parameters, limits).key != nullptr) return Status::kInvalid;
+    if (validate(limits).key != nullptr || validate(parameters, limits).key != nullptr) return Status::kInvalid;
     if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
     if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
-    if (stillmesh::validate(camera) != Status::kOk) return Status::kInvalid;
+    if (validate(camera) != Status::kOk) return Status::kInvalid;
     if (parts.store != nullptr && limits.store_features_max == 0) return Status::kInvalid;
     if (reinterpret_cast<std::uintptr_t>(block.data()) % kArenaAlignment != 0) return Status::kInvalid;
     if (block.size() < static_bytes_needed(limits)) return Status::kFull;
