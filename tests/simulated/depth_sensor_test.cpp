@@ -26,7 +26,7 @@ public:
     }
     [[nodiscard]] std::vector<std::uint16_t> sense(std::uint64_t seed) const {
         std::vector<std::uint16_t> depth;
-        sense_depth(renderer_, seed, kUnits, depth);
+        DepthSensor(kPinhole.width, kPinhole.height).sense(renderer_, seed, kUnits, depth);
         return depth;
     }
 
