@@ -379,7 +379,7 @@ TEST_F(OniFiles, AnyNameAndNoFile) {
         const char *name, *reason;
     };
     for (const Case& c : {Case{"missing.oni", "there is no such file."}, Case{"missing.ONI", "there is no such file."},
-                          Case{"folder.oni", "cannot be read: Is a directory."}, Case{"empty.oni", "is empty."},
+                          Case{"folder.oni", "is no regular file."}, Case{"empty.oni", "is empty."},
                           Case{"text.oni", "is no .oni recording"}, Case{"text.txt", "is no .oni recording"}}) {
         const Played played = play(folder.path(c.name));
         EXPECT_EQ(played.opened, Status::kInvalid) << c.name;
