@@ -61,8 +61,7 @@ std::uint32_t RegionReturn::piece() noexcept {
 // --- the store -------------------------------------------------------------------------------------------------------
 
 bool RegionReturn::is_lost() const noexcept {
-    const PoseState pose = state_->world->pose.state;
-    return (pose == PoseState::kNone || pose == PoseState::kPredicted) &&
+    return state_->world->pose.state < PoseState::kUnsure &&
            state_->places->is_used_by(PlaceSearch::User::kRelocalisation);
 }
 
@@ -73,8 +72,7 @@ std::uint32_t RegionReturn::newest_to_query() const noexcept {
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
         if (!keyframes.is_taken(slot) || keyframes.at(slot).frame < queried_keyframe_) continue;
         if (!state_->places->has(keyframes.handle_of(slot))) continue;
-        if (next < keyframes.slots_count() && keyframes.at(slot).frame < keyframes.at(next).frame) continue;
-        next = slot;
+        if (next == keyframes.slots_count() || keyframes.at(slot).frame >= keyframes.at(next).frame) next = slot;
     }
     return next;
 }
@@ -179,13 +177,12 @@ std::uint32_t RegionReturn::check() noexcept {
         is_right = !keyframes.is_taken(slot) || keyframes.at(slot).frame != info_.keyframe.frame;
     }
     // A camera that was found has made every region of this map before now.
-    is_right = is_right && info_.keyframe.frame < world.clock.frame;
-    if (!is_right) {
+    if (is_right && info_.keyframe.frame < world.clock.frame) {
+        stage_ = Stage::kNames;
+    } else {
         ++state_->world->statistics.store.damaged;
         drop();
-        return units;
     }
-    stage_ = Stage::kNames;
     return units;
 }
 
@@ -304,6 +301,9 @@ void RegionReturn::insert_feature(Handle<Keyframe> handle, const Named& named, c
         if (!made.is_ok()) return;  // the pool counts it; the feature is of no use without
         MapPoint& point = *map.points().find(made.value());
         point = read;
+        // Points may be younger than the keyframes of a store, and a run that begins in it begins where those end.
+        point.created_ns = std::min(point.created_ns, state_->world->clock.time_ns);
+        point.anchor_ns = std::min(point.anchor_ns, state_->world->clock.time_ns);
         point.last_seen_frame = state_->world->clock.frame;
         point.empty_views = 0;
         observation.point = made.value();

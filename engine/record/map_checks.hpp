@@ -17,7 +17,7 @@ inline constexpr double kReadoutMax_s = 1.0;
 // Where times, frames and levels of a map end.
 struct MapBounds {
     std::int64_t time_ns = kTimeMax_ns;  // the last
-    std::uint64_t frames = kFramesMax;   // below
+    std::uint64_t frames = kFramesMax;   // what comes back from a store carries the mark of the next
     std::uint32_t pyramid_levels = 0;    // below
 };
 
@@ -56,7 +56,7 @@ inline bool is_point(const MapPoint& p, const MapBounds& bounds) noexcept {
         if (!is_in(v, 0.0, kFar_m)) return false;
     }
     return is_in(p.created_ns, std::int64_t{0}, bounds.time_ns) &&
-           is_in(p.anchor_ns, std::int64_t{0}, bounds.time_ns) && p.last_seen_frame < bounds.frames &&
+           is_in(p.anchor_ns, std::int64_t{0}, bounds.time_ns) && p.last_seen_frame <= bounds.frames &&
            is_in(p.distance_m, 0.0F, static_cast<float>(kFar_m)) && is_in(p.angle_rad, -3.15F, 3.15F) &&
            p.level < bounds.pyramid_levels;
 }

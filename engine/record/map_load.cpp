@@ -125,7 +125,7 @@ const char* fault_of(const MapFile& file, std::uint32_t index, const Keyframe& k
     if (!is_slow(keyframe.speed) || !is_slow(keyframe.pose_by_readout)) return "the speed of a keyframe";
     if (!is_in(keyframe.readout_s, -kReadoutMax_s, kReadoutMax_s)) return "the readout of a keyframe";
     if (!is_in(keyframe.time_ns, std::int64_t{0}, info.time_ns) || keyframe.frame >= info.frames ||
-        keyframe.last_useful_frame >= info.frames) {
+        keyframe.last_useful_frame > info.frames) {
         return "the time of a keyframe";
     }
     // Up to the root, in as many steps as there are keyframes at most.

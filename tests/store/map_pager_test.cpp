@@ -10,6 +10,7 @@
 #include "engine/paging/map_store.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 #include "tests/engine/engine_rig.hpp"
+#include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
@@ -202,6 +203,26 @@ TEST(MapPager, PlacesComeBack) {
         if (wanted.empty()) wanted = ran.hashes;
         EXPECT_EQ(ran.hashes, wanted) << parts;
     }
+}
+
+// Promise: the map may be written at any moment, also between the return of a place and the next frame, and what is
+// written can be read. (Its points carry the mark of a frame that is still to come, and the file was refused.)
+TEST(MapPager, AMapIsWholeRightAfterAReturn) {
+    const Limits limits = small(true);
+    MemoryStore store;
+    Rig rig(limits, configuration_of(limits), &store);
+    Rig reader(limits, configuration_of(limits), nullptr);
+    std::uint64_t returned = 0;
+    for (const test::KeptFrame& kept : there_and_back().frames) {
+        ASSERT_EQ(rig->submit(kept.frame()), Status::kOk);
+        static_cast<void>(rig->step(20000));
+        if (rig->statistics().store.returned == returned) continue;
+        returned = rig->statistics().store.returned;
+        MapFileProblem problem;
+        EXPECT_EQ(reader->load_map(test::saved(*rig, limits), MapUse::kContinue, problem, 0), Status::kOk)
+            << problem.part;
+    }
+    EXPECT_GT(returned, 2U);
 }
 
 // Promise: an engine that could have a store and was given none does what one without does, bit by bit.

@@ -242,9 +242,13 @@ TEST(RegionKeeper, TriesAgainWhatWasRefused) {
 
 // A map of a keyframe that was kept and has left, and of two later ones that share points with each other.
 struct Left : Rig {
-    Left() {
+    explicit Left(std::int64_t points_ns = 0) {
         world().clock.frame = 100;
         const Handle<Keyframe> gone = add_keyframe(10, 1);
+        for (const Observation& o : map().observations(gone)) {
+            MapPoint& point = *map().points().find(o.point);
+            point.created_ns = point.anchor_ns = points_ns;
+        }
         before =
             map().observations(gone).empty() ? MapPoint{} : *map().points().find(map().observations(gone)[0].point);
         EXPECT_GT(keeper.keep_next(true), 0U);
@@ -295,6 +299,23 @@ TEST(RegionReturn, APlaceComesBackWhereItLay) {
     rig.keeper.note_useful();
     rig.keeper.note_useful();
     EXPECT_EQ(rig.store.used, std::vector<std::uint64_t>{10});
+}
+
+// Promise: no point comes back from the future: points may be younger than the keyframe they are kept with, and a run
+// that begins in a store begins where its keyframes end. (A map with such points was written and then refused as
+// damaged.)
+TEST(RegionReturn, NoPointIsOfTheFuture) {
+    Left rig(5'000'000'000);
+    rig.world().clock.time_ns = 3'000'000'000;
+    rig.take_back();
+    const Handle<Keyframe> back = rig.of_frame(10);
+    ASSERT_FALSE(back.is_null());
+    ASSERT_EQ(rig.map().observations(back).size(), kFeatures);
+    for (const Observation& o : rig.map().observations(back)) {
+        const MapPoint& point = *rig.map().points().find(o.point);
+        EXPECT_EQ(point.created_ns, rig.world().clock.time_ns);
+        EXPECT_EQ(point.anchor_ns, rig.world().clock.time_ns);
+    }
 }
 
 // Promise: after a loop it lies where the loop says, its points beside it, and what the readout does to them turns; it
