@@ -175,7 +175,6 @@ public:
             return Status::kInvalid;
         }
         engine_ = engine.value();
-        std::string not_gone_on_in;  // why not in the map that is there
         if (!options.map_in.empty()) {
             const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
             const std::int64_t begin_ns = monotonic_ns();
@@ -183,8 +182,8 @@ public:
             if (loaded != Status::kOk) {
                 // A disk that fails, or a right that is missing, says nothing about the map: it stays where it is.
                 if (!options.is_map_own || loaded == Status::kUnavailable) return Status::kInvalid;
-                not_gone_on_in = message;
-                message.clear();
+                not_gone_on_in_ = std::exchange(message, {});
+                kept_aside_ = options.map_in;
             } else {
                 map_in_ = options.map_in;
             }
@@ -211,12 +210,13 @@ public:
                 return Status::kUnavailable;
             }
         }
-        // Last of all: a start that is refused moves nothing.
-        if (!not_gone_on_in.empty() && !keep_aside(options.map_in, not_gone_on_in, message))
-            return Status::kUnavailable;
         engine_->set_stage_observer({on_stage, this});
         for (std::uint32_t i = 0; i < kStages; ++i) stages_[i].name = stage_name(static_cast<Stage>(i));
         return Status::kOk;
+    }
+
+    bool begin(std::string& message) override {
+        return not_gone_on_in_.empty() || keep_aside(kept_aside_, not_gone_on_in_, message);
     }
 
     // Calls no heap unless the frame is refused.
@@ -520,6 +520,7 @@ private:
     MapFileInfo map_in_info_;
     double map_load_s_ = 0;
     bool is_localising_ = false;
+    std::string not_gone_on_in_, kept_aside_;  // why not in the map that is there; that map
     std::unique_ptr<MapSaver> map_saver_ = std::make_unique<MapSaver>();
     std::vector<MapRecord> maps_written_;
     std::vector<std::string> map_problems_;

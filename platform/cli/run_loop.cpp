@@ -277,6 +277,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     if (options.trajectory == "-" && options.times == nullptr) trajectory.wait_for_reader(kReaderPatience_ms);
     if (!options.trajectory.empty() && !trajectory.open(options.trajectory, message)) return give_up(kExitUsage);
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
+    if (!session.begin(message)) return give_up(kExitUsage);
 
     ServiceNotifier service;
     service.ready();

@@ -27,6 +27,12 @@ struct SessionFrame {
 class TrackingSession {
 public:
     virtual ~TrackingSession() = default;
+    // All is opened that a start could be refused for: what lies at the places of outputs may be moved. False:
+    // `message`.
+    [[nodiscard]] virtual bool begin(std::string& message) {
+        static_cast<void>(message);
+        return true;
+    }
     // kOk: `out` is filled. Else the frame was refused and `message` says why.
     [[nodiscard]] virtual Status submit(const Frame& frame, SessionFrame& out, std::string& message) = 0;
     // Background work behind the frame: until a time of monotonic_ns, or, without one, as much as the configuration

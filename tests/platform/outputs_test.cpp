@@ -176,6 +176,16 @@ TEST(Outputs, AMapOfItsOwn) {
     write_text(folder.path("m.map"), "no map");
     EXPECT_EQ(shell(folder, run("--map m.map --record no/r > out 2> err")), 2);
     EXPECT_EQ(read_text(folder.path("m.map")), "no map");
+    int refused = 0;
+    for (int files = 4; files < 16; ++files) {  // each thing that is opened is once the one too many
+        const std::string few = "(ulimit -n " + std::to_string(files) + "; exec ";
+        if (shell(folder, few + run("--map m.map --trajectory t --state-hashes h) > out 2> err")) != 2) break;
+        ++refused;
+        EXPECT_EQ(read_text(folder.path("m.map")), "no map") << files << read_text(folder.path("err"));
+    }
+    EXPECT_GT(refused, 0);
+    std::filesystem::remove(folder.path("m.map.2"));  // of the one that was not refused
+    write_text(folder.path("m.map"), "no map");
     ASSERT_EQ(shell(folder, run("--map m.map > out 2> err")), 0);
     EXPECT_EQ(read_text(folder.path("m.map.1")).size(), second.size() / 2);
     EXPECT_EQ(read_text(folder.path("m.map.2")), "no map");
