@@ -80,7 +80,7 @@ void CameraCheck::look_at_unit(const Frame& frame) {
 }
 
 void CameraCheck::look_at_edges(const Frame& frame) {
-    EdgeCurve& curve = edges_[edge_frames_++ % kEdgeFrames];
+    EdgeCurve& curve = edges_[static_cast<std::size_t>(edge_frames_++ % kEdgeFrames)];
     curve = {};
     add_depth_edges(frame, curve);
     for (std::size_t i = 0; i < curve.contrast.size(); ++i) all_edges_.contrast[i] += curve.contrast[i];
@@ -102,7 +102,7 @@ void CameraCheck::look_at_motion() {
     measure_rigidity(matches, camera_.model.fx, rigidity_);
     const double ratio = rigidity_.with_depth / std::max(rigidity_.by_picture, 0.1);
     // Of people all around neither says anything.
-    if (rigidity_.by_picture > 0.5) ratios_[ratio_count_++ % kRatios] = {ratio, frames_};
+    if (rigidity_.by_picture > 0.5) ratios_[static_cast<std::size_t>(ratio_count_++ % kRatios)] = {ratio, frames_};
     if (flow_px < kPair_px && (flow_px < kLastPair_px || matches.size() > kLastMatches)) return;
     if (!is_lens_known_ && rigidity_.with_depth > kRigidForFit) {
         calibration_.add(matches, rigidity_.is_inlier);

@@ -206,7 +206,7 @@ SelfCalibration::SelfCalibration(const CameraModel& camera) : camera_(camera) {
 }
 
 void SelfCalibration::add(const std::vector<ViewMatch>& matches, const std::vector<bool>& is_inlier) {
-    std::vector<ViewMatch>& pair = pairs_[added_++ % kPairs];
+    std::vector<ViewMatch>& pair = pairs_[static_cast<std::size_t>(added_++ % kPairs)];
     pair.clear();
     const auto inliers = static_cast<std::size_t>(std::count(is_inlier.begin(), is_inlier.end(), true));
     const std::size_t step = (inliers + kMatches - 1) / kMatches;

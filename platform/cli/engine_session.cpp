@@ -8,6 +8,7 @@
 #include <iterator>
 #include <system_error>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "engine/engine.hpp"
