@@ -17,7 +17,7 @@ inline constexpr double kReadoutMax_s = 1.0;
 // Where times, frames and levels of a map end.
 struct MapBounds {
     std::int64_t time_ns = kTimeMax_ns;  // the last
-    std::uint64_t frames = kFramesMax;   // what comes back from a store carries the mark of the next
+    std::uint64_t frames = kFramesMax;   // marks of use: at most (what a store gave back has the next frame's)
     std::uint32_t pyramid_levels = 0;    // below
 };
 

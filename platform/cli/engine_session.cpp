@@ -158,9 +158,8 @@ public:
                                   static_cast<double>(size_bytes) / (1024.0 * 1024.0));
             return Status::kUnavailable;
         }
-        const std::uint8_t extractor_number = options.features == "opencv" ? 1 : 0;
         if (!options.map_store.empty() &&
-            !open_store(options, configuration, camera.model, extractor_number, message)) {
+            !open_store(options, configuration, camera.model, extractor_number_, message)) {
             return Status::kUnavailable;
         }
         const Result<Engine*> engine =
@@ -179,7 +178,8 @@ public:
         if (!options.map_in.empty()) {
             const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
             const std::int64_t begin_ns = monotonic_ns();
-            const Status loaded = load_map_file(options.map_in, *engine_, use, extractor_number, map_in_info_, message);
+            const Status loaded =
+                load_map_file(options.map_in, *engine_, use, extractor_number_, map_in_info_, message);
             if (loaded != Status::kOk) {
                 // A disk that fails, or a right that is missing, says nothing about the map: it stays where it is.
                 if (!options.is_map_own || loaded == Status::kUnavailable) return Status::kInvalid;
@@ -192,7 +192,7 @@ public:
             is_localising_ = options.is_localising;
         }
         if (!options.map_out.empty() &&
-            !map_saver_->open(options.map_out, limits_, extractor_number, map_every_ns_, message)) {
+            !map_saver_->open(options.map_out, limits_, extractor_number_, map_every_ns_, message)) {
             return Status::kUnavailable;
         }
         map_out_ = map_files_begin_ = options.map_out;
@@ -202,10 +202,9 @@ public:
         can_wait_ = options.can_wait;
         if (!options.record.empty()) {
             recording_ = options.record;
-            const std::uint8_t extractor_code = options.features == "opencv" ? 1 : 0;
             writer_ = std::make_unique<RecordingWriter>();
             if (!writer_->open(recording_,
-                               {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_code,
+                               {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_number_,
                                 vocabulary_.crc(), store_.counts().regions, store_.sequence(), store_.checksum()},
                                message)) {
                 return Status::kUnavailable;

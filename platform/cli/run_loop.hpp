@@ -14,6 +14,9 @@
 
 namespace stillmesh {
 
+// A silence that is worth a word, and no failure.
+inline constexpr std::int64_t kGapNoted_ns = 250'000'000;
+
 struct RunLoopOptions {
     std::string trajectory;                  // file; "-": standard output; empty: none
     bool adds_to_trajectory = false;         // to what is in the file already

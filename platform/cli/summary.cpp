@@ -43,8 +43,9 @@ using Json = nlohmann::ordered_json;
 
 [[nodiscard]] std::string streams_text(const StreamRecord& streams) {
     if (streams.colour_repeats + streams.depth_repeats == 0) return {};
-    std::string text = fmt::format("streams       stuck {} times; {} colour and {} depth images repeat, without a pose",
-                                   streams.times_stuck, streams.colour_repeats, streams.depth_repeats);
+    std::string text = fmt::format("streams       stuck {}; {} colour and {} depth images repeat, without a pose",
+                                   streams.times_stuck == 1 ? "once" : fmt::format("{} times", streams.times_stuck),
+                                   streams.colour_repeats, streams.depth_repeats);
     for (std::size_t i = 0; i < streams.stuck.size() && i < 3; ++i) {
         const StreamRecord::Episode& e = streams.stuck[i];
         text += fmt::format("; {} for {:.1f} s from second {:.1f} on", e.stream, e.length_s, e.second);

@@ -406,6 +406,30 @@ TEST(EndToEnd, GoesOnAfterDarkness) {
     EXPECT_LT(lost.json()["evaluation"]["ate_rmse_m"].get<double>(), 0.03);
 }
 
+// Promise: a depth unit that cannot be is named with the one that fits, fails check-camera and a run that checks, in
+// which nothing is tracked from then on; a right recording passes both, and what passes is tracked to the same bits.
+TEST(EndToEnd, ChecksTheCamera) {
+    const Recording recording(20, nullptr, 640, 480);
+    const std::string check = "check-camera --replay " + recording.path();
+    const Answer right = stillmesh_says(check);
+    EXPECT_EQ(right.code, 0) << right.error;
+    EXPECT_NE(right.out.find("no fault found"), std::string::npos) << right.out;
+    const Answer plain = recording.run();
+    const Answer checked = recording.run("--check-camera");
+    EXPECT_EQ(checked.code, 0) << checked.error;
+    EXPECT_EQ(checked.json()["share_tracked"].get<double>(), plain.json()["share_tracked"].get<double>());
+    EXPECT_EQ(checked.json()["state_hash"], plain.json()["state_hash"]);
+
+    recording.replace("camera.toml", "= 5000", "= 2500");
+    const Answer wrong = stillmesh_says(check);
+    EXPECT_EQ(wrong.code, 1);
+    EXPECT_NE(wrong.error.find("2500"), std::string::npos) << wrong.error;
+    EXPECT_NE((wrong.out + wrong.error).find("depth unit"), std::string::npos) << wrong.out << wrong.error;
+    const Answer run = recording.run("--check-camera");
+    EXPECT_EQ(run.code, 1);
+    EXPECT_LE(run.json()["share_tracked"].get<double>(), 0.1) << "but for the frames before the first check";
+}
+
 // Promise: a camera lost in a place that the map does not hold is told apart from one around which nothing stands
 // still, and from one in a map of another place; --new-map-when-lost tracks on in a map of its own, and keeps the one
 // before.
