@@ -265,18 +265,19 @@ TEST(RunLoop, StuckStreamsHaveNoPose) {
     }
 }
 
-// Promise: without depth for a while is a note that says when and how long.
+// Promise: without depth for a while is a note that says when and how long, and after a second a word at once.
 TEST(RunLoop, MissingDepthIsNoted) {
     StoryCamera camera;
     StorySession session;
     camera.status_of = [&](std::uint64_t i) {
-        std::fill(camera.depth.begin(), camera.depth.end(), std::uint16_t(i >= 30 && i < 60 ? 0 : 10000));
+        std::fill(camera.depth.begin(), camera.depth.end(), std::uint16_t(i >= 30 && i < 75 ? 0 : 10000));
         return Status::kOk;
     };
     const Outcome outcome = play(camera, session);
     EXPECT_EQ(outcome.code, 0);
     ASSERT_EQ(outcome.record.notes.size(), 1U);
-    EXPECT_EQ(outcome.record.notes[0], "no depth for 1.0 s from second 1.0 on.");
+    EXPECT_EQ(outcome.record.notes[0], "no depth for 1.5 s from second 1.0 on.");
+    EXPECT_NE(outcome.trajectory.find("# second 1.0: the depth images are empty.\n"), std::string::npos);
     EXPECT_EQ(poses_in(outcome.trajectory), 90U);
 }
 
