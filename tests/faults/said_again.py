@@ -28,9 +28,10 @@ def main():
         save = ("--realtime", "--map-out", "room.map", "--map-every", "0.1")
         said = [line for line in lines("rename:1:0:EIO", *save) if "tried again every" in line]
         assert len(said) == 1, f"some twenty saves that fail within two seconds are said {len(said)} times"
-        hours = ",".join(f"clock:{n}:1:STEP3600" for n in (2000, 3500))  # of some thousand readings
-        said = [line for line in lines("rename:1:0:EIO," + hours, *save) if "tried again every" in line]
-        assert 2 <= len(said) <= 3, f"saves that fail for three hours are said {len(said)} times"
+        # A busy machine reads its clock less often: some of these hours pass before the first save, some after the last.
+        hours = [f"clock:{n}:1:STEP3600" for n in range(500, 4001, 500)]
+        said = [line for line in lines(",".join(["rename:1:0:EIO", *hours]), *save) if "tried again every" in line]
+        assert 2 <= len(said) <= 1 + len(hours), f"saves that fail for {len(hours)} hours are said {len(said)} times"
         said = lines("", "--record", "run.rec", limit=4000)
         news = [i for i, line in enumerate(said) if line.startswith("run.rec: ")]
         end = [i for i, line in enumerate(said) if line.startswith("stillmesh: run.rec: ")]
