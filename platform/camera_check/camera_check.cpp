@@ -11,7 +11,7 @@ namespace {
 
 // Faster, blur and the lag of depth behind colour decide what is seen: 12 px a frame are 40 degrees/s.
 constexpr double kSlow_px = 12;
-constexpr std::size_t kMatchesForSpeed = 25, kMatchesForMotion = 40;
+constexpr std::size_t kEveryForSpeed = 2, kMatchesForSpeed = 15, kMatchesForMotion = 40;
 // Less motion than this any depth explains.
 constexpr double kMotion_px = 8;
 // A pair of views is for the calibration from here on; or from less, when the view before is nearly out of sight.
@@ -30,6 +30,9 @@ constexpr double kEdgesStranger = 1.25, kEdgesKnown = 1.5;
 constexpr double kBordersMin = 200;
 constexpr int kAtBorder_px = 3, kBeside_px = 12;
 constexpr double kShiftBorders = 8000;
+// Ten seconds, and until the lens is known, every frame is looked at whole; then those whose borders look strange, and,
+// while the lens is not known, two of six.
+constexpr std::uint64_t kFramesAtFirst = 300, kFramesInTurn = 6, kFramesOfTurn = 2, kReferenceAge = 5;
 // What a wrong factor or a lens of another camera makes: more than lenses differ by from one to the next.
 constexpr double kFactorOff = 0.18;  // ln 1.2
 constexpr double kCentreOff = 0.1;   // focal lengths
@@ -40,6 +43,30 @@ constexpr double kCostSure = 0.5, kCostLikely = 0.65;
 // Of all depth cameras: nearly square pixels, and a centre in the middle of the picture.
 constexpr double kAspectMax = 1.33, kCentreFromMiddle = 0.2;
 constexpr double kUnitOff = 1.4;
+// What drivers and recordings use; what the steps say is within 2 % of it.
+constexpr double kUsualUnits[] = {1000, 5000, 10000};
+constexpr double kUsualWithin = 0.03;
+
+// The picture's contrast at the borders of depth, and that beside.
+struct EdgeContrast {
+    explicit EdgeContrast(const EdgeCurve& curve) : borders(curve.borders) {
+        for (int shift = -kEdgeShiftMax_px; shift <= kEdgeShiftMax_px; ++shift) {
+            const double contrast = curve.contrast[static_cast<std::size_t>(shift + kEdgeShiftMax_px)];
+            if (std::abs(shift) <= kAtBorder_px) at += contrast / (2 * kAtBorder_px + 1);
+            if (std::abs(shift) >= kBeside_px) beside += contrast / (2 * (kEdgeShiftMax_px - kBeside_px + 1));
+        }
+    }
+    [[nodiscard]] bool is_known(double borders_min) const { return borders >= borders_min && beside > 0; }
+    [[nodiscard]] bool is_strange() const { return at < kEdgesStranger * beside; }
+    [[nodiscard]] bool is_right() const { return at > kEdgesKnown * beside; }
+
+    double borders, at = 0, beside = 0;
+};
+
+void add_to(EdgeCurve& sum, const EdgeCurve& curve) {
+    for (std::size_t i = 0; i < sum.contrast.size(); ++i) sum.contrast[i] += curve.contrast[i];
+    sum.borders += curve.borders;
+}
 
 }  // namespace
 
@@ -58,16 +85,35 @@ void CameraCheck::frame(const Frame& frame, const FeatureSet& features) {
     if (first_ns_ < 0) first_ns_ = frame.time_ns;
     now_ns_ = frame.time_ns;
     look_at_unit(frame);
+    EdgeCurve curve;
+    add_depth_edges(frame, curve);
+    const EdgeContrast edges(curve);
+    const bool is_known = edges.is_known(kBordersMin / kEdgeFrames);
+    ++frames_;
     current_.take(frame, features, camera_.model);
-    const std::size_t matches = matcher_.match(before_, current_, static_cast<float>(kSpeedReach_px * px_)).size();
+    if (!looks_closely() && (!is_known || edges.is_right())) {
+        if (is_known) take_edges(curve);
+        if (frames_ % kReferenceAge == 0) {  // what comes is compared with what was right
+            reference_ = current_;
+            reference_flow_ = {};
+        }
+        std::swap(before_, current_);
+        return;
+    }
+    const std::size_t matches =
+        matcher_.match(before_, current_, static_cast<float>(kSpeedReach_px * px_), 0, 0, kEveryForSpeed).size();
     if (matches >= kMatchesForSpeed && static_cast<double>(matcher_.flow().length) < kSlow_px * px_) {
-        look_at_edges(frame);
+        take_edges(curve);
         look_at_motion();
         decide_belonging();
     }
     if (is_on_[static_cast<std::size_t>(CameraFault::kStranger)]) ++stranger_frames_;
     std::swap(before_, current_);
-    ++frames_;
+}
+
+bool CameraCheck::looks_closely() const {
+    if (is_on_[static_cast<std::size_t>(CameraFault::kStranger)]) return true;
+    return !is_lens_known_ && (frames_ <= kFramesAtFirst || frames_ % kFramesInTurn < kFramesOfTurn);
 }
 
 // Three times a second; until it is known, and then no more.
@@ -79,12 +125,9 @@ void CameraCheck::look_at_unit(const Frame& frame) {
         factor_ > kUnitOff || (factor_ > 0 && factor_ < 1 / kUnitOff);
 }
 
-void CameraCheck::look_at_edges(const Frame& frame) {
-    EdgeCurve& curve = edges_[static_cast<std::size_t>(edge_frames_++ % kEdgeFrames)];
-    curve = {};
-    add_depth_edges(frame, curve);
-    for (std::size_t i = 0; i < curve.contrast.size(); ++i) all_edges_.contrast[i] += curve.contrast[i];
-    all_edges_.borders += curve.borders;
+void CameraCheck::take_edges(const EdgeCurve& curve) {
+    edges_[static_cast<std::size_t>(edge_frames_++ % kEdgeFrames)] = curve;
+    add_to(all_edges_, curve);
     if (edge_frames_ % 10 == 0) look_for_shift();
 }
 
@@ -145,17 +188,9 @@ void CameraCheck::fit() {
 
 void CameraCheck::decide_belonging() {
     EdgeCurve sum;
-    for (const EdgeCurve& curve : edges_) {
-        for (std::size_t i = 0; i < sum.contrast.size(); ++i) sum.contrast[i] += curve.contrast[i];
-        sum.borders += curve.borders;
-    }
-    double at = 0, beside = 0;
-    for (int shift = -kEdgeShiftMax_px; shift <= kEdgeShiftMax_px; ++shift) {
-        const double contrast = sum.contrast[static_cast<std::size_t>(shift + kEdgeShiftMax_px)];
-        if (std::abs(shift) <= kAtBorder_px) at += contrast / (2 * kAtBorder_px + 1);
-        if (std::abs(shift) >= kBeside_px) beside += contrast / (2 * (kEdgeShiftMax_px - kBeside_px + 1));
-    }
-    const bool has_edges = sum.borders >= kBordersMin && edge_frames_ >= kEdgeFrames && beside > 0;
+    for (const EdgeCurve& curve : edges_) add_to(sum, curve);
+    const EdgeContrast edges(sum);
+    const bool has_edges = edges.is_known(kBordersMin) && edge_frames_ >= kEdgeFrames;
     double least = 1, most = 0;
     std::uint64_t oldest = frames_;
     for (const Ratio& ratio : ratios_) {
@@ -166,12 +201,12 @@ void CameraCheck::decide_belonging() {
     const bool has_ratios = ratio_count_ >= kRatios && frames_ - oldest < kRatioAge;
     const auto stranger = static_cast<std::size_t>(CameraFault::kStranger);
     if (!is_on_[stranger]) {
-        is_on_[stranger] = has_edges && at < kEdgesStranger * beside && has_ratios && most < kRatioStranger;
+        is_on_[stranger] = has_edges && edges.is_strange() && has_ratios && most < kRatioStranger;
         if (is_on_[stranger]) {
             if (!is_ever_[stranger]) stranger_since_ns_ = now_ns_;
             is_ever_[stranger] = true;
         }
-    } else if ((has_edges && at > kEdgesKnown * beside) || (has_ratios && least > kRatioKnown)) {
+    } else if ((has_edges && edges.is_right()) || (has_ratios && least > kRatioKnown)) {
         is_on_[stranger] = false;
     }
 }
@@ -193,6 +228,29 @@ void CameraCheck::look_for_shift() {
         }
     }
     shift_px_ = peak_at;
+}
+
+double CameraCheck::right_unit() const {
+    const double found = camera_.depth_units_per_m * factor_;
+    for (const double usual : kUsualUnits) {
+        if (std::abs(found / usual - 1) < kUsualWithin) return usual;
+    }
+    return found;
+}
+
+std::optional<CameraInfo> CameraCheck::corrected() const {
+    CameraInfo right = camera_;
+    const bool is_unit_off = is_on_[static_cast<std::size_t>(CameraFault::kDepthUnit)];
+    const bool is_lens_off = is_on_[static_cast<std::size_t>(CameraFault::kLens)];
+    if (!is_unit_off && !is_lens_off) return std::nullopt;
+    if (is_unit_off) right.depth_units_per_m = right_unit();
+    if (is_lens_off) {
+        right.model.fx *= std::exp(correction_.value[0]);
+        right.model.fy *= std::exp(correction_.value[1]);
+        right.model.cx += correction_.value[2];
+        right.model.cy += correction_.value[3];
+    }
+    return right;
 }
 
 bool CameraCheck::holds() const {
@@ -223,8 +281,8 @@ std::string CameraCheck::sentence(CameraFault fault) const {
                 "depth is {:.2g} times too {}: its steps are those of a Kinect or Xtion at about {:.0f} units per "
                 "metre, and "
                 "{:.0f} are given. Correct depth_units_per_m (DepthMapFactor).",
-                factor_ > 1 ? factor_ : 1 / factor_, factor_ > 1 ? "large" : "small",
-                camera_.depth_units_per_m * factor_, camera_.depth_units_per_m);
+                factor_ > 1 ? factor_ : 1 / factor_, factor_ > 1 ? "large" : "small", right_unit(),
+                camera_.depth_units_per_m);
         case CameraFault::kLens: return lens_sentence();
         case CameraFault::kStranger: break;
     }

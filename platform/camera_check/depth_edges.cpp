@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kRowStep = 2;
 constexpr int kShadow_px = 24;    // without depth, beside what is near
-constexpr double kJump = 0.1;     // of the farther depth
+constexpr int kJumpShare = 10;    // of the farther depth, one part
 constexpr int kContrastMax = 48;  // grey levels: one lamp must not count for all
 
 int brightness(const std::uint8_t* row, std::uint32_t channels, int x) {
@@ -30,7 +30,7 @@ void add_depth_edges(const Frame& frame, EdgeCurve& curve) {
             last = x;
             if (before < 0 || x - before > kShadow_px) continue;
             const int a = depth[before], b = depth[x];
-            if (std::abs(a - b) < kJump * std::max(a, b)) continue;
+            if (std::abs(a - b) * kJumpShare < std::max(a, b)) continue;
             const int border = a < b ? before : x;  // what is near has the border
             for (int shift = -kEdgeShiftMax_px; shift <= kEdgeShiftMax_px; ++shift) {
                 const int contrast = std::abs(brightness(grey, channels, border + shift + 1) -

@@ -112,8 +112,7 @@ Motion moved(const Motion& from, const Vector6& step) {
 
 class Fit {
 public:
-    Fit(std::span<const std::vector<ViewMatch>> pairs, const CameraModel& camera)
-        : pairs_(pairs), camera_(camera), motions_(pairs.size()), systems_(pairs.size()), tried_(pairs.size()) {
+    Fit(std::span<const std::vector<ViewMatch>> pairs, const CameraModel& camera) : pairs_(pairs), camera_(camera) {
         const double factor = 1 / (kFactorSigma * kFactorSigma), centre = 1 / (kCentreSigma * kCentreSigma);
         prior_.diagonal() << factor, factor, centre, centre;
         const double aspect = 1 / (kAspectSigma * kAspectSigma);
@@ -143,14 +142,14 @@ public:
                 const Matrix6 mm = damped(systems_[i].mm, damping);
                 tried_[i] = moved(motions_[i], -mm.ldlt().solve(systems_[i].m + systems_[i].cm.transpose() * step));
             }
-            std::vector<PairSystem> systems(pairs_.size());
+            Systems systems;
             const double at = evaluate(to, tried_, systems);
             if (at < cost) {
                 const bool is_done = cost - at < 1e-5 * cost;
                 cost = at;
                 value = to;
-                motions_.swap(tried_);
-                systems_.swap(systems);
+                motions_ = tried_;
+                systems_ = systems;
                 damping = std::max(damping * 0.2, 1e-7);
                 if (is_done) break;
             } else {
@@ -168,6 +167,9 @@ public:
     }
 
 private:
+    using Motions = std::array<Motion, SelfCalibration::kPairs>;
+    using Systems = std::array<PairSystem, SelfCalibration::kPairs>;
+
     static Matrix6 damped(Matrix6 mm, double damping) {
         const Vector6 diagonal = mm.diagonal() * damping + Vector6::Constant(1e-9);
         mm.diagonal() += diagonal;
@@ -175,13 +177,13 @@ private:
     }
     // The motions eliminated.
     void reduce(Matrix4& h, Vector4& g, double damping) const {
-        for (const PairSystem& s : systems_) {
+        for (const PairSystem& s : std::span(systems_).first(pairs_.size())) {
             const auto solver = damped(s.mm, damping).ldlt();
             h += s.cc - s.cm * solver.solve(s.cm.transpose());
             g += s.c - s.cm * solver.solve(s.m);
         }
     }
-    double evaluate(const Vector4& value, const std::vector<Motion>& motions, std::vector<PairSystem>& systems) const {
+    double evaluate(const Vector4& value, const Motions& motions, Systems& systems) const {
         double cost = value.dot(prior_ * value) + 2 * value.dot(pull_);
         for (std::size_t i = 0; i < pairs_.size(); ++i) {
             systems[i] = linearise(pairs_[i], camera_, value, motions[i]);
@@ -194,9 +196,9 @@ private:
     const CameraModel& camera_;
     Matrix4 prior_ = Matrix4::Zero();
     Vector4 pull_;
-    std::vector<Motion> motions_;
-    std::vector<PairSystem> systems_;
-    std::vector<Motion> tried_;
+    Motions motions_;
+    Systems systems_;
+    Motions tried_;
 };
 
 }  // namespace

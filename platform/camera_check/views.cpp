@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
+
+#include "engine/features/hamming.hpp"
 
 namespace stillmesh {
 namespace {
@@ -57,12 +58,6 @@ float inverse_depth_at(const Frame& frame, float u, float v) {
     return static_cast<float>(sum / count);
 }
 
-int distance_between(const Descriptor& a, const Descriptor& b) {
-    int distance = 0;
-    for (int i = 0; i < 4; ++i) distance += std::popcount(a.words[i] ^ b.words[i]);
-    return distance;
-}
-
 std::int32_t cell_of(float u) {
     return std::clamp(static_cast<std::int32_t>(u / kCell_px), 0, kColumns - 1);
 }
@@ -90,12 +85,27 @@ void View::take(const Frame& frame, const FeatureSet& features, const CameraMode
     }
 }
 
-ViewMatcher::ViewMatcher(std::uint32_t features_max) : cells_(kColumns * kRows) {
+ViewMatcher::ViewMatcher(std::uint32_t features_max) : begins_(kColumns * kRows + 2) {
+    ordered_.reserve(features_max);
     forward_.reserve(features_max);
     back_.reserve(features_max);
     matches_.reserve(features_max);
     lengths_.reserve(features_max);
-    for (auto& cell : cells_) cell.reserve(16);
+}
+
+void ViewMatcher::order(const View& view) {
+    std::fill(begins_.begin(), begins_.end(), 0U);
+    const auto cell = [](const ViewFeature& f) {
+        return static_cast<std::size_t>(cell_of(f.v) * kColumns + cell_of(f.u));
+    };
+    for (const ViewFeature& f : view.features()) ++begins_[cell(f) + 1];
+    for (std::size_t i = 1; i < begins_.size(); ++i) begins_[i] += begins_[i - 1];
+    ordered_.resize(view.features().size());
+    // From the last on, each to the end of its cell; the order within a cell stays, and begins_[cell + 1] becomes its
+    // begin.
+    for (std::size_t j = view.features().size(); j-- > 0;) {
+        ordered_[--begins_[cell(view.features()[j]) + 1]] = static_cast<std::uint16_t>(j);
+    }
 }
 
 void ViewMatcher::Best::see(int new_distance, std::size_t index) {
@@ -108,27 +118,25 @@ void ViewMatcher::Best::see(int new_distance, std::size_t index) {
     }
 }
 
-const std::vector<ViewMatch>& ViewMatcher::match(const View& a, const View& b, float reach_px, float u, float v) {
+const std::vector<ViewMatch>& ViewMatcher::match(const View& a, const View& b, float reach_px, float u, float v,
+                                                 std::size_t every) {
     const std::vector<ViewFeature>& from = a.features();
     const std::vector<ViewFeature>& in = b.features();
-    for (auto& cell : cells_) cell.clear();
-    for (std::size_t j = 0; j < in.size(); ++j) {
-        cells_[static_cast<std::size_t>(cell_of(in[j].v) * kColumns + cell_of(in[j].u))].push_back(
-            static_cast<std::uint16_t>(j));
-    }
+    order(b);
     forward_.assign(from.size(), {kFar, kFar, -1});
     back_.assign(in.size(), {kFar, kFar, -1});
-    for (std::size_t i = 0; i < from.size(); ++i) {
+    for (std::size_t i = 0; i < from.size(); i += every) {
         const ViewFeature& f = from[i];
         const float at_u = f.u + u, at_v = f.v + v;
         for (std::int32_t row = cell_of(at_v - reach_px); row <= cell_of(at_v + reach_px); ++row) {
-            for (std::int32_t column = cell_of(at_u - reach_px); column <= cell_of(at_u + reach_px); ++column) {
-                for (const std::uint16_t j : cells_[static_cast<std::size_t>(row * kColumns + column)]) {
-                    if (std::abs(in[j].level - f.level) > 1) continue;
-                    const int distance = distance_between(f.descriptor, in[j].descriptor);
-                    forward_[i].see(distance, j);
-                    back_[j].see(distance, i);
-                }
+            const auto first = static_cast<std::size_t>(row * kColumns + cell_of(at_u - reach_px));
+            const auto last = static_cast<std::size_t>(row * kColumns + cell_of(at_u + reach_px));
+            for (std::uint32_t k = begins_[first + 1]; k < begins_[last + 2]; ++k) {
+                const std::size_t j = ordered_[k];
+                if (std::abs(in[j].level - f.level) > 1) continue;
+                const int distance = static_cast<int>(hamming_distance(f.descriptor, in[j].descriptor));
+                forward_[i].see(distance, j);
+                back_[j].see(distance, i);
             }
         }
     }

@@ -40,8 +40,9 @@ class ViewMatcher {
 public:
     explicit ViewMatcher(std::uint32_t features_max = 1000);
     // Features of `a` that are features of `b`, with depth in both, each the other's best. They are looked for within
-    // `reach_px` of where the picture has gone by (u, v).
-    const std::vector<ViewMatch>& match(const View& a, const View& b, float reach_px, float u = 0, float v = 0);
+    // `reach_px` of where the picture has gone by (u, v); of `a` every so many.
+    const std::vector<ViewMatch>& match(const View& a, const View& b, float reach_px, float u = 0, float v = 0,
+                                        std::size_t every = 1);
     // Of the last matches: how far the picture has moved, the median of both directions and of the length, px.
     struct Flow {
         float u = 0, v = 0, length = 0;
@@ -54,10 +55,13 @@ private:
         std::int32_t other = -1;
         void see(int new_distance, std::size_t index);
     };
+    void order(const View& view);
     [[nodiscard]] float median();
 
     std::vector<Best> forward_, back_;
-    std::vector<std::vector<std::uint16_t>> cells_;
+    // Features in the order of their cells; where each cell begins.
+    std::vector<std::uint16_t> ordered_;
+    std::vector<std::uint32_t> begins_;
     std::vector<ViewMatch> matches_;
     std::vector<float> lengths_;
 };

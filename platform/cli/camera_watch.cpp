@@ -1,5 +1,7 @@
 #include "platform/cli/camera_watch.hpp"
 
+#include "hal/calibration/calibration.hpp"
+
 namespace stillmesh {
 
 void CameraWatch::frame(const DepthCamera& camera, const Frame& frame, const TrackingSession& session) {
@@ -16,6 +18,9 @@ std::string CameraWatch::news() {
 void CameraWatch::account(RunRecord& record) const {
     if (!check_) return;
     record.camera_check = check_->report();
+    if (const std::optional<CameraInfo> right = check_->corrected()) {
+        record.corrected_calibration = calibration_toml(*right);
+    }
     const std::vector<std::string> faults = check_->faults();
     record.problems.insert(record.problems.end(), faults.begin(), faults.end());
 }

@@ -7,6 +7,7 @@
 
 #include "hal/depth_camera.hpp"
 #include "platform/camera_check/camera_check.hpp"
+#include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/session.hpp"
 
 namespace stillmesh {
@@ -20,6 +21,10 @@ public:
         if (check_ && check_->holds() && out.state == PoseState::kTracked) out.state = PoseState::kUnsure;
     }
     void frame(const DepthCamera& camera, const Frame& frame, const TrackingSession& session);
+    // kCamera while a fault holds.
+    [[nodiscard]] FrameFault fault() const {
+        return check_ && check_->holds() ? FrameFault::kCamera : FrameFault::kNone;
+    }
     // What the user should hear of now, once each; empty: nothing.
     [[nodiscard]] std::string news();
     // Faults become problems of the run.

@@ -20,8 +20,9 @@ enum class FrameFault {
     kBothStuck,
     kElsewhere,  // the map does not hold this place
     kOtherMap,   // nor anything of it, and it is one that was read
+    kCamera,     // calibration or depth cannot be right, which is said by itself
 };
-inline constexpr std::size_t kFrameFaults = 12;
+inline constexpr std::size_t kFrameFaults = 13;
 
 // What the engine uses of the depth.
 struct DepthRange {

@@ -81,6 +81,7 @@ int program(int argc, char** argv) {
         "Ctrl-C or SIGTERM, everything written.");
 
     RunArguments arguments;
+    arguments.loop.checks_camera = true;
     std::vector<std::string> later;  // switches of what is not in this build
     CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
     add_camera_options(*run_app, arguments.live, arguments.does_wait, kCameraGroup);
@@ -118,8 +119,8 @@ int program(int argc, char** argv) {
         ->type_name("N")
         ->group(kCameraGroup);
     run_app
-        ->add_flag("--check-camera", arguments.loop.checks_camera,
-                   "check whether calibration and depth can be right (stillmesh check-camera); not tracked while not")
+        ->add_flag("--check-camera,!--no-check-camera", arguments.loop.checks_camera,
+                   "check whether calibration and depth can be right (the default); while not, nothing is tracked")
         ->group(kCameraGroup);
     run_app
         ->add_flag("--realtime", arguments.is_realtime,
@@ -274,6 +275,8 @@ int program(int argc, char** argv) {
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
         ->type_name("N")
         ->group(kCameraGroup);
+    check_app->add_option("--out", check.corrected, "where a fault was found: the calibration that would fit (.toml)")
+        ->type_name("FILE");
     check_app->add_flag("--json", check.is_json, "as JSON, with all the rest of a run");
     check_app->footer(
         "Turn the camera slowly left and right, up and down, in a room where nobody moves: ten seconds are enough.\n"

@@ -144,6 +144,15 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         record.final_evaluation = evaluate(record.truth, record.final_estimate);
     }
     record.peak_resident_bytes = peak_resident_bytes();
+    std::string corrected = "nothing to correct";
+    if (!arguments.corrected.empty() && !record.corrected_calibration.empty()) {
+        corrected = "written to " + arguments.corrected;
+        if (!write_whole_file(arguments.corrected, record.corrected_calibration, message)) {
+            record.problems.push_back(message);
+            corrected = "could not be written";
+            code = kExitFailed;
+        }
+    }
     std::string report;
     if (!arguments.report.empty()) {
         report = arguments.report + "/index.html";
@@ -156,6 +165,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     release_stop_signals();  // all is written: whoever reads the summary slowly may end us
     if (arguments.is_camera_check && !arguments.is_json) {
         for (const std::string& line : record.camera_check) std::fputs((printable(line) + "\n").c_str(), stdout);
+        if (!arguments.corrected.empty()) std::fputs(printable("calibration   " + corrected + "\n").c_str(), stdout);
         if (record.problems.empty()) std::fputs("verdict       no fault found\n", stdout);
         static_cast<void>(std::fflush(stdout));
         for (const std::string& problem : record.problems) complain(problem);
@@ -377,6 +387,7 @@ int live(const RunArguments& arguments) {
         {"--map-out", session.map_out, kFile},
         {"--map-store", session.map_store, kFolder},
         {"--report", arguments.report, kFolder},
+        {"--out", arguments.corrected, kWhole},
     };
     std::vector<Destination> given;
     for (const Destination& to : all) {

@@ -32,6 +32,7 @@ struct RunArguments {
     bool does_wait = false;  // for a live camera at the start
     bool print_config = false;
     bool is_camera_check = false;  // nothing but what the camera check found is written
+    std::string corrected;         // file for the calibration that would fit; empty: none
 };
 
 // Returns the program's exit code; has said what there is to say on standard output and error. `begin_ns`: when the

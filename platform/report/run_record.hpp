@@ -159,7 +159,8 @@ struct RunRecord {
         double second = 0;
         std::string sentence;
     };
-    std::vector<NewMap> new_maps;  // that were begun while the run went on: poses behind each are in another map
+    std::vector<NewMap> new_maps;       // that were begun while the run went on: poses behind each are in another map
+    std::string corrected_calibration;  // a camera file that would fit; empty: the one that was given, or not known
     std::vector<std::string> camera_check;  // what was found of calibration and streams, a line each
     std::vector<std::string> notes;         // sentences about what was as it should not be, but did no harm
     std::vector<std::string> problems;      // sentences about what makes this a failed run

@@ -83,5 +83,54 @@ TEST_F(LookingAround, DepthOfAnotherMoment) {
     EXPECT_TRUE(says(outcome, "does not belong to colour")) << outcome.faults.size();
 }
 
+// Promise: while the camera moves, also when the lens has long been known, and most frames are looked at only in passing: within five frames,
+// and not before it is so.
+TEST_F(LookingAround, DepthOfAnotherMomentLater) {
+    constexpr std::uint32_t kRight = 4 * kFrames + 20, kLater = 30;
+    CameraInfo info;
+    info.model = sequence().camera;
+    info.depth_units_per_m = 5000;
+    const test::EngineRig engine(Limits::room(), info.model);
+    CameraCheck check(info);
+    std::uint32_t noticed = 0;
+    for (std::uint32_t i = 0; noticed == 0 && i < kRight + 20; ++i) {
+        const std::uint32_t there = i % (2 * kFrames);  // there and back
+        const std::uint32_t at = std::min(there, 2 * kFrames - 1 - there);
+        Frame frame = sequence().frames[at].frame();
+        frame.time_ns = 33'000'000LL * (i + 1);
+        if (i >= kRight) frame.depth = sequence().frames[(at + kLater) % kFrames].frame().depth;
+        ASSERT_EQ(engine->submit(frame), Status::kOk);
+        check.frame(frame, engine->features());
+        if (check.holds()) noticed = i;
+    }
+    EXPECT_GE(noticed, kRight);
+    EXPECT_LT(noticed, kRight + 5);
+}
+
+// Promise: the calibration that would fit is given with what is wrong put right and nothing else changed.
+TEST_F(LookingAround, WhatWouldFit) {
+    CameraInfo info;
+    info.model = sequence().camera;
+    info.model.fx *= 1.4;
+    info.model.fy *= 1.4;
+    info.depth_units_per_m = 1000;
+    const test::EngineRig engine(Limits::room(), info.model);
+    CameraCheck check(info);
+    EXPECT_FALSE(check.corrected().has_value());
+    for (std::uint32_t i = 0; i < kFrames; ++i) {
+        Frame frame = sequence().frames[i].frame();
+        frame.depth_units_per_m = info.depth_units_per_m;
+        ASSERT_EQ(engine->submit(frame), Status::kOk);
+        check.frame(frame, engine->features());
+    }
+    ASSERT_TRUE(check.corrected().has_value());
+    const CameraInfo right = *check.corrected();
+    EXPECT_NEAR(right.model.fx / sequence().camera.fx, 1, 0.05);
+    EXPECT_NEAR(right.model.fy / sequence().camera.fy, 1, 0.05);
+    EXPECT_NEAR(right.model.cx, sequence().camera.cx, 15);
+    EXPECT_EQ(right.depth_units_per_m, 5000);
+    EXPECT_EQ(right.model.k1, info.model.k1);
+}
+
 }  // namespace
 }  // namespace stillmesh

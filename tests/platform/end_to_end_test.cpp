@@ -407,15 +407,16 @@ TEST(EndToEnd, GoesOnAfterDarkness) {
 }
 
 // Promise: a depth unit that cannot be is named with the one that fits, fails check-camera and a run that checks, in
-// which nothing is tracked from then on; a right recording passes both, and what passes is tracked to the same bits.
+// which nothing is tracked from then on, and what is written as found passes; a right recording passes both, and what
+// passes is tracked to the same bits.
 TEST(EndToEnd, ChecksTheCamera) {
     const Recording recording(20, nullptr, 640, 480);
     const std::string check = "check-camera --replay " + recording.path();
     const Answer right = stillmesh_says(check);
     EXPECT_EQ(right.code, 0) << right.error;
     EXPECT_NE(right.out.find("no fault found"), std::string::npos) << right.out;
-    const Answer plain = recording.run();
-    const Answer checked = recording.run("--check-camera");
+    const Answer plain = recording.run("--no-check-camera");
+    const Answer checked = recording.run();
     EXPECT_EQ(checked.code, 0) << checked.error;
     EXPECT_EQ(checked.json()["share_tracked"].get<double>(), plain.json()["share_tracked"].get<double>());
     EXPECT_EQ(checked.json()["state_hash"], plain.json()["state_hash"]);
@@ -425,7 +426,11 @@ TEST(EndToEnd, ChecksTheCamera) {
     EXPECT_EQ(wrong.code, 1);
     EXPECT_NE(wrong.error.find("2500"), std::string::npos) << wrong.error;
     EXPECT_NE((wrong.out + wrong.error).find("depth unit"), std::string::npos) << wrong.out << wrong.error;
-    const Answer run = recording.run("--check-camera");
+    const Answer found = stillmesh_says(check + " --out " + recording.output("found.toml"));
+    EXPECT_NE(found.out.find("found.toml"), std::string::npos) << found.out;
+    const Answer again = stillmesh_says(check + " --calibration " + recording.output("found.toml"));
+    EXPECT_EQ(again.code, 0) << again.error;
+    const Answer run = recording.run();
     EXPECT_EQ(run.code, 1);
     EXPECT_LE(run.json()["share_tracked"].get<double>(), 0.1) << "but for the frames before the first check";
 }
