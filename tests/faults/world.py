@@ -259,7 +259,7 @@ def live(world, seed):
             if os.path.exists(room) and not (is_map_rotten and digest(room) == was_map) and not world.reads_map(room):
                 say("the map cannot be read")
             if not (os.path.exists(room) and digest(room) == was_map):
-                if was_map and not os.path.exists(room) and not is_cut:
+                if was_map and not os.path.exists(room) and not is_cut and was_map not in maps_in(work):
                     say("the map is gone")
                 if is_map_rotten and was_map and was_map not in maps_in(work) and run.returncode >= 0 and \
                         keyframes_read(run) == 0:  # bits that nobody reads may rot
