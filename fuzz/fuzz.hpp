@@ -7,16 +7,16 @@
 #include <cstdio>
 #include <cstdlib>
 #include <span>
-#include <string>
+#include <string_view>
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size_bytes);
 
 namespace stillmesh::fuzz {
 
 // Stops unless the promise was kept; libFuzzer then saves the input.
-inline void expect(bool was_kept, const std::string& promise) {
+inline void expect(bool was_kept, std::string_view promise) {
     if (was_kept) return;
-    std::fprintf(stderr, "promise broken: %s\n", promise.c_str());
+    std::fprintf(stderr, "promise broken: %.*s\n", static_cast<int>(promise.size()), promise.data());
     std::abort();
 }
 

@@ -1,20 +1,23 @@
-// The engine under Limits::tiny(), with any configuration, any camera and any frames: right ones of a scene that moves,
-// and wrong ones. What must be refused is refused and changes nothing, what is right is accepted, poses are poses,
-// pools keep their limits, and a second engine in a block full of other garbage does the same, bit by bit.
-#include <algorithm>
+// The engine under small limits, with any configuration, any camera and any frames: right ones of a scene that moves,
+// and wrong ones, with work between them, a vocabulary, maps, and a store of which bytes may change. What must be
+// refused is refused and changes nothing, what is right is accepted, poses are poses, pools keep their limits, a map
+// that was written is taken, and a second engine in a block full of other garbage does the same, bit by bit: of one
+// input in eight, which may have twice as many frames as well. Which ones, a checksum of the bytes says, so that an
+// input does the same every time; in Fuzz.engine all.
 #include <cmath>
-#include <cstring>
 #include <limits>
-#include <memory>
-#include <new>
-#include <type_traits>
 
-#include "engine/base/arena.hpp"
 #include "engine/base/check.hpp"
-#include "engine/engine.hpp"
-#include "fuzz/fuzz.hpp"
+#include "engine/base/crc.hpp"
+#include "fuzz/engine_input.hpp"
+#include "fuzz/engine_scene.hpp"
+#include "fuzz/memory_store.hpp"
 #include "fuzz/pictures.hpp"
 #include "platform/linux/cpu_kernels.hpp"
+#include "tests/place/vocabularies.hpp"
+#ifdef STILLMESH_CANARY
+#include "fuzz/canary.hpp"
+#endif
 
 // A failed check says which before it stops.
 void stillmesh_check_failed(const char* expression, const char* file, std::int32_t line) noexcept {
@@ -24,118 +27,11 @@ void stillmesh_check_failed(const char* expression, const char* file, std::int32
 namespace {
 
 using namespace stillmesh;
+using fuzz::kSmallLimits;
 
-constexpr std::uint32_t kFramesMax = 16;
-
-// A block of exactly the needed size, so that one byte too many is seen, full of `garbage`.
-class Block {
-public:
-    Block(std::size_t bytes, int garbage)
-        : bytes_(bytes), block_(new (std::align_val_t(kArenaAlignment)) std::byte[bytes]) {
-        std::memset(block_.get(), garbage, bytes);
-    }
-    [[nodiscard]] std::span<std::byte> span() const { return {block_.get(), bytes_}; }
-
-private:
-    struct Free {
-        void operator()(std::byte* block) const { ::operator delete[](block, std::align_val_t(kArenaAlignment)); }
-    };
-    std::size_t bytes_;
-    std::unique_ptr<std::byte[], Free> block_;
-};
-
-// Up to 7 parameters anywhere in their ranges.
-Configuration configuration_from(fuzz::Bytes& bytes) {
-    Configuration configuration;
-    configuration.features.count = Limits::tiny().features_max;
-    configuration.features.levels = Limits::tiny().pyramid_levels_max;
-    configuration.mapping.window_keyframes = Limits::tiny().keyframes_max;
-    for (int changes = bytes.u8() % 8; changes > 0; --changes) {
-        const std::uint32_t which = bytes.u8();
-        const double part = bytes.u16() / 65535.0;
-        std::uint32_t index = 0;
-        visit_parameters(configuration,
-                         [&](const char*, auto& value, double min, double max, const char*, const char*) {
-                             using Value = std::remove_reference_t<decltype(value)>;
-                             if (index++ != which) return;
-                             if constexpr (std::is_same_v<Value, bool>) {
-                                 value = part < 0.5;
-                             } else {
-                                 value = static_cast<Value>(min + part * (max - min));
-                             }
-                         });
-    }
-    return configuration;
-}
-
-CameraModel camera_from(fuzz::Bytes& bytes, bool& is_good) {
-    const Limits limits = Limits::tiny();
-    CameraModel camera;
-    camera.width = limits.image_width_max;
-    camera.height = limits.image_height_max;
-    camera.fx = camera.fy = 130;
-    camera.cx = 79.5;
-    camera.cy = 59.5;
-    const std::uint8_t how = bytes.u8();
-    is_good = how % 4 != 3;
-    if (how % 4 == 1) {
-        camera.k1 = 0.2624;
-        camera.k2 = -0.9531;
-        camera.p1 = -0.0054;
-        camera.p2 = 0.0026;
-        camera.k3 = 1.1633;
-    } else if (how % 4 == 2) {
-        camera.width = 120;
-        camera.height = 100;
-        camera.cx = 60;
-        camera.cy = 50;
-    } else if (how % 4 == 3) {
-        camera.width = bytes.u8();
-        camera.height = bytes.u8();
-        for (double* const number : {&camera.fx, &camera.fy, &camera.cx, &camera.cy, &camera.k1, &camera.p1}) {
-            const std::uint8_t kind = bytes.u8();
-            if (kind == 0) *number = std::numeric_limits<double>::quiet_NaN();
-            if (kind == 1) *number = std::numeric_limits<double>::infinity();
-            if (kind == 2) *number = 0;
-            if (kind > 200) *number = kind - 228;
-        }
-    }
-    return camera;
-}
-
-// A textured world before the camera that it moves along, with a body that moves otherwise.
-struct Scene {
-    std::int32_t x = 1000, y = 1000, body_x = 40;
-    std::uint32_t depth = 8000;
-
-    void move(fuzz::Bytes& bytes) {
-        const std::uint8_t by = bytes.u8();
-        x += (by & 7) - 3;
-        y += (by >> 3 & 3) - 1;
-        body_x += (by >> 5) - 3;
-        depth += bytes.u8() % 16U;
-    }
-    void draw(fuzz::Picture<std::uint8_t>& colour, fuzz::Picture<std::uint16_t>& depths, std::uint32_t channels) const {
-        const auto width = static_cast<std::int32_t>(depths.view.width);
-        const auto height = static_cast<std::int32_t>(depths.view.height);
-        for (std::int32_t v = 0; v < height; ++v) {
-            for (std::int32_t u = 0; u < width; ++u) {
-                const bool is_body = u >= body_x && u < body_x + 50 && v > 20;
-                const std::int32_t s = is_body ? u - body_x + 5000 : u + x;
-                const std::int32_t t = is_body ? v : v + y;
-                std::uint32_t cell =
-                    static_cast<std::uint32_t>(s / 5) * 2654435761U ^ static_cast<std::uint32_t>(t / 5) * 2246822519U;
-                cell ^= cell >> 15;
-                const std::size_t at =
-                    static_cast<std::size_t>(v) * colour.view.stride + static_cast<std::size_t>(u) * channels;
-                for (std::uint32_t c = 0; c < channels; ++c)
-                    colour.pixels[at + c] = static_cast<std::uint8_t>(cell * 97);
-                depths.pixels[static_cast<std::size_t>(v) * depths.view.stride + static_cast<std::size_t>(u)] =
-                    static_cast<std::uint16_t>(is_body ? depth / 2 : depth + 3U * static_cast<std::uint32_t>(u));
-            }
-        }
-    }
-};
+constexpr std::uint32_t kActsMax = 16;
+constexpr std::uint32_t kFramesMax = 12, kFramesOfMost = 6;
+constexpr std::uint32_t kStepUnits = 4000;
 
 void expect_pose(const PoseEstimate& pose) {
     for (const RigidTransform* const transform : {&pose.odom_from_camera, &pose.map_from_odom}) {
@@ -152,19 +48,18 @@ void expect_pose(const PoseEstimate& pose) {
 }
 
 void expect_limits(Engine& engine, const CameraModel& camera) {
-    const Limits limits = Limits::tiny();
     const EngineStatistics statistics = engine.statistics();
     for (const PoolStatistics* const pool : {&statistics.keyframes, &statistics.map_points}) {
         fuzz::expect(pool->size <= pool->high_water && pool->high_water <= pool->capacity, "pools keep their limits");
     }
-    fuzz::expect(statistics.keyframes.capacity <= limits.keyframes_max, "as many keyframes as the limits say");
-    fuzz::expect(statistics.map_points.capacity <= limits.map_points_max, "as many points as the limits say");
-    fuzz::expect(statistics.arena_used_bytes == bytes_needed(limits), "bytes_needed is what is used");
+    fuzz::expect(statistics.keyframes.capacity <= kSmallLimits.keyframes_max, "as many keyframes as the limits say");
+    fuzz::expect(statistics.map_points.capacity <= kSmallLimits.map_points_max, "as many points as the limits say");
+    fuzz::expect(statistics.arena_used_bytes == bytes_needed(kSmallLimits), "bytes_needed is what is used");
     const FrameStatistics& frame = engine.frame_statistics();
-    fuzz::expect(frame.features <= limits.features_max && frame.features_with_depth <= frame.features,
+    fuzz::expect(frame.features <= kSmallLimits.features_max && frame.features_with_depth <= frame.features,
                  "features keep their limit");
     const TrackingView view = engine.tracking_view();
-    fuzz::expect(view.features.size() <= limits.features_max, "features keep their limit");
+    fuzz::expect(view.features.size() <= kSmallLimits.features_max, "features keep their limit");
     for (const TrackedFeature& feature : view.features) {
         fuzz::expect(feature.x >= 0 && feature.x < static_cast<float>(camera.width) && feature.y >= 0 &&
                          feature.y < static_cast<float>(camera.height),
@@ -173,130 +68,215 @@ void expect_limits(Engine& engine, const CameraModel& camera) {
     }
 }
 
+enum class Refusal { kNever, kMay, kMust };
+
+// Makes the frame wrong in one way.
+Refusal spoil(Frame& frame, std::int64_t last_ns, fuzz::Bytes& bytes) {
+    switch (bytes.u8() % fuzz::kWrongs) {
+        case 0: frame.time_ns = last_ns; break;
+        case 1: frame.time_ns = std::numeric_limits<std::int64_t>::min(); break;
+        case 2: frame.colour.width -= 1; break;
+        case 3: frame.depth.height -= 1; break;
+        case 4: frame.colour.data = nullptr; break;
+        case 5: frame.depth.data = nullptr; break;
+        case 6: frame.depth_units_per_m = 0; break;
+        case 7: frame.depth_units_per_m = std::numeric_limits<double>::quiet_NaN(); break;
+        case 8: frame.depth_units_per_m = std::numeric_limits<double>::infinity(); return Refusal::kMay;
+        case 9: frame.depth_units_per_m = 1e-300; return Refusal::kMay;
+        case 10: frame.colour.stride = frame.colour.width * channels_of(frame.format) - 1; break;
+        default: frame.depth_time_ns = static_cast<std::int64_t>(bytes.u64()); return Refusal::kMay;
+    }
+    return Refusal::kMust;
+}
+
+// One engine, its twin if there is one, and what they are shown.
+class Run {
+public:
+    struct Side {
+        Engine* engine;
+        fuzz::MemoryStore* store;
+    };
+    // `twin`: without an engine if there is none.
+    Run(const CameraModel& camera, bool is_stepping, Side side, Side twin)
+        : camera_(camera),
+          is_stepping_(is_stepping),
+          engine_(*side.engine),
+          twin_(twin.engine),
+          stores_{side.store, twin.store} {}
+
+    void act(fuzz::Bytes& bytes) {
+        const std::uint8_t what = bytes.u8();
+        if (what == fuzz::kActReset) {
+            engine_.reset();
+            if (twin_ != nullptr) twin_->reset();
+            last_ns_ = -1;  // anew: any time will do
+        } else if (what == fuzz::kActStep) {
+            const std::uint16_t units = bytes.u16();
+            if (units >= 0x8000) {
+                step_store(units & 0x7fffU);
+            } else {
+                step(units);
+            }
+        } else if (what == fuzz::kActMap) {
+            load_own_map(bytes.u8() % 2 == 0 ? MapUse::kContinue : MapUse::kLocalise);
+        } else if (what == fuzz::kActHarm) {
+            const std::size_t which = bytes.u8(), place = bytes.u16();
+            const auto value = static_cast<std::byte>(bytes.u8());
+            for (fuzz::MemoryStore* const store : stores_) store->harm(which, place, value);
+        } else {
+            show(what, bytes);
+        }
+        expect_same();
+    }
+
+    [[nodiscard]] std::uint32_t frames() const { return frames_; }
+
+private:
+    void expect_same() {
+        if (twin_ == nullptr) return;
+        fuzz::expect(engine_.state_hash() == twin_->state_hash(), "the same bits, whatever the memory held before");
+    }
+    void step(std::uint32_t units) {
+        const Progress progress = engine_.step(units);
+        fuzz::expect(twin_ == nullptr || twin_->step(units) == progress, "the same progress for the same units");
+    }
+    void step_store(std::uint32_t units) {
+        const Progress progress = engine_.step_store(units);
+        fuzz::expect(twin_ == nullptr || twin_->step_store(units) == progress, "the same progress for the same units");
+    }
+    void load_own_map(MapUse use) {
+        const std::vector<std::byte> file = fuzz::map_of(engine_);
+        if (file.empty()) return;
+        MapFileProblem problem;
+        fuzz::expect(engine_.load_map(file, use, problem) == Status::kOk, "a map that was written is taken");
+        fuzz::expect(fuzz::map_of(engine_) == file, "and written back to the same bytes");
+        if (twin_ != nullptr) {
+            fuzz::expect(fuzz::map_of(*twin_) == file, "the same map, whatever the memory held before");
+            fuzz::expect(twin_->load_map(file, use, problem) == Status::kOk, "the same status for the same map");
+        }
+        last_ns_ = -1;
+    }
+    void show(std::uint8_t what, fuzz::Bytes& bytes) {
+        Frame frame;
+        frame.format = what % 3 == 0 ? PixelFormat::kRgb8 : what % 3 == 1 ? PixelFormat::kBgr8 : PixelFormat::kGrey8;
+        const std::uint32_t channels = channels_of(frame.format);
+        fuzz::Picture<std::uint8_t> colour;
+        fuzz::Picture<std::uint16_t> depth;
+        if (fuzz::is_drawn(what)) {
+            colour = fuzz::empty_picture<std::uint8_t>(camera_.width, camera_.height, channels);
+            depth = fuzz::empty_picture<std::uint16_t>(camera_.width, camera_.height, 1);
+            scene_.move(bytes);
+            scene_.has_body = fuzz::has_body(what);
+            scene_.draw(colour, depth, channels);
+        } else {
+            colour = fuzz::picture_from<std::uint8_t>(bytes, camera_.width, camera_.height, channels);
+            depth = fuzz::picture_from<std::uint16_t>(bytes, camera_.width, camera_.height, 1);
+        }
+        frame.colour = colour.view;
+        frame.depth = depth.view;
+        const std::int64_t step_ns = what < 200 ? 33'000'000 : std::int64_t{1} << (what % 60);
+        frame.time_ns = last_ns_ > std::numeric_limits<std::int64_t>::max() - step_ns ? last_ns_ : last_ns_ + step_ns;
+        frame.depth_time_ns = frame.time_ns;
+        const bool is_late = frame.time_ns <= last_ns_ || frame.time_ns >= std::int64_t{1} << 62U;
+        const Refusal wrong = fuzz::is_wrong(what) ? spoil(frame, last_ns_, bytes) : Refusal::kNever;
+        submit(frame, is_late ? Refusal::kMust : wrong);
+        if (is_stepping_) step(kStepUnits);
+    }
+    void submit(const Frame& frame, Refusal refusal) {
+        ++frames_;
+        const std::uint64_t hash = engine_.state_hash(), refused = engine_.statistics().frames_refused;
+        const Status status = engine_.submit(frame);
+        fuzz::expect(twin_ == nullptr || twin_->submit(frame) == status, "the same status for the same frame");
+        if (status == Status::kOk) {
+            fuzz::expect(refusal != Refusal::kMust, "a wrong frame is refused");
+            fuzz::expect(engine_.pose().time_ns == frame.time_ns, "the pose is for this frame");
+            last_ns_ = frame.time_ns;
+        } else {
+            fuzz::expect(status == Status::kInvalid && refusal != Refusal::kNever, "a right frame is accepted");
+            fuzz::expect(engine_.state_hash() == hash, "a refused frame changes nothing");
+            fuzz::expect(engine_.statistics().frames_refused == refused + 1, "refused frames are counted");
+        }
+        expect_pose(engine_.pose());
+        expect_limits(engine_, camera_);
+#ifdef STILLMESH_CANARY
+        canary_.note(engine_.statistics());
+#endif
+    }
+
+    CameraModel camera_;
+    bool is_stepping_;
+    Engine& engine_;
+    Engine* twin_;
+    fuzz::MemoryStore* stores_[2];
+    fuzz::Scene scene_;
+    std::int64_t last_ns_ = -1;
+    std::uint32_t frames_ = 0;  // shown
+#ifdef STILLMESH_CANARY
+    fuzz::KeyframeList canary_;
+#endif
+};
+
+// What is checked of this input beside one engine.
+struct Share {
+    bool has_twin = true;  // of one in eight, which may have more frames as well
+    bool is_plain = true;  // and the twin has plain kernels: of one in 64; they are slow under a fuzzer's instruments
+};
+Share share_of(std::span<const std::uint8_t> input) {
+#ifdef STILLMESH_LIBFUZZER
+    const std::uint32_t checksum = crc32(std::as_bytes(input));
+    return {checksum % 8 == 0, checksum % 64 == 0};
+#else
+    static_cast<void>(input);
+    return {};
+#endif
+}
+
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size_bytes) {
-    const Limits limits = Limits::tiny();
-    fuzz::Bytes bytes({data, size_bytes});
-    const Configuration configuration = configuration_from(bytes);
-    bool is_camera_good = false;
-    const CameraModel camera = camera_from(bytes, is_camera_good);
+#ifdef STILLMESH_LIBFUZZER
+#include "fuzz/mutator.hpp"
+STILLMESH_FUZZ_BY((stillmesh::fuzz::Grammar{stillmesh::fuzz::engine_piece_bytes, stillmesh::fuzz::engine_head,
+                                            stillmesh::fuzz::engine_acts}))
+#endif
 
-    const Block block(bytes_needed(limits), 0), other_block(bytes_needed(limits), 0xa5);
-    const auto made = Engine::create(block.span(), limits, configuration, camera, cpu_kernels());
-    // The plain kernels are slow under a fuzzer's instruments: now and then.
-    const Kernels& other_kernels = size_bytes % 8 == 0 ? plain_kernels() : cpu_kernels();
-    const auto other_made = Engine::create(other_block.span(), limits, configuration, camera, other_kernels);
-    fuzz::expect(made.status() == other_made.status(), "the same status from the same arguments");
-    if (validate(configuration, limits).key != nullptr) {
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size_bytes) {
+    static const std::vector<std::byte> vocabulary = test::vocabulary_bytes({6, 3, 20, 1});
+    static const fuzz::Block block(bytes_needed(kSmallLimits)), twin_block(bytes_needed(kSmallLimits));
+    static fuzz::MemoryStore store, twin_store;
+    store.clear();
+    twin_store.clear();
+
+    fuzz::Bytes bytes({data, size_bytes});
+    const Configuration configuration = fuzz::configuration_from(bytes);
+    const std::uint8_t how = bytes.u8();
+    const CameraModel camera = fuzz::camera_from(bytes, how);
+    const auto make = [&](std::span<std::byte> memory, const Kernels& kernels, MapStore& its_store) {
+        return Engine::create(memory, kSmallLimits, configuration, camera, kernels, nullptr,
+                              fuzz::has_words(how) ? std::span(vocabulary) : std::span<const std::byte>(),
+                              fuzz::has_store(how) ? &its_store : nullptr);
+    };
+    const auto made = make(block.filled(0), cpu_kernels(), store);
+    Engine* twin = nullptr;
+    const Share share = share_of({data, size_bytes});
+    if (share.has_twin) {
+        const auto twin_made =
+            make(twin_block.filled(0xa5), share.is_plain ? plain_kernels() : cpu_kernels(), twin_store);
+        fuzz::expect(made.status() == twin_made.status(), "the same status from the same arguments");
+        if (twin_made.is_ok()) twin = twin_made.value();
+    }
+    if (validate(configuration, kSmallLimits).key != nullptr) {
         fuzz::expect(made.status() == Status::kInvalid, "a configuration that validate() refuses is kInvalid");
-    } else if (is_camera_good) {
+    } else if (!fuzz::is_camera_any(how)) {
         fuzz::expect(made.is_ok(), "what is right is accepted");
     }
     if (!made.is_ok()) {
         fuzz::expect(made.status() == Status::kInvalid, "create says kInvalid when the block is large enough");
         return 0;
     }
-    Engine& engine = *made.value();
-    Engine& other = *other_made.value();
-
-    Scene scene;
-    std::int64_t last_ns = -1;
-    for (std::uint32_t frames = 0; frames < kFramesMax && !bytes.is_empty(); ++frames) {
-        const std::uint8_t what = bytes.u8();
-        if (what == 255) {
-            engine.reset();
-            other.reset();
-            last_ns = -1;  // anew: any time will do
-            fuzz::expect(engine.state_hash() == other.state_hash(), "the same bits after reset");
-            continue;
-        }
-        Frame frame;
-        frame.format = what % 3 == 0 ? PixelFormat::kRgb8 : what % 3 == 1 ? PixelFormat::kBgr8 : PixelFormat::kGrey8;
-        const std::uint32_t channels = channels_of(frame.format);
-        fuzz::Bytes texture = what % 16 < 12 ? fuzz::Bytes({}) : bytes;
-        auto colour = fuzz::picture_from<std::uint8_t>(texture, camera.width, camera.height, channels);
-        auto depth = fuzz::picture_from<std::uint16_t>(texture, camera.width, camera.height, 1);
-        if (what % 16 < 12) {
-            scene.move(bytes);
-            scene.draw(colour, depth, channels);
-        } else {
-            bytes = texture;
-        }
-        frame.colour = colour.view;
-        frame.depth = depth.view;
-        const std::int64_t step_ns = what < 200 ? 33'000'000 : std::int64_t{1} << (what % 60);
-        frame.time_ns = last_ns > std::numeric_limits<std::int64_t>::max() - step_ns ? last_ns : last_ns + step_ns;
-        frame.depth_time_ns = frame.time_ns;
-        bool must_refuse = frame.time_ns <= last_ns || frame.time_ns >= std::int64_t{1} << 62U;
-        bool may_refuse = false;
-        if (what / 16 % 4 == 3) {  // wrong in one way
-            switch (bytes.u8() % 12) {
-                case 0:
-                    frame.time_ns = last_ns;
-                    must_refuse = true;
-                    break;
-                case 1:
-                    frame.time_ns = std::numeric_limits<std::int64_t>::min();
-                    must_refuse = true;
-                    break;
-                case 2:
-                    frame.colour.width -= 1;
-                    must_refuse = true;
-                    break;
-                case 3:
-                    frame.depth.height -= 1;
-                    must_refuse = true;
-                    break;
-                case 4:
-                    frame.colour.data = nullptr;
-                    must_refuse = true;
-                    break;
-                case 5:
-                    frame.depth.data = nullptr;
-                    must_refuse = true;
-                    break;
-                case 6:
-                    frame.depth_units_per_m = 0;
-                    must_refuse = true;
-                    break;
-                case 7:
-                    frame.depth_units_per_m = std::numeric_limits<double>::quiet_NaN();
-                    must_refuse = true;
-                    break;
-                case 8:
-                    frame.depth_units_per_m = std::numeric_limits<double>::infinity();
-                    may_refuse = true;
-                    break;
-                case 9:
-                    frame.depth_units_per_m = 1e-300;
-                    may_refuse = true;
-                    break;
-                case 10:
-                    frame.colour.stride = frame.colour.width * channels - 1;
-                    must_refuse = true;
-                    break;
-                default:
-                    frame.depth_time_ns = static_cast<std::int64_t>(bytes.u64());
-                    may_refuse = true;
-                    break;
-            }
-        }
-        const std::uint64_t hash = engine.state_hash(), refused = engine.statistics().frames_refused;
-        const Status status = engine.submit(frame);
-        fuzz::expect(other.submit(frame) == status, "the same status for the same frame");
-        fuzz::expect(engine.state_hash() == other.state_hash(), "the same bits, whatever the memory held before");
-        if (status == Status::kOk) {
-            fuzz::expect(!must_refuse, "a wrong frame is refused");
-            fuzz::expect(engine.pose().time_ns == frame.time_ns, "the pose is for this frame");
-            last_ns = frame.time_ns;
-        } else {
-            fuzz::expect(status == Status::kInvalid && (must_refuse || may_refuse), "a right frame is accepted");
-            fuzz::expect(engine.state_hash() == hash, "a refused frame changes nothing");
-            fuzz::expect(engine.statistics().frames_refused == refused + 1, "refused frames are counted");
-        }
-        expect_pose(engine.pose());
-        expect_limits(engine, camera);
+    Run run(camera, fuzz::is_stepping(how), {made.value(), &store}, {twin, &twin_store});
+    const std::uint32_t frames_max = twin != nullptr ? kFramesMax : kFramesOfMost;
+    for (std::uint32_t acts = 0; acts < kActsMax && run.frames() < frames_max && !bytes.is_empty(); ++acts) {
+        run.act(bytes);
     }
     return 0;
 }

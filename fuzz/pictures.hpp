@@ -18,6 +18,15 @@ struct Picture {
     ImageView<T> view;
 };
 
+// All zeros, one row behind the other. `values_per_pixel`: 3 for colour.
+template <typename T>
+Picture<T> empty_picture(std::uint32_t width, std::uint32_t height, std::uint32_t values_per_pixel) {
+    const std::size_t stride = std::size_t{width} * values_per_pixel;
+    Picture<T> picture{std::vector<T>(stride * height), {}};
+    picture.view = {picture.pixels.data(), width, height, stride};
+    return picture;
+}
+
 // `values_per_pixel`: 3 for colour. Consumes 5 bytes and the texture.
 template <typename T>
 Picture<T> picture_from(Bytes& bytes, std::uint32_t width, std::uint32_t height, std::uint32_t values_per_pixel) {

@@ -50,6 +50,10 @@ endif()
 if(STILLMESH_BUILD_FUZZERS)  # every line tells libFuzzer that it was reached
     target_compile_options(stillmesh_contract INTERFACE -fsanitize=fuzzer-no-link)
 endif()
+if(STILLMESH_FUZZ_COVERAGE)
+    target_compile_options(stillmesh_contract INTERFACE -fprofile-instr-generate -fcoverage-mapping)
+    target_link_options(stillmesh_contract INTERFACE -fprofile-instr-generate)
+endif()
 
 # The engine's own rules on top: no exceptions, no RTTI, no thread-safe statics, Eigen without heap, streams or SIMD.
 add_library(stillmesh_engine_contract INTERFACE)
@@ -60,6 +64,13 @@ target_compile_options(stillmesh_engine_contract INTERFACE -fno-exceptions -fno-
     $<$<CXX_COMPILER_ID:GNU>:-fno-gnu-unique>
     # One .su file beside each object: tests/house holds every frame against a limit.
     $<$<CXX_COMPILER_ID:GNU>:-fstack-usage>)
+if(STILLMESH_BUILD_FUZZERS)
+    # What two numbers were compared helps to read a format, not to see a picture: over the pixels it was two thirds of the
+    # time. Files of the engine that read bytes have it back (engine/CMakeLists.txt).
+    # And Eigen's small functions are too long to be inlined with the checks of the sanitizers in them: a tenth.
+    target_compile_options(stillmesh_engine_contract INTERFACE -fno-sanitize-coverage=trace-cmp
+        "SHELL:-mllvm -inlinehint-threshold=3000")
+endif()
 
 # What every translation unit that sees the engine's inner headers must agree on (tests too): Eigen's configuration.
 add_library(stillmesh_eigen INTERFACE)
