@@ -47,6 +47,7 @@ if(STILLMESH_SANITIZE)
         -fno-omit-frame-pointer)
     target_link_options(stillmesh_contract INTERFACE -fsanitize=address,undefined)
 endif()
+include(toolchains/hardening.cmake)
 if(STILLMESH_BUILD_FUZZERS)  # every line tells libFuzzer that it was reached
     target_compile_options(stillmesh_contract INTERFACE -fsanitize=fuzzer-no-link)
 endif()

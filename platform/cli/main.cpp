@@ -334,6 +334,12 @@ int program(int argc, char** argv) {
         ->type_name("N");
     simulate_command->add_option("--frames", simulation.frames, "how many; the scene's own length if not given")
         ->type_name("N");
+    simulate_command->add_option("--every", simulation.every, "of these each so many-th: a camera that moves faster")
+        ->check(CLI::Range(1U, 1000U))
+        ->type_name("N");
+    simulate_command->add_option("--width", simulation.width, "px; the height is three quarters of it (640)")
+        ->check(CLI::Range(64U, 2044U))
+        ->type_name("N");
     simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");
     std::string scenes = "Scenes, at 30 frames/s:\n";
     for (const SimulatedScene& scene : simulated_scenes()) {

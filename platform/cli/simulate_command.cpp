@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -62,8 +63,12 @@ private:
 }  // namespace
 
 int simulate_command(const SimulateOptions& options) {
-    SimulatedCamera camera(
-        {.scene = options.scene, .seed = options.seed, .day = options.day, .frames = options.frames});
+    SimulatedCamera camera({.scene = options.scene,
+                            .seed = options.seed,
+                            .day = options.day,
+                            .frames = options.frames,
+                            .width = options.width,
+                            .height = options.width * 3 / 4});
     if (camera.open() != Status::kOk) return complain(kExitUsage, camera.message() + ".");
 
     std::error_code error;
@@ -102,7 +107,11 @@ int simulate_command(const SimulateOptions& options) {
     double share_sum = 0;
     std::string problem;
     Frame frame;
-    while (stop_signal() == 0 && camera.poll(frame) == Status::kOk) {
+    const std::uint32_t every = std::max(options.every, 1U);
+    const std::uint32_t frame_count = (camera.frame_count() + every - 1) / every;
+    while (stop_signal() == 0 && count < frame_count) {
+        camera.seek(count * every);
+        if (camera.poll(frame) != Status::kOk) break;
         const std::string colour_time = time_text(frame.time_ns);
         const std::string depth_time = time_text(frame.depth_time_ns);
         const std::string rgb = "rgb/" + colour_time + ".png";
@@ -131,10 +140,9 @@ int simulate_command(const SimulateOptions& options) {
         above += camera.dynamic_share() > 0.3;
         const std::int64_t now_ns = monotonic_ns();
         if (!options.is_json && now_ns - shown_ns > (is_terminal ? 200'000'000 : 10'000'000'000)) {
-            const double left_s =
-                static_cast<double>(now_ns - begin_ns) * 1e-9 / count * (camera.frame_count() - count);
+            const double left_s = static_cast<double>(now_ns - begin_ns) * 1e-9 / count * (frame_count - count);
             std::fprintf(stderr, "%s%s: frame %u of %u, %.0f s left%s", is_terminal ? "\r\033[K" : "",
-                         options.scene.c_str(), count, camera.frame_count(), left_s, is_terminal ? "" : "\n");
+                         options.scene.c_str(), count, frame_count, left_s, is_terminal ? "" : "\n");
             shown_ns = now_ns;
         }
     }

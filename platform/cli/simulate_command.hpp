@@ -12,9 +12,11 @@ struct SimulateOptions {
     std::string scene;  // such as walking_xyz
     std::string out;    // folder to make; must not be there, or be empty
     std::uint64_t seed = 1;
-    std::uint64_t day = 0;     // not 0: the same room, another day
-    std::uint32_t frames = 0;  // 0: the scene's own length
-    bool is_json = false;      // summary as JSON, no progress
+    std::uint64_t day = 0;      // not 0: the same room, another day
+    std::uint32_t frames = 0;   // of the camera; 0: the scene's own length
+    std::uint32_t width = 640;  // px; the height is three quarters of it
+    std::uint32_t every = 1;    // of the camera's frames each so many-th is written: a camera that moves faster
+    bool is_json = false;       // summary as JSON, no progress
 };
 
 // Writes rgb/, depth/, masks/, rgb.txt, depth.txt, masks.txt, groundtruth.txt and camera.yaml, and prints the share of

@@ -12,6 +12,8 @@
   tested    every header of a room of engine/ is included by a test
   references  what a text names as a file of the repository is there
   stack     every frame in the engine is bounded and small, nothing recurses; prints the deepest path
+  hardening the program is position independent, its tables are read-only once it runs, its stack guarded and no code, libc's calls
+            know their buffers, and jumps and returns are marked or signed
   size      code and read-only data of the engine library stay below the limit, and it has no writable data
 
 Every check is a function from text to a list of complaints, so that selftest.py can feed it wrong text.
@@ -391,6 +393,8 @@ def call_graph(disassembly):
         elif mnemonic == "sub" and operands.startswith("$0x") and operands.endswith(",%rsp"):
             size = int(operands[1:].split(",")[0], 16)
             frame += size if size < 1 << 62 else 0  # a negative number gives the frame back
+        elif mnemonic == "lea" and (pages := re.match(r"^-0x([0-9a-f]+000)\(%rsp\),%r11$", operands)):
+            frame += int(pages.group(1), 16) - 0x1000  # the end of a loop that takes page after page; its sub is one of them
         elif mnemonic == "call" or mnemonic.startswith("j"):
             last = "call" if mnemonic == "call" else "jump"
             if operands.startswith("*"):
@@ -460,6 +464,52 @@ def check_stack(arguments):
         if not graph:
             complaints.append("the disassembly could not be read")
     return complaints
+
+
+# --- hardening -------------------------------------------------------------------------------------------------------
+
+# What stands at the entry of a function that may be reached through a pointer, or that signs where it returns to; the feature
+# in the marks of an object; and how a large frame is touched page by page.
+ENTRIES = {"Advanced Micro Devices X86-64": (r"endbr64", "x86 feature: IBT, SHSTK", r"sub +\$0x1000,%rsp\n.*\b(or|mov)q +\$0x0,(0x[0-9a-f]+)?\(%rsp\)"),
+           # Frames below 64 KiB are not: gcc counts on a guard of that size there.
+           "AArch64": (r"paciasp|hint\s+#0x19|bti", "AArch64 feature: BTI, PAC", "")}
+
+
+def hardening_complaints(program, main, library, library_notes):
+    """program: readelf -Whldn --dyn-syms of it; main: its disassembled main; of the engine library: the disassembly, and readelf -n."""
+    complaints = []
+
+    def expect(holds, sentence):
+        if not holds:
+            complaints.append(sentence)
+    expect(re.search(r"Type:\s+DYN", program) and re.search(r"FLAGS_1.*\bPIE\b", program), "not position independent")
+    expect("GNU_RELRO" in program, "tables of addresses stay writable (no relro)")
+    expect(re.search(r"FLAGS_1.*\bNOW\b|BIND_NOW", program), "addresses are filled in while it runs (not -z now)")
+    expect(re.search(r"GNU_STACK(\s+0x[0-9a-f]+){5}\s+RW\s", program), "the stack is code, or is not said not to be")
+    expect("TEXTREL" not in program, "code is written to when it is loaded")
+    expect("__stack_chk_fail" in program, "no guards on the stack")
+    checked = set(re.findall(r"\b__(?!stack)\w+_chk\b", program))
+    expect(checked, "libc's calls do not know their buffers (_FORTIFY_SOURCE)")
+    machine = re.search(r"Machine:\s+(.*\S)", program)
+    entry, marks, touch = ENTRIES.get(machine.group(1) if machine else "", (None, None, None))
+    if entry:
+        expect(re.search(entry, main), "main has no mark for a jump or a return")
+        expect(marks in library_notes, f"the library is not marked: {marks}")
+        expect(re.search(touch, library), "large frames are not touched page by page")
+    return complaints
+
+
+def hardening_of(arguments, program, library):
+    def said(*command):
+        return subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, "LC_ALL": "C"}).stdout
+    return hardening_complaints(said(arguments.readelf, "-Whldn", "--dyn-syms", program),
+                                said(arguments.objdump, "-d", "--no-show-raw-insn", "--disassemble=main", program),
+                                said(arguments.objdump, "-d", "--no-show-raw-insn", library),
+                                said(arguments.readelf, "-n", library))
+
+
+def check_hardening(arguments):
+    return hardening_of(arguments, arguments.program, arguments.library)
 
 
 # --- size ------------------------------------------------------------------------------------------------------------
@@ -631,7 +681,7 @@ def main(checks):
     """checks: {name: function}; runs the one that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("check", choices=sorted(checks))
-    for name in ("source", "build", "compiler", "nm", "objdump", "library"):
+    for name in ("source", "build", "compiler", "nm", "objdump", "readelf", "library", "program"):
         parser.add_argument(f"--{name}", required=True)
     arguments = parser.parse_args()
     complaints = checks[arguments.check](arguments)

@@ -92,6 +92,37 @@ def references_selftest(expect):
     expect("links", references("[x](gone.png)", "docs/method.md"), 1)
 
 
+HARDENED = ["-fPIE", "-pie", "-Wl,-z,relro", "-Wl,-z,now", "-Wl,-z,noexecstack", "-fstack-protector-strong", "-D_FORTIFY_SOURCE=2",
+            "-fcf-protection=full", "-fstack-clash-protection"]
+SOFT = ["-fno-pie", "-no-pie", "-Wl,-z,norelro", "-Wl,-z,lazy", "-Wl,-z,execstack", "-fno-stack-protector", "-U_FORTIFY_SOURCE",
+        "-fcf-protection=none", "-fno-stack-clash-protection"]
+# What each of them is worth when it is gone: -fPIE goes with -pie, and marks and entries are two complaints.
+WORTH = {"-pie": 1, "-Wl,-z,relro": 1, "-Wl,-z,now": 1, "-Wl,-z,noexecstack": 1, "-fstack-protector-strong": 1,
+         "-D_FORTIFY_SOURCE=2": 1, "-fcf-protection=full": 2, "-fstack-clash-protection": 1}
+
+
+def hardening_selftest(arguments, folder, expect):
+    """Real programs of the compiler at hand: all flags, each of them missing, none."""
+    (folder / "main.cpp").write_text("#include <cstring>\nint main(int, char** v) { char page[20000]; std::strcpy(page, v[0]); "
+                                     "return page[1] != 0 ? page[0] : 1; }\n")
+
+    def complaints_of(flags):
+        for output in ([], ["-c"]):
+            subprocess.run([arguments.compiler, "-O2", *flags, *output, "main.cpp", "-o", "o.o" if output else "program"],
+                           cwd=folder, check=True, capture_output=True)
+        return house.hardening_of(arguments, str(folder / "program"), str(folder / "o.o"))
+    expect("hardened", complaints_of(HARDENED), 0)
+    # Its frame of five pages, taken page by page in a loop or in a row, counts as a whole, and once.
+    disassembly = subprocess.run([arguments.objdump, "-dr", "--no-show-raw-insn", str(folder / "o.o")], capture_output=True,
+                                 text=True, check=True).stdout
+    frame = house.call_graph(disassembly)["main"][0]
+    expect(f"a frame of {frame} bytes", [] if 20_000 <= frame <= 21_000 else [frame], 0)
+    expect("not hardened", complaints_of(SOFT), sum(WORTH.values()))
+    for at, flag in enumerate(HARDENED):
+        if flag in WORTH:
+            expect(f"hardened but for {flag}", complaints_of(HARDENED[:at] + [SOFT[at]] + HARDENED[at + 1:]), WORTH[flag])
+
+
 def check_selftest(arguments):
     complaints = []
 
@@ -174,6 +205,7 @@ def check_selftest(arguments):
         expect("headers", house.header_complaints(arguments, directory, ["open.hpp", "missing.hpp"]), 2)
         machine = subprocess.run([arguments.compiler, "-dumpmachine"], capture_output=True, text=True, check=True).stdout
         if machine.startswith("x86_64"):
+            hardening_selftest(arguments, folder, expect)
             disassembly = subprocess.run([arguments.objdump, "-dr", "--no-show-raw-insn", str(folder / "bad.o")],
                                          capture_output=True, text=True, check=True).stdout
             found = house.graph_complaints(house.call_graph(disassembly))[1]

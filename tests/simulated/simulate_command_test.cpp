@@ -61,6 +61,32 @@ TEST_F(SimulateCommand, WritesWhatTheCameraSees) {
     EXPECT_EQ(replay.poll(b), Status::kEnd);
 }
 
+// Promise: with --width and --every the folder is that of a smaller camera, each so many-th of its frames, at their
+// times.
+TEST_F(SimulateCommand, WritesASmallerFasterCamera) {
+    ASSERT_EQ(
+        simulate_command(
+            {.scene = "static_loop", .out = folder_.string(), .frames = 8, .width = 96, .every = 3, .is_json = true}),
+        0);
+    SimulatedCamera simulated({.scene = "static_loop", .frames = 8, .width = 96, .height = 72});
+    ReplayOptions options;
+    options.folder = folder_.string();
+    ReplayCamera replay(options);
+    ASSERT_EQ(simulated.open(), Status::kOk);
+    ASSERT_EQ(replay.open(), Status::kOk) << replay.message();
+    Frame a;
+    Frame b;
+    for (std::uint32_t i = 0; i < 8; ++i) {
+        ASSERT_EQ(simulated.poll(a), Status::kOk);
+        if (i % 3 != 0) continue;
+        ASSERT_EQ(replay.poll(b), Status::kOk);
+        ASSERT_EQ(b.colour.width, 96U);
+        EXPECT_EQ(a.time_ns, b.time_ns);
+        EXPECT_EQ(std::memcmp(a.depth.data, b.depth.data, 2 * std::size_t{96} * 72), 0);
+    }
+    EXPECT_EQ(replay.poll(b), Status::kEnd);
+}
+
 // Promise: a folder with anything in it is refused and left as it is; so is a scene that does not exist.
 TEST_F(SimulateCommand, RefusesWhatItCannotUse) {
     std::filesystem::create_directories(folder_);
