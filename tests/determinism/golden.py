@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The same bits on every processor: the state hash of every frame of a few short runs, against golden.txt.
 
-usage: golden.py [--update] [--only NAME] [--data DIR] PROGRAM [PROGRAM ...]
+usage: golden.py [--update] [--only NAME] [--part runs|stories] [--data DIR] PROGRAM [PROGRAM ...]
 
 A PROGRAM is a path of `stillmesh`, or a command such as 'qemu-arm -L SYSROOT stillmesh'. Every program must give the hashes
 of the first one, frame by frame, and the hash over all frames that golden.txt holds. --update writes golden.txt from the
@@ -145,6 +145,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--update", action="store_true")
     parser.add_argument("--only", choices=[*RUNS, *SEQUENCES])
+    parser.add_argument("--part", choices=["runs", "stories"], help="the short runs, or the longer stories")
     parser.add_argument("--data", default=os.environ.get("STILLMESH_TEST_DATA", ""))
     parser.add_argument("programs", nargs="+", metavar="PROGRAM")
     arguments = parser.parse_args()
@@ -154,7 +155,7 @@ def main():
         if GOLDEN.is_file() else {}
     compared, wrong = 0, 0
     for name in [*RUNS, *SEQUENCES]:
-        if arguments.only not in (None, name):
+        if arguments.only not in (None, name) or arguments.part == ("stories" if name in RUNS else "runs"):
             continue
         if "{data}" in " ".join(RUNS.get(name, [])) and not arguments.data:
             print(f"golden: {name} NOT compared: STILLMESH_TEST_DATA names no folder of recordings")
