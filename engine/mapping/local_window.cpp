@@ -136,12 +136,10 @@ void LocalWindow::hold_the_oldest() noexcept {
 }
 
 void LocalWindow::fill_adjustment() noexcept {
-    for (std::uint32_t k = 0; k < keyframe_count_; ++k) {
+    for (std::uint32_t k = 0; k < keyframe_count_; ++k)
         STILLMESH_CHECK(adjustment_.add_keyframe(keyframes_[k].world_from_camera, keyframes_[k].is_fixed).is_ok());
-    }
-    for (std::uint32_t i = 0; i < point_count_; ++i) {
+    for (std::uint32_t i = 0; i < point_count_; ++i)
         STILLMESH_CHECK(adjustment_.add_point(vector_of(points_[i].world)).is_ok());
-    }
 }
 
 // --- collect ---------------------------------------------------------------------------------------------------------

@@ -31,9 +31,8 @@ public:
     // The most matches in three bins side by side.
     [[nodiscard]] std::uint32_t count_alike() const noexcept {
         std::uint32_t alike = 0;
-        for (std::int32_t i = 0; i < kBins; ++i) {
+        for (std::int32_t i = 0; i < kBins; ++i)
             alike = std::max(alike, counts_[i] + counts_[(i + 1) % kBins] + counts_[(i + 2) % kBins]);
-        }
         return alike;
     }
 

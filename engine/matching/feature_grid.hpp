@@ -41,9 +41,8 @@ public:
             begin_[i] = static_cast<std::uint16_t>(sum);
         }
         begin_[count] = static_cast<std::uint16_t>(sum);
-        for (std::size_t i = features.size(); i > 0; --i) {
+        for (std::size_t i = features.size(); i > 0; --i)
             order_[--begin_[cell_of(features[i - 1].x, features[i - 1].y)]] = static_cast<std::uint16_t>(i - 1);
-        }
     }
 
     // Calls visit(feature index) for every feature in a cell that the square of side 2 radius around (x, y) touches,

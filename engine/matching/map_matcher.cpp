@@ -72,9 +72,7 @@ void MapMatcher::by_projection(const Map& map, const LocalMap* local, const SE3&
         // A point twice as far is seen on the level whose scale is half: which level to expect.
         const double ratio = static_cast<double>(point.distance_m) / q.z() * scale_of_level_[point.level];
         std::int32_t level = 0;
-        while (level + 1 < levels && scale_of_level_[static_cast<std::size_t>(level)] * level_step < ratio) {
-            ++level;
-        }
+        while (level + 1 < levels && scale_of_level_[static_cast<std::size_t>(level)] * level_step < ratio) ++level;
         const double radius = radius_px * scale_of_level_[static_cast<std::size_t>(level)];
         const NearestTwo<Found> two = find_nearest(point.descriptor, pixel, radius, level, is_more);
         if (!two.is_any()) continue;
@@ -135,12 +133,9 @@ void MapMatcher::by_descriptor(const Map& map, Handle<Keyframe> keyframe) noexce
         const MapPoint* const point = map.points().find(observation.point);
         if (point == nullptr) continue;
         NearestTwo<std::uint32_t> two{parameters_.hamming_wide_max};
-        for (std::uint32_t i = 0; i < features_->size(); ++i) {
+        for (std::uint32_t i = 0; i < features_->size(); ++i)
             two.offer(hamming_distance(features_->descriptors[i], point->descriptor), i);
-        }
-        if (two.is_any() && two.is_clear(parameters_.ratio_max)) {
-            claim(two.nearest, observation.point.slot(), two.best);
-        }
+        if (two.is_any() && two.is_clear(parameters_.ratio_max)) claim(two.nearest, observation.point.slot(), two.best);
     }
     keep_common_turn(map);
 }
@@ -177,9 +172,8 @@ void MapMatcher::keep_common_turn(const Map& map) noexcept {
     }
     turn.choose(parameters_.turn_bins);
     for (std::size_t i = 0; i < features_->size(); ++i) {
-        if (!claims_[i].is_free() && !turn.has(angle_of(claims_[i]), features_->keypoints[i].angle_rad)) {
+        if (!claims_[i].is_free() && !turn.has(angle_of(claims_[i]), features_->keypoints[i].angle_rad))
             claims_[i] = Claim{};
-        }
     }
 }
 

@@ -15,17 +15,15 @@ void FrameWords::clear() noexcept {
 
 void FrameWords::find(const Vocabulary& vocabulary, std::span<const Descriptor> descriptors) noexcept {
     clear();
-    for (std::size_t i = 0; i < descriptors.size(); ++i) {
+    for (std::size_t i = 0; i < descriptors.size(); ++i)
         STILLMESH_CHECK(by_word_.push({vocabulary.word_of(descriptors[i]), static_cast<std::uint16_t>(i)}));
-    }
     sort_by_word();
 }
 
 void FrameWords::assign(std::span<const std::uint16_t> words) noexcept {
     clear();
-    for (std::size_t i = 0; i < words.size(); ++i) {
+    for (std::size_t i = 0; i < words.size(); ++i)
         STILLMESH_CHECK(by_word_.push({words[i], static_cast<std::uint16_t>(i)}));
-    }
     sort_by_word();
 }
 

@@ -58,9 +58,8 @@ public:
         std::uint32_t count = 0;
         for (std::uint32_t at = first_of_word_[word]; at != 0;) {
             const Block& block = blocks_[at - 1];
-            for (std::uint32_t i = 0; i < block.count; ++i) {
+            for (std::uint32_t i = 0; i < block.count; ++i)
                 visit(static_cast<std::uint32_t>(block.slots[i]), block.weights[i]);
-            }
             count += block.count;
             at = block.next_plus_one;
         }

@@ -26,9 +26,8 @@ Descriptor descriptor_at(const std::byte* at) noexcept {
     if constexpr (std::endian::native == std::endian::little) {
         std::memcpy(out.words, at, sizeof(out.words));
     } else {
-        for (std::size_t i = 0; i < 4; ++i) {
+        for (std::size_t i = 0; i < 4; ++i)
             out.words[i] = u32_at(at + 8 * i) | static_cast<std::uint64_t>(u32_at(at + 8 * i + 4)) << 32U;
-        }
     }
     return out;
 }
@@ -83,15 +82,13 @@ Status Vocabulary::open(std::span<const std::byte> bytes, std::uint32_t words_ma
     ByteReader reader(bytes.first(kVocabularyHeaderBytes));
     static_cast<void>(reader.bytes(kMagic.size()));
     if (reader.u32() != kVocabularyVersion) return refuse(Status::kInvalid, "is a vocabulary of another version");
-    if (crc32(bytes.first(kHeaderCrcAt)) != u32_at(bytes.data() + kHeaderCrcAt)) {
+    if (crc32(bytes.first(kHeaderCrcAt)) != u32_at(bytes.data() + kHeaderCrcAt))
         return refuse(Status::kCorrupt, "has a damaged header");
-    }
     VocabularyInfo info;
     std::uint64_t file_bytes_told = 0;
     std::uint32_t body_crc = 0;
-    if (!header_fields(reader, info, file_bytes_told, body_crc)) {
+    if (!header_fields(reader, info, file_bytes_told, body_crc))
         return refuse(Status::kCorrupt, "has a header that contradicts itself");
-    }
     if (info.words > words_max) return refuse(Status::kFull, "has more words than limits.vocabulary_words_max");
     if (bytes.size() < file_bytes_told) return refuse(Status::kEnd, "is cut off");
     if (bytes.size() > file_bytes_told) return refuse(Status::kCorrupt, "has bytes behind its end");

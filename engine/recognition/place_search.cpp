@@ -53,9 +53,8 @@ void PlaceSearch::find_words(const Map& map, Handle<Keyframe> keyframe, const Pa
                              FrameWords& out) noexcept {
     const std::span<const Observation> seen = map.observations(keyframe);
     const std::span<std::uint8_t> eligible = eligible_.first(seen.size());
-    for (std::size_t i = 0; i < seen.size(); ++i) {
+    for (std::size_t i = 0; i < seen.size(); ++i)
         eligible[i] = is_static(map.points().find(seen[i].point), configuration.weights.eligible) ? 1 : 0;
-    }
     out.find(*vocabulary_, map.descriptors(keyframe));
     out.weigh(*vocabulary_, eligible);
 }

@@ -159,9 +159,8 @@ std::uint32_t PlaceVerifier::sample() noexcept {
         units += count;
         const SE3 camera_from_world = hypothesis.inverse();
         std::uint32_t agreeing = 0;
-        for (const Correspondence& c : pairs_) {
+        for (const Correspondence& c : pairs_)
             agreeing += chi2_of(c, camera_from_world) <= configuration_->region.point_chi2_max ? 1U : 0U;
-        }
         if (static_cast<double>(agreeing) <= best_weight_) continue;
         best_weight_ = agreeing;
         best_ = hypothesis;
@@ -200,9 +199,8 @@ std::uint32_t PlaceVerifier::refine() noexcept {
     // Only what agrees keeps its claim; the rest may be claimed anew.
     choose_agreeing(fit_.world_from_camera, chi2_max);
     matcher_.clear_claims();
-    for (const std::uint16_t i : chosen_) {
+    for (const std::uint16_t i : chosen_)
         matcher_.set_claim(matches_[i].feature, {matches_[i].point, pairs_[i].distance_bits});
-    }
     stage_ = Stage::kGuide;
     cursor_ = source_ = 0;
     matcher_.begin_projection();

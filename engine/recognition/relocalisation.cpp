@@ -1,5 +1,6 @@
 #include "engine/recognition/relocalisation.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "engine/recognition/recovery.hpp"
@@ -9,6 +10,8 @@ namespace stillmesh {
 void Relocalisation::create(Arena& arena, const Limits& limits, const Parameters& configuration,
                             PlaceSearch& places) noexcept {
     marks_ = arena.array<std::uint8_t>(limits.keyframes_max);
+    alike_ = arena.array<std::uint16_t>(limits.keyframes_max);
+    there_.create(arena, limits.features_max);
     configuration_ = &configuration;
     places_ = &places;
     reset();
@@ -17,17 +20,28 @@ void Relocalisation::create(Arena& arena, const Limits& limits, const Parameters
 void Relocalisation::reset() noexcept {
     forget(kDismissed | kTried);
     rival_ = {};
+    begin_frame();
     matched_ = queries_ = candidates_ = successes_ = 0;
+}
+
+// Of the frame, once: it may be matched, weighed and searched for.
+void Relocalisation::find_words(std::span<const Descriptor> descriptors) noexcept {
+    if (is_in_frame_) return;
+    is_in_frame_ = true;
+    places_->take(PlaceSearch::User::kRelocalisation);
+    places_->words().find(places_->vocabulary(), descriptors);
+    std::fill(alike_.begin(), alike_.end(), kUnknown);
+    compared_ = 0;
 }
 
 bool Relocalisation::match(const Map& map, Handle<Keyframe> keyframe, std::span<const Descriptor> descriptors,
                            MapMatcher& matcher) noexcept {
-    if (!is_on() || !places_->has(keyframe)) return false;
-    places_->take(PlaceSearch::User::kRelocalisation);
-    FrameWords& words = places_->words();
-    words.find(places_->vocabulary(), descriptors);
-    matcher.by_words(map, keyframe, places_->vocabulary(), PlaceMatcher::kNodesLevel, words.by_word(),
-                     places_->database().direct_index(keyframe.slot()));
+    if (!is_on()) return false;
+    find_words(descriptors);
+    const bool is_known = places_->has(keyframe);
+    if (!is_known) there_.find(places_->vocabulary(), map.descriptors(keyframe));
+    matcher.by_words(map, keyframe, places_->vocabulary(), PlaceMatcher::kNodesLevel, places_->words().by_word(),
+                     is_known ? places_->database().direct_index(keyframe.slot()) : there_.by_word());
     ++matched_;
     return true;
 }
@@ -35,7 +49,7 @@ bool Relocalisation::match(const Map& map, Handle<Keyframe> keyframe, std::span<
 void Relocalisation::begin(std::span<const Descriptor> descriptors, const NoiseFactors& noise) noexcept {
     descriptors_ = descriptors;
     noise_ = noise;
-    places_->take(PlaceSearch::User::kRelocalisation);
+    find_words(descriptors);
     places_->verifier().begin_query(descriptors);
 }
 
@@ -51,7 +65,6 @@ bool Relocalisation::query(const Map& map) noexcept {
     const std::span<std::uint8_t> eligible = places_->eligible().first(features.size());
     for (std::size_t i = 0; i < features.size(); ++i) eligible[i] = features[i].var_z >= 0 ? 1 : 0;
     FrameWords& words = places_->words();
-    words.find(places_->vocabulary(), descriptors_);
     words.weigh(places_->vocabulary(), eligible);
     verifier.end_query(words.by_word());
     places_->purge(map);
@@ -62,9 +75,14 @@ bool Relocalisation::query(const Map& map) noexcept {
     return true;
 }
 
-std::uint32_t Relocalisation::count_alike(const Map& map, Handle<Keyframe> keyframe) const noexcept {
-    return places_->verifier().matcher().count_alike(map, places_->vocabulary(), keyframe,
-                                                     places_->database().direct_index(keyframe.slot()));
+std::uint32_t Relocalisation::count_alike(const Map& map, Handle<Keyframe> keyframe) noexcept {
+    std::uint16_t& alike = alike_[keyframe.slot()];
+    if (alike == kUnknown) {
+        ++compared_;
+        alike = static_cast<std::uint16_t>(places_->verifier().matcher().count_alike(
+            map, places_->vocabulary(), keyframe, places_->database().direct_index(keyframe.slot())));
+    }
+    return alike;
 }
 
 bool Relocalisation::verify(const Map& map, Handle<Keyframe> keyframe) noexcept {
@@ -83,14 +101,12 @@ bool Relocalisation::verify(const Map& map, Handle<Keyframe> keyframe) noexcept 
 bool Relocalisation::find(const Map& map) noexcept {
     if (!query(map)) return false;
     Place best[kTriesPerFrame];  // the worthiest first
-    std::uint32_t compared = 0;
     for (const PlaceCandidate& candidate : places_->query().candidates()) {
         const std::uint32_t slot = candidate.keyframe_slot;
-        if (compared == kComparedPerFrame) break;
+        if (compared_ == kComparedPerFrame && alike_[slot] == kUnknown) break;
         if ((marks_[slot] & kDismissed) != 0 || !map.keyframes().is_taken(slot)) continue;
         Place place{map.keyframes().handle_of(slot)};
         if (!places_->has(place.keyframe)) continue;
-        ++compared;
         const std::uint32_t alike = count_alike(map, place.keyframe);
         if (alike < kAlikeMin) {
             marks_[slot] |= kDismissed;
@@ -103,11 +119,12 @@ bool Relocalisation::find(const Map& map) noexcept {
         }
     }
     rival_ = {};
-    const bool is_all = compared < kComparedPerFrame;
+    const bool is_all = compared_ < kComparedPerFrame;
     if (is_all) forget(kDismissed);  // begin again
     Handle<Keyframe> found;
     std::uint64_t likeness = 0;
-    for (std::uint32_t i = kTriesPerFrame; i-- > 0;) {  // the worthiest last: mostly it is the one to be held
+    // The worthiest last: mostly it is the one to be held. Weighing has verified three already.
+    for (std::uint32_t i = is_weighed_ ? 1 : kTriesPerFrame; i-- > 0;) {
         if (best[i].worth == 0) continue;
         marks_[best[i].keyframe.slot()] |= kTried;
         if (!verify(map, best[i].keyframe) || places_->verifier().likeness(map) < likeness) continue;
@@ -122,6 +139,7 @@ Relocalisation::Evidence Relocalisation::weigh(const Map& map, const SE3& world_
     Evidence out;
     rival_ = {};
     if (!query(map)) return out;
+    is_weighed_ = true;
     // Verification finds a camera no farther from a keyframe than this: one farther away speaks for another place.
     const double near_m = configuration_->loop.distance_max_m;
     Place here, elsewhere[2];  // the worthiest first

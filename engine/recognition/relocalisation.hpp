@@ -9,7 +9,8 @@
 // Rooms of one building look alike, and so do their keyframes: of two that are verified the better is the place, and as
 // long as it is not believed each frame is held against the best keyframes there and elsewhere (weigh()).
 //
-// Cost: words of a frame, one query, kComparedPerFrame compared (some 0.05 ms each) and three verifications at most.
+// Cost: words of a frame, one query, kComparedPerFrame compared (some 0.05 ms each) and three verifications at most. A
+// frame that was weighed and is searched for after all has one query, and one verification or two, more.
 #pragma once
 
 #include <cstdint>
@@ -33,17 +34,22 @@ public:
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         arena.array<std::uint8_t>(limits.keyframes_max);
+        arena.array<std::uint16_t>(limits.keyframes_max);
+        FrameWords::plan(arena, limits.features_max);
     }
     void create(Arena& arena, const Limits& limits, const Parameters& configuration, PlaceSearch& places) noexcept;
     void reset() noexcept;
 
     [[nodiscard]] bool is_on() const noexcept { return places_->is_on() && configuration_->loop.is_relocalising; }
+    // Another frame comes.
+    void begin_frame() noexcept { is_in_frame_ = is_weighed_ = false; }
     // Matches the frame with a keyframe through the direct index (method.md 2): as many matches as all pairs give, in a
-    // ninth of the time (docs/places.md). False: nothing was done, since the keyframe's words are not known (yet).
+    // ninth of the time (docs/places.md). A keyframe whose words are not known yet gets them for this: all pairs were
+    // 60 million instructions, two thirds of a whole frame. False: nothing was done, relocalisation is off.
     [[nodiscard]] bool match(const Map& map, Handle<Keyframe> keyframe, std::span<const Descriptor> descriptors,
                              MapMatcher& matcher) noexcept;
 
-    // Begins with a new frame, whose descriptors are borrowed until the next; then its features one by one.
+    // Begins to ask about the frame, whose descriptors are borrowed until the next; then its features one by one.
     void begin(std::span<const Descriptor> descriptors, const NoiseFactors& noise) noexcept;
     void add_feature(const Observation& observation) noexcept;
     // True: world_from_camera() and matches() are the answer.
@@ -70,10 +76,12 @@ private:
     };
     // The words of the features added, and the keyframes that have some. False: there are too few features.
     [[nodiscard]] bool query(const Map& map) noexcept;
-    [[nodiscard]] std::uint32_t count_alike(const Map& map, Handle<Keyframe> keyframe) const noexcept;
+    void find_words(std::span<const Descriptor> descriptors) noexcept;
+    [[nodiscard]] std::uint32_t count_alike(const Map& map, Handle<Keyframe> keyframe) noexcept;
     [[nodiscard]] bool verify(const Map& map, Handle<Keyframe> keyframe) noexcept;
 
     static constexpr std::uint8_t kDismissed = 1, kTried = 2;
+    static constexpr std::uint16_t kUnknown = 0xffff;
     void forget(std::uint8_t marks) noexcept {
         for (std::uint8_t& mark : marks_) mark = static_cast<std::uint8_t>(mark & ~marks);
     }
@@ -84,6 +92,11 @@ private:
     NoiseFactors noise_;
     Handle<Keyframe> rival_;         // the best of the last weigh() that speaks for another place: the next to be tried
     std::span<std::uint8_t> marks_;  // by keyframe slot, in this round
+    std::span<std::uint16_t> alike_;  // by keyframe slot: features alike in this frame; kUnknown: not counted yet
+    FrameWords there_;                // of a keyframe whose words are not known yet
+    std::uint32_t compared_ = 0;      // keyframes in this frame
+    bool is_in_frame_ = false;        // its words are found
+    bool is_weighed_ = false;         // and it was held against the best keyframes
     std::uint64_t matched_ = 0, queries_ = 0, candidates_ = 0, successes_ = 0;
 };
 

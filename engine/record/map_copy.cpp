@@ -184,9 +184,8 @@ Progress MapCopy::step(const Map& map, const MapMoment& moment, WorkBudget& budg
 bool MapCopy::take_instant(const Map& map, const MapMoment& moment, WorkBudget& budget) noexcept {
     const Pool<Keyframe>& keyframes = map.keyframes();
     std::uint32_t late = 0;
-    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
+    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot)
         late += keyframes.is_taken(slot) && !is_staged(map, slot) ? 1U : 0U;
-    }
     budget.spend(keyframes.slots_count() / 16 + 1);
     if (late > kLateMax) return false;
     MapFileInfo& info = parts_.head->info;
@@ -237,9 +236,7 @@ std::uint64_t MapFileWriter::hash() const noexcept {
     const std::span<std::byte> out(buffer);
     for (std::uint32_t section = 0; section < kSections; ++section) {
         Cursor at;
-        while (const std::size_t size = write_next(parts, section, at, out)) {
-            add_record(hash, section, out.first(size));
-        }
+        while (const std::size_t size = write_next(parts, section, at, out)) add_record(hash, section, out.first(size));
     }
     return hash.value();
 }

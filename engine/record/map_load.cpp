@@ -83,9 +83,8 @@ Status check_sections(const MapFile& file, MapFileProblem& problem) noexcept {
         const bool is_head =
             tag == kTags[s] && reader.u32() == records_of(file.info, s) && reader.u64() == section_bytes(file.info, s);
         ByteReader crc(file.bytes.subspan(begin + size, kCrcBytes));
-        if (!is_head || crc.u32() != crc32(file.bytes.subspan(begin, size))) {
+        if (!is_head || crc.u32() != crc32(file.bytes.subspan(begin, size)))
             return fail(problem, MapFault::kDamaged, kNames[s]);
-        }
     }
     return Status::kOk;
 }
@@ -93,9 +92,8 @@ Status check_sections(const MapFile& file, MapFileProblem& problem) noexcept {
 Status check_camera(const MapFile& file, const CameraModel& ours, MapFileProblem& problem) noexcept {
     double readout_s = 0;
     const CameraModel c = file.camera(readout_s);
-    if (!is_in(readout_s, -kReadoutMax_s, kReadoutMax_s)) {
+    if (!is_in(readout_s, -kReadoutMax_s, kReadoutMax_s))
         return fail(problem, MapFault::kImpossible, "the readout of the camera");
-    }
     const struct {
         const char* name;
         double value, ours;
@@ -171,9 +169,8 @@ const char* check_records(const MapFile& file, std::span<std::uint64_t> marks) n
     for (std::uint32_t i = 0; i < info.points; ++i) {
         MapPoint point;
         std::uint32_t reference = 0;
-        if (!file.point(i, point, reference) || !is_point(point, bounds_of(info)) || reference > info.keyframes) {
+        if (!file.point(i, point, reference) || !is_point(point, bounds_of(info)) || reference > info.keyframes)
             return "a point";
-        }
         marks[i] = std::uint64_t{reference} << 32U;
     }
     std::uint32_t roots = 0;
@@ -187,9 +184,7 @@ const char* check_records(const MapFile& file, std::span<std::uint64_t> marks) n
         if (keyframe.observations > info.features - first) return "the number of a keyframe's features";
         most = std::max(most, keyframe.observations);
         const std::uint32_t end = first + keyframe.observations;
-        if (const char* const fault = check_features(file, k, first, end, marks); fault != nullptr) {
-            return fault;
-        }
+        if (const char* const fault = check_features(file, k, first, end, marks); fault != nullptr) return fault;
         first = end;
     }
     if (first != info.features || most != info.features_of_keyframe) return "the number of a keyframe's features";
@@ -197,9 +192,8 @@ const char* check_records(const MapFile& file, std::span<std::uint64_t> marks) n
     for (std::uint32_t i = 0; i < info.points; ++i) {
         const bool has_observers = (marks[i] & kObserver) != 0;
         const bool has_reference = (marks[i] >> 32U) != 0;
-        if (has_observers != has_reference || (has_reference && (marks[i] & kReferenceSeen) == 0)) {
+        if (has_observers != has_reference || (has_reference && (marks[i] & kReferenceSeen) == 0))
             return "the reference of a point";
-        }
     }
     return nullptr;
 }
@@ -211,17 +205,15 @@ Status read_map_header(std::span<const std::byte> bytes, MapFileInfo& info, MapF
     ByteReader reader(bytes);
     static_cast<void>(reader.bytes(kMapMagic.size()));
     const std::uint32_t version = reader.u32();
-    if (reader.is_ok() && version != kMapVersion) {
+    if (reader.is_ok() && version != kMapVersion)
         return fail(problem, MapFault::kOtherVersion, "", version, kMapVersion);
-    }
     if (bytes.size() < kMapHeaderBytes) {
         return fail(problem, MapFault::kCutOff, "", static_cast<double>(bytes.size()),
                     static_cast<double>(kMapHeaderBytes));
     }
     ByteReader crc(bytes.subspan(kMapHeaderBytes - kCrcBytes));
-    if (crc.u32() != crc32(bytes.first(kMapHeaderBytes - kCrcBytes))) {
+    if (crc.u32() != crc32(bytes.first(kMapHeaderBytes - kCrcBytes)))
         return fail(problem, MapFault::kDamaged, "header");
-    }
     const std::uint32_t header_bytes = reader.u32();
     header_fields(reader, info);
     if (!reader.is_ok() || header_bytes != kMapHeaderBytes || info.size_bytes != records_at(info, kSections) ||
@@ -241,9 +233,7 @@ Status check_map_file(std::span<const std::byte> bytes, const Limits& limits, co
                   {"limits.map_points_max", info.points, limits.map_points_max},
                   {"limits.features_max", info.features_of_keyframe, limits.features_max}};
     for (const auto& count : counts) {
-        if (count.value > count.limit) {
-            return fail(problem, MapFault::kTooManyFor, count.key, count.value, count.limit);
-        }
+        if (count.value > count.limit) return fail(problem, MapFault::kTooManyFor, count.key, count.value, count.limit);
     }
     if (bytes.size() != info.size_bytes) {
         return fail(problem, bytes.size() < info.size_bytes ? MapFault::kCutOff : MapFault::kTooLong, "",
@@ -251,15 +241,12 @@ Status check_map_file(std::span<const std::byte> bytes, const Limits& limits, co
     }
     const MapFile file{bytes, info};
     STILLMESH_TRY(check_sections(file, problem));
-    if (info.extractor != origin.extractor) {
+    if (info.extractor != origin.extractor)
         return fail(problem, MapFault::kOtherExtractor, "", info.extractor, origin.extractor);
-    }
-    if (info.pyramid_levels != origin.pyramid_levels) {
+    if (info.pyramid_levels != origin.pyramid_levels)
         return fail(problem, MapFault::kOtherFeatures, "features.levels", info.pyramid_levels, origin.pyramid_levels);
-    }
-    if (info.scale_factor != origin.scale_factor) {
+    if (info.scale_factor != origin.scale_factor)
         return fail(problem, MapFault::kOtherFeatures, "features.scale_factor", info.scale_factor, origin.scale_factor);
-    }
     STILLMESH_TRY(check_camera(file, origin.camera, problem));
     const char* const fault = info.keyframes == 0 ? "a map without keyframes" : check_records(file, map.scratch());
     return fault == nullptr ? Status::kOk : fail(problem, MapFault::kImpossible, fault);

@@ -55,9 +55,8 @@ public:
             return number_[a] != number_[b] ? number_[a] > number_[b] : a < b;
         });
         const auto numbered = static_cast<std::uint32_t>(std::min<std::size_t>(roots_.size(), components_max));
-        for (std::uint32_t i = 0; i < roots_.size(); ++i) {
+        for (std::uint32_t i = 0; i < roots_.size(); ++i)
             number_[roots_[i]] = i < numbered ? static_cast<std::uint16_t>(i) : kNone;
-        }
         return numbered;
     }
     // Its number; kNone where there is no component, or a small one beyond the limit.

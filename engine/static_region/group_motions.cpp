@@ -46,9 +46,8 @@ std::uint32_t GroupMotions::fit_one(const RegionInput& input, std::uint32_t iter
     motion.weighted = static_cast<std::uint32_t>(members.size());
     const SE3 camera_from_world = motion.world_from_camera.inverse();
     double sum = 0;
-    for (const std::uint16_t i : members) {
+    for (const std::uint16_t i : members)
         sum += chi2_over_time(input.correspondences[i], camera_from_world, input.configuration);
-    }
     motion.chi2_mean = sum / motion.weighted;
     return result.iterations;
 }

@@ -174,9 +174,8 @@ Hypotheses::Share Hypotheses::triangles_of(const RegionInput& input) const noexc
         const double z = (a.p_camera.z() + b.p_camera.z() + c.p_camera.z()) / 3.0;
         const double area = weight * twice_area(mesh, triangle) * z * z;
         share.all += area;
-        if (is_inlier_[i] != 0 && is_inlier_[j] != 0 && is_inlier_[k] != 0) {
+        if (is_inlier_[i] != 0 && is_inlier_[j] != 0 && is_inlier_[k] != 0)
             share.agreeing += area * std::min({agreement_at(i), agreement_at(j), agreement_at(k)});
-        }
     }
     return share;
 }

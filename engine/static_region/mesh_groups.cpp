@@ -57,9 +57,8 @@ void MeshGroups::triangulate(std::span<const Correspondence> correspondences,
     }
     const Status status = delaunay_.triangulate(pixels_.span());
     STILLMESH_CHECK(status == Status::kOk || status == Status::kDegenerate);
-    for (std::size_t i = mesh().vertex_of_point.size(); i > 0; --i) {
+    for (std::size_t i = mesh().vertex_of_point.size(); i > 0; --i)
         first_of_vertex_[mesh().vertex_of_point[i - 1]] = correspondence_of_pixel_[i - 1];
-    }
 }
 
 void MeshGroups::cut_edges(std::span<const Correspondence> correspondences, const RegionParameters& parameters,
@@ -104,9 +103,8 @@ void MeshGroups::connect_triangles(std::span<const Correspondence> correspondenc
     }
     for (const MeshEdge& edge : mesh().edges) {
         if (edge.left_triangle == kNoTriangle || edge.right_triangle == kNoTriangle) continue;
-        if (components_.has(edge.left_triangle) && components_.has(edge.right_triangle)) {
+        if (components_.has(edge.left_triangle) && components_.has(edge.right_triangle))
             components_.join(edge.left_triangle, edge.right_triangle);
-        }
     }
     count_ = components_.number(groups_max_);
     for (std::size_t i = 0; i < triangles.size(); ++i) {
@@ -131,9 +129,8 @@ void MeshGroups::connect_edges() noexcept {
         components_.join(edge.a, edge.b);
     }
     count_ = components_.number(groups_max_);
-    for (std::size_t i = 0; i < mesh().vertices.size(); ++i) {
+    for (std::size_t i = 0; i < mesh().vertices.size(); ++i)
         group_of_correspondence_[first_of_vertex_[i]] = components_.of(i);
-    }
 }
 
 void MeshGroups::merge(std::uint16_t into, std::uint16_t from) noexcept {
@@ -144,9 +141,8 @@ void MeshGroups::merge(std::uint16_t into, std::uint16_t from) noexcept {
 
 // The other correspondences in a vertex's cell.
 void MeshGroups::group_correspondences() noexcept {
-    for (std::size_t i = 0; i < mesh().vertex_of_point.size(); ++i) {
+    for (std::size_t i = 0; i < mesh().vertex_of_point.size(); ++i)
         group_of_correspondence_[correspondence_of_pixel_[i]] = group_of_vertex(mesh().vertex_of_point[i]);
-    }
 }
 
 }  // namespace stillmesh

@@ -135,9 +135,8 @@ bool Clusters::merge_two() noexcept {
 RegionChoice Clusters::choose_best() noexcept {
     const Mesh& mesh = groups_.mesh();
     double area_all = 0;
-    for (const MeshTriangle& t : mesh.triangles) {
+    for (const MeshTriangle& t : mesh.triangles)
         area_all += twice_area(mesh.vertices[t.vertex[0]], mesh.vertices[t.vertex[1]], mesh.vertices[t.vertex[2]]);
-    }
     RegionChoice choice;
     choice.iterations = iterations_;
     std::uint16_t best = kNoGroup;
@@ -212,9 +211,8 @@ void outline_of(const MeshGroups& groups, std::uint16_t group, FixedVector<std::
 
 double twice_area(const Mesh& mesh, std::span<const std::uint16_t> outline) noexcept {
     double twice = 0;
-    for (std::size_t i = 2; i < outline.size(); ++i) {
+    for (std::size_t i = 2; i < outline.size(); ++i)
         twice += twice_area(mesh.vertices[outline[0]], mesh.vertices[outline[i - 1]], mesh.vertices[outline[i]]);
-    }
     return twice;
 }
 

@@ -15,9 +15,8 @@ void CameraReach::begin(const SE3& world_from_camera, std::int64_t time_ns) noex
 void CameraReach::note(const MotionModel& motion, bool has_velocity, std::int64_t time_ns) noexcept {
     begin(motion.world_from_camera(), time_ns);
     const double dt = seconds_between(motion.time_ns(), time_ns);
-    if (has_velocity && dt > 0) {
+    if (has_velocity && dt > 0)
         velocity_ = se3_log(motion.world_from_camera_previous().inverse() * motion.world_from_camera()) / dt;
-    }
 }
 
 void CameraReach::follow(const SE3& correction) noexcept {

@@ -85,9 +85,8 @@ void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexce
     RegionContext& expected = estimate.expected;
     const SE3& predicted = expected.world_from_camera_predicted;
     const LocalMap* const local = local_map_or_none();
-    if (local != nullptr && world_->local_map.is_stale(world_->map, predicted)) {
+    if (local != nullptr && world_->local_map.is_stale(world_->map, predicted))
         world_->local_map.build(world_->map, predicted);
-    }
     // Until the past can tell what stands still, and after a choice that was not sure, the motion expected may be that
     // of a body that moves: what stands still has to be found beside it, or it never gets a say.
     const bool is_wide = !camera.is_choice_sure || seconds_between(camera.start_time_ns, time_ns_) < c.weights.proven_s;
@@ -123,9 +122,8 @@ RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
     }
     observe(Stage::kRegion, false);
     // Correspondences are gathered anew afterwards.
-    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
+    for (std::size_t i = 0; i < correspondences_.size(); ++i)
         groups_[correspondences_[i].feature] = region_.group_of(i);
-    }
     weigh_by_agreement();
     statistics_->mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
     statistics_->mesh_edges_kept = region_.kept_count();
@@ -179,9 +177,8 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
     observe(Stage::kLocalMap, true);
     const Parameters& c = world_->parameters;
     const SE3& found = estimate.fit.world_from_camera;
-    for (const Correspondence& match : correspondences_) {
+    for (const Correspondence& match : correspondences_)
         world_->map.points().at(match.point_slot).last_seen_frame = world_->clock.frame;
-    }
     if (!c.region.is_paper()) {  // which matches features once
         matcher_.by_projection(world_->map, local_map_or_none(), found, c.matching.radius_posed_px,
                                &world_->clock.frame);

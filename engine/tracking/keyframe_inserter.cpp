@@ -73,9 +73,8 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
         if (!matcher.claim(i).is_free()) {
             const std::uint32_t slot = matcher.claim(i).point_slot();
             const Pool<MapPoint>& points = map.points();
-            if (points.is_taken(slot) && (source.judge.verdict(i) == Verdict::kStill || points.at(slot).is_suspect)) {
+            if (points.is_taken(slot) && (source.judge.verdict(i) == Verdict::kStill || points.at(slot).is_suspect))
                 observation.point = points.handle_of(slot);
-            }
         }
         map.add_observation(handle, observation, frame.descriptor(i));
     }
@@ -111,9 +110,7 @@ bool KeyframeInserter::lies_among_moving(const Source& source, std::size_t featu
                                          const double dz = frame[i].z_m - z;
                                          const double noise = frame[i].var_z + frame[feature].var_z;
                                          const double body = weights.near_m * weights.near_m;
-                                         if (dz * dz > body + weights.near_sigmas * weights.near_sigmas * noise) {
-                                             return;
-                                         }
+                                         if (dz * dz > body + weights.near_sigmas * weights.near_sigmas * noise) return;
                                          ++(verdict == Verdict::kStill ? still : moving);
                                      });
     return moving > still;

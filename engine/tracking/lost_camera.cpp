@@ -41,6 +41,7 @@ bool LostCamera::is_out_of_touch(const CameraState& camera) const noexcept {
 }
 
 bool LostCamera::begin_frame(CameraState& camera) noexcept {
+    if (relocalisation_ != nullptr) relocalisation_->begin_frame();
     if (!is_on_probation_ || ++frames_ <= kPatience * world_->parameters.recovery.probation_frames) return false;
     put_back(camera);
     return true;
@@ -88,9 +89,8 @@ bool LostCamera::recover(const RegionContext& expected, CameraState& camera, Est
         recovery_candidate(map, camera.is_placed, turn, world_->parameters.recovery.keyframes_max);
     MapMatcher& matcher = estimator_->matcher();
     const std::span<const Descriptor> descriptors = estimator_->frame().features().descriptors.span();
-    if (relocalisation_ == nullptr || !relocalisation_->match(map, candidate, descriptors, matcher)) {
+    if (relocalisation_ == nullptr || !relocalisation_->match(map, candidate, descriptors, matcher))
         matcher.by_descriptor(map, candidate);
-    }
     estimator_->take_matches(camera.noise.factors(), expected);
     const LastSeen last_seen{camera.world_from_camera(),
                              seconds_between(camera.measured_time_ns, estimator_->time_ns())};
@@ -127,9 +127,7 @@ bool LostCamera::try_place(const SE3& place, RegionContext expected, CameraState
     if (is_by_words_) {
         camera.odometry.jump_to(place, camera.world_from_camera());
         local_map.begin_counting();
-        for (const PlaceMatch& match : relocalisation_->matches()) {
-            local_map.count(world_->map, match.point.slot());
-        }
+        for (const PlaceMatch& match : relocalisation_->matches()) local_map.count(world_->map, match.point.slot());
         local_map.invalidate();
     }
     if (!camera.is_placed) camera.start_time_ns = estimator_->time_ns();  // nothing is known yet of what moves
@@ -167,9 +165,7 @@ void LostCamera::confirm(CameraState& camera) noexcept {
     if (before_.is_placed) ++world_->statistics.recoveries;
     if (is_by_words_) relocalisation_->note_success();
     const Handle<Keyframe> there = world_->local_map.reference(world_->map);
-    if (!there.is_null()) {
-        camera.odometry.set_drift(static_cast<double>(world_->map.keyframes().find(there)->drift_m));
-    }
+    if (!there.is_null()) camera.odometry.set_drift(static_cast<double>(world_->map.keyframes().find(there)->drift_m));
 }
 
 void LostCamera::put_back(CameraState& camera) noexcept {

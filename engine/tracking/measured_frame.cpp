@@ -38,9 +38,8 @@ GreyView MeasuredFrame::grey_of(const Frame& frame) noexcept {
     const ImageView<std::uint8_t>& colour = frame.colour;
     if (frame.format == PixelFormat::kGrey8) return colour;
     const auto convert = frame.format == PixelFormat::kRgb8 ? kernels_->grey_from_rgb : kernels_->grey_from_bgr;
-    for (std::uint32_t y = 0; y < colour.height; ++y) {
+    for (std::uint32_t y = 0; y < colour.height; ++y)
         convert(colour.row(y), colour.width, grey_.data() + static_cast<std::size_t>(y) * colour.width);
-    }
     return {grey_.data(), colour.width, colour.height, colour.width};
 }
 

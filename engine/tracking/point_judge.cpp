@@ -69,9 +69,8 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
                                         chi2_anchor <= region.wide_factor * chi2_max;
         const bool is_moving = c.is_dynamic ? chi2_anchor > chi2_max : !is_still;
         const bool may_learn = c.has_depth && !witness.is_frozen;
-        if (may_learn && witness.is_sure && region.is_enabled) {
+        if (may_learn && witness.is_sure && region.is_enabled)
             move_weight(c, is_still, is_moving, posed.time_ns, point);
-        }
         if (!c.is_dynamic && is_still) {
             STILLMESH_CHECK(still.push(static_cast<std::uint16_t>(i)));
             // What only drift explains is back in view, and neither moves nor is moved: keyframes that see it beside

@@ -83,9 +83,8 @@ void Tracking::track(const Frame& frame) noexcept {
             lose();
         }
     }
-    if (world_->parameters.mapping.is_enabled && !lost_.keeps_map() && world_->pose.state == PoseState::kTracked) {
+    if (world_->parameters.mapping.is_enabled && !lost_.keeps_map() && world_->pose.state == PoseState::kTracked)
         empty_places_.note_empty(measured_, world_from_camera(), camera_.noise.factors().depth, *world_);
-    }
     end_frame();
 }
 
@@ -190,9 +189,8 @@ void Tracking::learn_camera() noexcept {
     const SE3& found = estimate_.fit.world_from_camera;
     const bool is_sure = estimate_.is_sure;
     const bool is_on_track = camera_.lost_frames == 0;
-    if (is_on_track && camera_.motion.time_ns() == camera_.start_time_ns) {
+    if (is_on_track && camera_.motion.time_ns() == camera_.start_time_ns)
         shutter_.backdate(world_->map, camera_.start_time_ns);
-    }
     shutter_.learn(measured_, world_->map, estimator_.correspondences(), estimator_.chosen().span(), found,
                    world_->parameters.region.point_chi2_max,
                    is_sure && is_on_track && lost_.state(camera_) != LostCamera::State::kProbation);
@@ -280,9 +278,8 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
 
 void Tracking::end_frame() noexcept {
     if (!lost_.keeps_map()) shutter_.adopt(world_->map, camera_.motion);
-    if (has_map_ && world_->clock.frame > 0) {
+    if (has_map_ && world_->clock.frame > 0)
         camera_.odometry.gather_drift(world_->pose.state, camera_.motion, time_ns_, world_->parameters);
-    }
     camera_.motion.end_frame(time_ns_);
     world_->clock.time_ns = time_ns_;
     world_->noise = camera_.noise.factors();

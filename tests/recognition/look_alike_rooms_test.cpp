@@ -62,8 +62,19 @@ protected:
     void ask() {
         descriptors_.clear();
         for (const Feature& feature : features_) descriptors_.push_back(feature.descriptor);
+        relocalisation_.begin_frame();
+        ask_again();
+    }
+    // In the same frame.
+    void ask_again() {
         relocalisation_.begin(descriptors_, {});
         for (const Feature& feature : features_) relocalisation_.add_feature(feature.seen);
+    }
+    // Places verified so far.
+    [[nodiscard]] std::uint64_t verified() const {
+        LoopStatistics out;
+        relocalisation_.fill(out);
+        return out.relocalisation_candidates;
     }
     [[nodiscard]] double metres_from(bool is_here) const {
         return (relocalisation_.world_from_camera().translation - pose(is_here).translation).norm();
@@ -141,6 +152,26 @@ TEST_F(LookAlikeRooms, NothingElsewhere) {
     const Relocalisation::Evidence evidence = relocalisation_.weigh(*map_, pose(true));
     EXPECT_EQ(evidence.here, kFeatures * kBits * kBits);
     EXPECT_EQ(evidence.elsewhere, 0U);
+}
+
+// Promise: a frame has an end: one that was weighed, which verifies three places at most, and is searched for after all
+// tries the worthiest alone, where a frame that is only searched for tries two; and finds the same place.
+TEST_F(LookAlikeRooms, AWeighedFrameTriesTheWorthiestAlone) {
+    ask();
+    const std::uint64_t before = verified();
+    ASSERT_GT(relocalisation_.weigh(*map_, pose(false)).elsewhere, 0U);
+    const std::uint64_t weighed = verified() - before;
+    EXPECT_LE(weighed, 3U);
+    ask_again();
+    ASSERT_TRUE(relocalisation_.find(*map_));
+    EXPECT_LT(metres_from(true), 0.01);
+    EXPECT_EQ(verified() - before - weighed, 1U);
+    relocalisation_.note_success();
+    ask();
+    const std::uint64_t at_first = verified();
+    ASSERT_TRUE(relocalisation_.find(*map_));
+    EXPECT_LT(metres_from(true), 0.01);
+    EXPECT_EQ(verified() - at_first, Relocalisation::kTriesPerFrame);
 }
 
 // Promise: what spoke for another place than the camera was taken to be at is tried next, and found there.

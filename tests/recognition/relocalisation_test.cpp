@@ -105,6 +105,16 @@ TEST(Relocalisation, FoundAgainNearby) {
     }
 }
 
+// Promise: a frame is matched with a keyframe by words whether or not those of the keyframe are known yet: comparing
+// all with all was the dearest thing that a frame could ask for.
+TEST(Relocalisation, AKeyframeTooYoungForWordsIsMatchedByWords) {
+    Lost lost(true, 10, configuration_of_test(), 5);  // 0.33 s: none has words
+    const std::uint64_t before = lost.engine().statistics().loop.matched_by_words;
+    lost.show(home().frames[60]);
+    EXPECT_EQ(lost.engine().statistics().loop.queries, 0U);
+    EXPECT_EQ(lost.engine().statistics().loop.matched_by_words, before + 1);
+}
+
 // Promise: a lost camera is found by its words only where places are looked for.
 TEST(Relocalisation, MayBeSwitchedOff) {
     for (const bool is_relocalising : {true, false}) {
