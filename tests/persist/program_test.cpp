@@ -157,8 +157,8 @@ TEST_F(ProgramMaps, SignalsLeaveAMap) {
         const pid_t child = ::fork();
         ASSERT_GE(child, 0);
         if (child == 0) {
-            static_cast<void>(std::freopen("/dev/null", "w", stdout));
-            static_cast<void>(std::freopen("/dev/null", "w", stderr));
+            if (std::freopen("/dev/null", "w", stdout) == nullptr) ::_exit(98);
+            if (std::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(98);
             ::execl(STILLMESH_PROGRAM, STILLMESH_PROGRAM, "run", "--simulate", "static_xyz:1", "--frames", "100000",
                     "--map-every", signal == SIGKILL ? "0.2" : "1000", "--map-out", file.c_str(), "--trajectory",
                     path.c_str(), nullptr);

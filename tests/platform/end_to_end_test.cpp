@@ -553,8 +553,8 @@ TEST(EndToEnd, StopsInOrder) {
         const std::string replay = recording.path();
         const pid_t child = ::fork();
         if (child == 0) {
-            static_cast<void>(std::freopen("/dev/null", "w", stdout));
-            static_cast<void>(std::freopen("/dev/null", "w", stderr));
+            if (std::freopen("/dev/null", "w", stdout) == nullptr) ::_exit(98);
+            if (std::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(98);
             ::execl(STILLMESH_PROGRAM, "stillmesh", "run", "--replay", replay.c_str(), "--trajectory",
                     trajectory.c_str(), "--report", report.c_str(), static_cast<char*>(nullptr));
             ::_exit(99);

@@ -64,8 +64,8 @@ struct Folder {
     words.push_back(nullptr);
     const pid_t child = ::fork();
     if (child == 0) {
-        static_cast<void>(std::freopen("/dev/null", "w", stdout));
-        static_cast<void>(std::freopen(log.c_str(), "w", stderr));
+        if (std::freopen("/dev/null", "w", stdout) == nullptr) ::_exit(98);
+        if (std::freopen(log.c_str(), "w", stderr) == nullptr) ::_exit(98);
         struct stat file {};
         static_cast<void>(::fstat(STDERR_FILENO, &file));
         const std::string stream = std::to_string(file.st_dev) + ":" + std::to_string(file.st_ino + !is_journal);
@@ -293,7 +293,7 @@ TEST(Service, SaysWhatRealTimeLacks) {
         static_cast<void>(::setrlimit(RLIMIT_RTPRIO, &none));
         if (::getuid() == 0 && ::setuid(65534) != 0) ::_exit(99);
         const std::string sentence = become_realtime();
-        static_cast<void>(::write(fds[1], sentence.data(), sentence.size()));
+        if (::write(fds[1], sentence.data(), sentence.size()) != static_cast<ssize_t>(sentence.size())) ::_exit(98);
         ::_exit(0);
     }
     ASSERT_GT(child, 0);
@@ -327,7 +327,7 @@ TEST(Service, HasWhatRealTimeWasGranted) {
         const bool says_thread = sentence.find("LimitRTPRIO") != std::string::npos;
         const std::string found = std::to_string(locked_kib) + " KiB locked, " + (is_fifo ? "FIFO" : "ordinary") +
                                   ", said: '" + sentence + "'";
-        static_cast<void>(::write(fds[1], found.data(), found.size()));
+        if (::write(fds[1], found.data(), found.size()) != static_cast<ssize_t>(found.size())) ::_exit(98);
         ::_exit(says_memory == (locked_kib == 0) && says_thread == !is_fifo ? 0 : 1);
     }
     ASSERT_GT(child, 0);
