@@ -6,6 +6,9 @@
 
 namespace stillmesh {
 
+// Two frames a nanosecond apart give a speed of any size; half a turn on, it says nothing.
+constexpr double kTurnMax_rad = 3.14;
+
 void CameraReach::begin(const SE3& world_from_camera, std::int64_t time_ns) noexcept {
     world_from_camera_ = world_from_camera;
     velocity_.setZero();
@@ -29,7 +32,8 @@ bool CameraReach::holds(const SE3& world_from_camera, std::int64_t time_ns,
     const RecoveryParameters& r = configuration.recovery;
     const PredictionParameters& p = configuration.prediction;
     const double away_s = seconds_between(time_ns_, time_ns);
-    const SE3 expected = world_from_camera_ * se3_exp(velocity_ * std::min(away_s, p.goes_on_s));
+    const double goes_on_s = std::min({away_s, p.goes_on_s, kTurnMax_rad / std::max(velocity_.tail<3>().norm(), 1e-9)});
+    const SE3 expected = world_from_camera_ * se3_exp(velocity_ * goes_on_s);
     const SE3 off = expected.inverse() * world_from_camera;
     const auto reach = [&](double at_once, double speed, double acceleration) {
         return at_once + std::min(speed * away_s, 0.5 * acceleration * away_s * away_s);

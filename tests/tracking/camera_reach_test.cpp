@@ -41,6 +41,19 @@ double end_of(const CameraReach& reach, int frames, const Parameters& configurat
     return inside;
 }
 
+// Promise: two frames a nanosecond apart, whose turn is a speed that no camera has, end nothing.
+TEST(CameraReach, AnySpeedIsBorne) {
+    MotionModel motion;
+    motion.begin_after(-2);
+    motion.move_to(at(0));
+    motion.end_frame(-1);
+    motion.move_to(at(0, 0.1));
+    CameraReach reach;
+    reach.note(motion, true, 0);
+    EXPECT_TRUE(reach.holds(at(0, 0.1), 0, Parameters{}));
+    EXPECT_FALSE(reach.holds(at(100), kFrame_ns, Parameters{}));
+}
+
 // Promise: the reach goes on with the camera, opens with the square of the time while it accelerates, and no faster
 // than a lost camera gets; what the camera's speed explains costs nothing of it.
 TEST(CameraReach, AcceleratesThenGoesAtFullSpeed) {
