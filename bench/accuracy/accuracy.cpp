@@ -75,8 +75,8 @@ int make_inputs(const Arguments& arguments, bool has_scenes, std::vector<Input>&
         for (const SimulatedScene& scene : simulated_scenes()) {  // a group by its prefix: walking
             if (name != "all" && name != scene.name && !std::string(scene.name).starts_with(name + "_")) continue;
             is_known = true;
-            if (name == "all" && std::string(scene.name) == "corridor")
-                continue;  // has no bar; loops are measured on it
+            // These have no bars; loops are measured on the corridor.
+            if (name == "all" && (std::string(scene.name) == "corridor" || !is_clean(scene.dirt))) continue;
             scenes.emplace_back(scene.name);
         }
         if (!is_known) return refuse(fmt::format("--scenes: no scene or group '{}'.", name));

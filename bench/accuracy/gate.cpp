@@ -45,10 +45,18 @@ void check_runs(const std::vector<Result>& results, Group group, const char* gat
     if (!is_seen) failures.push_back(fmt::format("{}: no run", gate));
 }
 
+// Where the right answer is not to be had, or nothing is promised yet.
+bool has_bars(Group group) {
+    return group != Group::kTrolleyFirst && group != Group::kDirty;
+}
+
 }  // namespace
 
 Group group_of(const Result& result) {
     if (result.is_recording) return Group::kRecording;
+    for (const char* prefix : {"shaken_", "aside_", "real_"}) {
+        if (result.scene.starts_with(prefix)) return Group::kDirty;
+    }
     if (result.scene.starts_with("static_")) return Group::kStatic;
     if (result.scene.starts_with("sitting_")) return Group::kSitting;
     if (result.scene.starts_with("walking_")) return Group::kWalking;
@@ -64,6 +72,7 @@ double ate_bar(const Result& result) {
         case Group::kRearranged: return 0.02;
         case Group::kWalking: return is_alone ? 0.04 : 0.02;
         case Group::kTrolley: return is_alone ? 0.08 : 0.05;
+        case Group::kDirty:
         case Group::kTrolleyFirst: return 0;
         case Group::kRecording:
             for (const RecordingBar& bar : kRecordingBars) {
@@ -77,7 +86,7 @@ double ate_bar(const Result& result) {
 Sureness sureness_of(const std::vector<Result>& results) {
     Sureness out;
     for (const Result& result : results) {
-        if (result.variant != kOn || group_of(result) == Group::kTrolleyFirst) continue;
+        if (result.variant != kOn || !has_bars(group_of(result))) continue;
         if (!result.is_recording) {
             out.judged_tracked += result.measures.judged_tracked;
             out.wrong_tracked += result.measures.wrong_tracked;
@@ -131,7 +140,7 @@ RegionEarns region_earns(const std::vector<Result>& results) {
 std::vector<MappingSet> mapping_sets(const std::vector<Result>& results) {
     std::vector<MappingSet> out;
     for (const Result& on : results) {
-        if (on.variant != kOn || group_of(on) == Group::kTrolleyFirst || on.measures.ate_m < 0) continue;
+        if (on.variant != kOn || !has_bars(group_of(on)) || on.measures.ate_m < 0) continue;
         if (on.measures.frames < kMappingFramesMin) continue;
         for (const Result& alone : results) {
             if (alone.variant != kAlone || alone.scene != on.scene || alone.seed != on.seed ||

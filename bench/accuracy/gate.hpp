@@ -9,7 +9,7 @@
 
 namespace stillmesh::accuracy {
 
-enum class Group { kStatic, kSitting, kWalking, kTrolley, kTrolleyFirst, kRearranged, kRecording };
+enum class Group { kStatic, kSitting, kWalking, kTrolley, kTrolleyFirst, kRearranged, kDirty, kRecording };
 
 [[nodiscard]] Group group_of(const Result& result);
 // Largest ATE RMSE, m; 0: no bar. Tracking alone (variant "alone") has bars of its own.
@@ -27,8 +27,8 @@ inline constexpr double kMappingMeanGoal = 0.8, kMappingMeanMax = 1.1;
 inline constexpr double kMappingSetGoal = 1.1, kMappingSetSlack_m = 0.001;
 inline constexpr std::uint64_t kMappingFramesMin = 300;
 
-// Sums over the runs that count: variant "on", without trolley_first. What is wrong on a recording is not summed: its
-// truth is not good enough (docs/accuracy.md).
+// Sums over the runs that count: variant "on", without trolley_first and the dirty scenes. What is wrong on a recording
+// is not summed: its truth is not good enough (docs/accuracy.md).
 struct Sureness {
     std::uint64_t judged_tracked = 0, wrong_tracked = 0, right = 0, right_tracked = 0;
 };
@@ -54,7 +54,7 @@ struct MappingSet {
     double on_m = 0, alone_m = 0;  // mean ATE
     [[nodiscard]] double ratio() const { return alone_m > 0 ? on_m / alone_m : 0; }
 };
-// Of at least kMappingFramesMin frames, and without trolley_first.
+// Of at least kMappingFramesMin frames, and without trolley_first and the dirty scenes.
 [[nodiscard]] std::vector<MappingSet> mapping_sets(const std::vector<Result>& results);
 [[nodiscard]] MappingSet mapping_mean(const std::vector<MappingSet>& sets);
 

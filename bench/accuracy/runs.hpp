@@ -9,6 +9,7 @@
 
 #include "bench/accuracy/measures.hpp"
 #include "engine/tuned_engine.hpp"
+#include "hal/simulated/dirt.hpp"
 
 namespace stillmesh::accuracy {
 
@@ -17,6 +18,7 @@ struct Input {
     std::uint64_t seed = 1;
     bool is_recording = false;
     std::uint32_t frames = 0;  // 0: all
+    Dirt dirt = {};            // of a simulated scene; what is not said, the scene says
 };
 
 struct Variant {

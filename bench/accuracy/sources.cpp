@@ -52,6 +52,7 @@ private:
         options.scene = input.scene;
         options.seed = input.seed;
         options.frames = input.frames;
+        options.dirt = input.dirt;
         return options;
     }
     SimulatedCamera camera_;
@@ -78,8 +79,9 @@ struct CacheFrame {
     return sizeof(CacheFrame) + 3 * pixels_of(model) + (pixels_of(model) + 7) / 8;
 }
 [[nodiscard]] std::string cache_file(const Input& input, const std::string& folder) {
-    return fmt::format("{}/{}_{}_{}_{}.frames", folder, input.scene, input.seed, input.frames,
-                       std::string_view(STILLMESH_SIMULATED_FINGERPRINT).substr(0, 16));
+    const std::string dirt = dirt_text(input.dirt);
+    return fmt::format("{}/{}_{}_{}{}{}_{}.frames", folder, input.scene, input.seed, input.frames,
+                       dirt.empty() ? "" : "_", dirt, std::string_view(STILLMESH_SIMULATED_FINGERPRINT).substr(0, 16));
 }
 
 class CachedSource final : public Source {

@@ -40,11 +40,11 @@ float Lattice::at(std::uint32_t x) const noexcept {
     return row_[i] + (row_[i + 1] - row_[i]) * (static_cast<float>(x % kCell) / static_cast<float>(kCell));
 }
 
-void DepthSensor::sense(const Renderer& renderer, std::uint64_t seed, float units_per_m,
+void DepthSensor::sense(const Picture& picture, std::uint64_t seed, float units_per_m,
                         std::vector<std::uint16_t>& depth) {
-    const Pinhole& camera = renderer.camera();
-    const std::vector<float>& inverse = renderer.inverse_depth();
-    const std::vector<std::uint32_t>& ids = renderer.face_ids();
+    const Pinhole& camera = picture.camera();
+    const std::vector<float>& inverse = picture.inverse_depth();
+    const std::vector<std::uint32_t>& ids = picture.face_ids();
     const auto key = static_cast<std::uint32_t>(seed ^ (seed >> 32U));
     shared_.fill(key);
     edges_.fill(key ^ 0x1234567U);
@@ -81,7 +81,7 @@ void DepthSensor::sense(const Renderer& renderer, std::uint64_t seed, float unit
             if ((jump < 0 ? -jump : jump) > 0.04F * here) from = row + static_cast<std::size_t>(beside);
             if (hidden_[from - row] || ids[from] == kNoFace) continue;
             const float w = inverse[from];
-            const VisibleFace& face = renderer.face(ids[from]);
+            const VisibleFace& face = picture.face(ids[from]);
             const std::uint32_t dice = scramble(static_cast<std::uint32_t>(row + x) * 747796405U + key);
             // Light that comes in at a slant comes back weak.
             const float ray_x = (static_cast<float>(x) - static_cast<float>(camera.cx)) / static_cast<float>(camera.fx);

@@ -33,8 +33,8 @@ class DepthSensor {
 public:
     DepthSensor(std::uint32_t width, std::uint32_t height)
         : shared_(width, height), edges_(width, height), loss_(width, height), hidden_(width) {}
-    // From the renderer's current picture to depth in units of 1 / units_per_m, 0 = nothing.
-    void sense(const Renderer& renderer, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth);
+    // From a picture to depth in units of 1 / units_per_m, 0 = nothing.
+    void sense(const Picture& picture, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth);
 
 private:
     Lattice shared_, edges_, loss_;

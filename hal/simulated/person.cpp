@@ -16,7 +16,7 @@ struct Ring {
 };
 
 // A closed tube from `from` to `to`; `e1` is where its first radius points (made perpendicular).
-void draw_tube(Renderer& renderer, const Vec3& from, const Vec3& to, const Vec3& e1_hint, const Ring* rings,
+void draw_tube(Canvas& canvas, const Vec3& from, const Vec3& to, const Vec3& e1_hint, const Ring* rings,
                std::uint32_t ring_count, std::uint32_t segments, double texels_per_m, bool fits_texture,
                const Material& material) {
     constexpr std::uint32_t kSegmentsMax = 20;
@@ -50,15 +50,15 @@ void draw_tube(Renderer& renderer, const Vec3& from, const Vec3& to, const Vec3&
             for (std::uint32_t j = 0; j < segments; ++j) {
                 const Vertex upper[3] = {before[j + 1], before[j], now[j]};
                 const Vertex lower[3] = {before[j + 1], now[j], now[j + 1]};
-                renderer.draw(upper, 3, material);
-                renderer.draw(lower, 3, material);
+                canvas.draw(upper, 3, material);
+                canvas.draw(lower, 3, material);
             }
         }
         std::copy(now, now + segments + 1, before);
     }
 }
 
-void draw_limb(Renderer& renderer, const Vec3& from, const Vec3& to, const Vec3& side, double r_from, double r_to,
+void draw_limb(Canvas& canvas, const Vec3& from, const Vec3& to, const Vec3& side, double r_from, double r_to,
                const Material& material) {
     const double rounding = std::min(0.45, r_from / length(to - from));
     const Ring rings[] = {{-rounding * 0.8, 0.0, 0.0},
@@ -68,7 +68,7 @@ void draw_limb(Renderer& renderer, const Vec3& from, const Vec3& to, const Vec3&
                           {1.0, r_to, r_to},
                           {1.0 + rounding * 0.4, r_to * 0.7, r_to * 0.7},
                           {1.0 + rounding * 0.6, 0.0, 0.0}};
-    draw_tube(renderer, from, to, side, rings, 7, 10, 420, false, material);
+    draw_tube(canvas, from, to, side, rings, 7, 10, 420, false, material);
 }
 
 // A leg: hip angle forwards, knee bent backwards.
@@ -248,7 +248,7 @@ void plan_sitting(Person& person, double x, double y, double heading_rad, double
     }
 }
 
-void draw_person(Renderer& renderer, const Person& person, double time_s) {
+void draw_person(Canvas& canvas, const Person& person, double time_s) {
     const BodyState b = person.at(time_s);
     const double h = person.height_m / 1.75;
     const double g = person.girth;
@@ -282,10 +282,10 @@ void draw_person(Renderer& renderer, const Person& person, double time_s) {
         const Vec3 knee = hip + (forward * sine(leg.hip) - up * cosine(leg.hip)) * (kThigh * h);
         const double shin_angle = leg.hip - leg.knee;
         const Vec3 ankle = knee + (forward * sine(shin_angle) - up * cosine(shin_angle)) * (kShin * h);
-        draw_limb(renderer, hip, knee, right, 0.085 * g, 0.06 * g, person.trousers);
-        draw_limb(renderer, knee, ankle, right, 0.062 * g, 0.045 * g, person.trousers);
-        draw_limb(renderer, ankle - up * 0.045 - forward * 0.06, ankle - up * 0.045 + forward * 0.15, right, 0.045,
-                  0.04, person.shoes);
+        draw_limb(canvas, hip, knee, right, 0.085 * g, 0.06 * g, person.trousers);
+        draw_limb(canvas, knee, ankle, right, 0.062 * g, 0.045 * g, person.trousers);
+        draw_limb(canvas, ankle - up * 0.045 - forward * 0.06, ankle - up * 0.045 + forward * 0.15, right, 0.045, 0.04,
+                  person.shoes);
     }
 
     // Trunk: twists against the legs, leans a little into the walk.
@@ -297,7 +297,7 @@ void draw_person(Renderer& renderer, const Person& person, double time_s) {
     const Ring trunk[] = {{-0.16, 0.04, 0.04},        {-0.12, 0.15 * g, 0.11 * g}, {0.0, 0.175 * g, 0.125 * g},
                           {0.3, 0.16 * g, 0.115 * g}, {0.6, 0.19 * g, 0.13 * g},   {0.82, 0.205 * g, 0.125 * g},
                           {0.93, 0.17 * g, 0.10 * g}, {1.0, 0.07, 0.07},           {1.1, 0.055, 0.055}};
-    draw_tube(renderer, pelvis, neck, twisted_right, trunk, 9, 18, 420, false, person.shirt);
+    draw_tube(canvas, pelvis, neck, twisted_right, trunk, 9, 18, 420, false, person.shirt);
 
     const double look = 0.3 * sine(b.gesture_phase * 0.17);
     const Vec3 face = normalised(forward * cosine(look) + right * sine(look));
@@ -306,7 +306,7 @@ void draw_person(Renderer& renderer, const Person& person, double time_s) {
     // The texture's middle looks forward: the seam is at the back.
     const Ring head[] = {{0.0, 0.03, 0.03},    {0.08, 0.062, 0.056}, {0.25, 0.086, 0.07}, {0.5, 0.1, 0.078},
                          {0.72, 0.098, 0.076}, {0.9, 0.07, 0.055},   {1.0, 0.0, 0.0}};
-    draw_tube(renderer, chin, crown, -face, head, 7, 14, 0, true, person.face);
+    draw_tube(canvas, chin, crown, -face, head, 7, 14, 0, true, person.face);
 
     for (int i = 0; i < 2; ++i) {
         const double side = i == 0 ? 1.0 : -1.0;
@@ -325,9 +325,9 @@ void draw_person(Renderer& renderer, const Person& person, double time_s) {
         const Vec3 elbow_p = shoulder + direction(shoulder_angle) * (0.29 * h);
         const Vec3 wrist = elbow_p + direction(shoulder_angle + elbow) * (0.25 * h);
         const Vec3 finger = wrist + direction(shoulder_angle + elbow + 0.2 * beat * gesture) * (0.15 * h);
-        draw_limb(renderer, shoulder, elbow_p, forward, 0.056 * g, 0.045 * g, person.shirt);
-        draw_limb(renderer, elbow_p, wrist, forward, 0.045 * g, 0.036 * g, person.shirt);
-        draw_limb(renderer, wrist, finger, forward, 0.034, 0.03, person.skin);
+        draw_limb(canvas, shoulder, elbow_p, forward, 0.056 * g, 0.045 * g, person.shirt);
+        draw_limb(canvas, elbow_p, wrist, forward, 0.045 * g, 0.036 * g, person.shirt);
+        draw_limb(canvas, wrist, finger, forward, 0.034, 0.03, person.skin);
     }
 }
 

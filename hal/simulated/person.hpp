@@ -47,6 +47,6 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
 // Someone on a chair, who talks with hands and body.
 void plan_sitting(Person& person, double x, double y, double heading_rad, double duration_s, std::uint64_t seed);
 
-void draw_person(Renderer& renderer, const Person& person, double time_s);
+void draw_person(Canvas& canvas, const Person& person, double time_s);
 
 }  // namespace stillmesh::simulated

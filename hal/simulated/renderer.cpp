@@ -1,15 +1,15 @@
 #include "hal/simulated/renderer.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "engine/base/numbers.hpp"
+#include "hal/simulated/shading.hpp"
 
 namespace stillmesh::simulated {
 namespace {
 
-constexpr double kNear = 0.08;  // m; nearer is clipped
+constexpr double kNear = kNearM;
 constexpr std::uint32_t kCornersMax = 10;
 
 [[nodiscard]] float f32(double value) noexcept {
@@ -18,11 +18,20 @@ constexpr std::uint32_t kCornersMax = 10;
 
 }  // namespace
 
-Renderer::Renderer(const Pinhole& camera) : camera_(camera) {
+Picture::Picture(const Pinhole& camera) : camera_(camera) {
     const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
     inverse_depth_.resize(pixels);
     face_ids_.resize(pixels);
     faces_.reserve(8192);
+}
+
+void Picture::clear() {
+    faces_.clear();
+    std::fill(inverse_depth_.begin(), inverse_depth_.end(), 0.0F);
+    std::fill(face_ids_.begin(), face_ids_.end(), kNoFace);
+}
+
+Renderer::Renderer(const Pinhole& camera) : Picture(camera) {
     span_low_.resize(camera.height);
     span_high_.resize(camera.height);
 }
@@ -31,9 +40,7 @@ void Renderer::begin(const Rigid& world_from_camera, double offset_x, double off
     world_from_camera_ = world_from_camera;
     cx_ = camera_.cx - offset_x;
     cy_ = camera_.cy - offset_y;
-    faces_.clear();
-    std::fill(inverse_depth_.begin(), inverse_depth_.end(), 0.0F);
-    std::fill(face_ids_.begin(), face_ids_.end(), kNoFace);
+    clear();
 }
 
 void Renderer::draw(const Vertex* vertices, std::uint32_t count, const Material& material) {
@@ -150,8 +157,8 @@ void Renderer::draw(const Vertex* vertices, std::uint32_t count, const Material&
     }
 }
 
-void Renderer::fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end, const ImagePlane& plane,
-                        std::uint32_t id) noexcept {
+void Picture::fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end, const ImagePlane& plane,
+                       std::uint32_t id) noexcept {
     const std::size_t row = static_cast<std::size_t>(y) * camera_.width;
     float* const depth = inverse_depth_.data() + row;
     std::uint32_t* const ids = face_ids_.data() + row;
@@ -168,59 +175,17 @@ void Renderer::fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_en
 }
 
 void Renderer::shade_into(std::vector<float>& sum, float level_offset) {
-    constexpr float kNothing = 20.0F;  // grey where no face is
-    // 4^offset by a parabola, exact at 0, 1/2 and 1.
-    const float level_factor = 1.0F + level_offset * (1.0F + 2.0F * level_offset);
     for (std::uint32_t y = 0; y < camera_.height; ++y) {
         const std::size_t row = static_cast<std::size_t>(y) * camera_.width;
         const std::uint32_t* const ids = face_ids_.data() + row;
-        const float* const depth = inverse_depth_.data() + row;
-        float* const out = sum.data() + row;
-        const auto fy = static_cast<float>(y);
         std::uint32_t x = 0;
         while (x < camera_.width) {
             const std::uint32_t id = ids[x];
             std::uint32_t end = x + 1;
             while (end < camera_.width && ids[end] == id) ++end;
-            if (id == kNoFace) {
-                for (; x < end; ++x) out[x] += kNothing;
-                continue;
-            }
-            const VisibleFace& face = faces_[id];
-            const Texture& texture = *face.material.texture;
-            const float footprint = face.footprint * level_factor;
-            const float u0 = face.u.b * fy + face.u.c;
-            const float v0 = face.v.b * fy + face.v.c;
-            const float l0 = face.light.b * fy + face.light.c;
-            const auto level_max = static_cast<std::int32_t>(texture.level_count) - 1;
-            for (; x < end; ++x) {
-                const auto fx = static_cast<float>(x);
-                const float z = 1.0F / depth[x];
-                const float area = footprint * (z * z * z);
-                // Half the exponent of the area is the whole part of the level.
-                const std::int32_t exponent =
-                    static_cast<std::int32_t>(std::bit_cast<std::uint32_t>(area) >> 23U) - 127;
-                const std::int32_t level = std::clamp(exponent >> 1, 0, level_max);
-                const MipLevel& mip = texture.levels[level];
-                const float scale = 256.0F * mip.scale;
-                // Rounding can push a face's last pixel beyond the face, never far: the clamp keeps the cast defined.
-                const float u = std::clamp((u0 + face.u.a * fx) * z * scale, -4.0e6F, 4.0e6F);
-                const float v = std::clamp((v0 + face.v.a * fx) * z * scale, -4.0e6F, 4.0e6F);
-                const std::int32_t iu = static_cast<std::int32_t>(u + 8388608.0F) - 8388608 - 128;
-                const std::int32_t iv = static_cast<std::int32_t>(v + 8388608.0F) - 8388608 - 128;
-                const std::int32_t x0 = (iu >> 8) & mip.width_mask;
-                const std::int32_t x1 = (x0 + 1) & mip.width_mask;
-                const std::int32_t y0 = ((iv >> 8) & mip.height_mask) * mip.width;
-                const std::int32_t y1 = (((iv >> 8) + 1) & mip.height_mask) * mip.width;
-                const std::int32_t wx = iu & 255;
-                const std::int32_t wy = iv & 255;
-                const std::uint8_t* const texels = mip.pixels;
-                const std::int32_t upper = texels[y0 + x0] * (256 - wx) + texels[y0 + x1] * wx;
-                const std::int32_t lower = texels[y1 + x0] * (256 - wx) + texels[y1 + x1] * wx;
-                const std::int32_t grey = upper * (256 - wy) + lower * wy;
-                const float light = (l0 + face.light.a * fx) * z;
-                out[x] += static_cast<float>(grey) * (1.0F / 65536.0F) * light;
-            }
+            shade_run(id == kNoFace ? nullptr : &faces_[id], {x, end, static_cast<float>(y)}, level_offset,
+                      inverse_depth_.data() + row, sum.data() + row);
+            x = end;
         }
     }
 }

@@ -49,16 +49,20 @@ struct Pinhole {
     double fx = 0, fy = 0, cx = 0, cy = 0;
 };
 
-class Renderer {
+// Takes faces: a renderer, or a recording of them.
+class Canvas {
 public:
-    explicit Renderer(const Pinhole& camera);
-
-    // Starts a picture. The offset, in pixels, shifts the sampling points.
-    void begin(const Rigid& world_from_camera, double offset_x, double offset_y);
     // Convex, planar, counter-clockwise seen from its front; 3 <= count <= 8. u, v and light are affine over it.
-    void draw(const Vertex* vertices, std::uint32_t count, const Material& material);
-    // Adds the grey of every pixel (0..255) to `sum`. `level_offset` in [0, 1) moves the switch between mip levels.
-    void shade_into(std::vector<float>& sum, float level_offset);
+    virtual void draw(const Vertex* vertices, std::uint32_t count, const Material& material) = 0;
+
+protected:
+    ~Canvas() = default;
+};
+
+// What was drawn: the nearest face of each pixel and its depth.
+class Picture {
+public:
+    explicit Picture(const Pinhole& camera);
 
     // Of the current picture, row by row; 0 and kNoFace where nothing was drawn.
     [[nodiscard]] const std::vector<float>& inverse_depth() const noexcept { return inverse_depth_; }
@@ -66,16 +70,32 @@ public:
     [[nodiscard]] const VisibleFace& face(std::uint32_t id) const noexcept { return faces_[id]; }
     [[nodiscard]] const Pinhole& camera() const noexcept { return camera_; }
 
-private:
+protected:
+    void clear();
     void fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end, const ImagePlane& plane,
                   std::uint32_t id) noexcept;
 
     Pinhole camera_;
-    Rigid world_from_camera_;
-    double cx_ = 0, cy_ = 0;  // with the offset
     std::vector<float> inverse_depth_;
     std::vector<std::uint32_t> face_ids_;
     std::vector<VisibleFace> faces_;
+};
+
+inline constexpr double kNearM = 0.08;  // nearer is clipped
+
+class Renderer final : public Picture, public Canvas {
+public:
+    explicit Renderer(const Pinhole& camera);
+
+    // Starts a picture. The offset, in pixels, shifts the sampling points.
+    void begin(const Rigid& world_from_camera, double offset_x, double offset_y);
+    void draw(const Vertex* vertices, std::uint32_t count, const Material& material) override;
+    // Adds the grey of every pixel (0..255) to `sum`. `level_offset` in [0, 1) moves the switch between mip levels.
+    void shade_into(std::vector<float>& sum, float level_offset);
+
+private:
+    Rigid world_from_camera_;
+    double cx_ = 0, cy_ = 0;                    // with the offset
     std::vector<double> span_low_, span_high_;  // of the face being drawn, per row
 };
 

@@ -5,6 +5,19 @@
 namespace stillmesh::simulated {
 namespace {
 
+constexpr Dirt kShaken = [] {
+    Dirt dirt = all_dirt(0);
+    dirt.rolling = 1;
+    dirt.shake = 1;
+    return dirt;
+}();
+constexpr Dirt kAside = [] {
+    Dirt dirt = all_dirt(0);
+    dirt.aside = 1;
+    return dirt;
+}();
+constexpr Dirt kReal = all_dirt(1);
+
 constexpr Scene kScenes[] = {
     {"static_xyz", CameraMotion::kXyz, Cast::kNobody, 300},
     {"static_rpy", CameraMotion::kRpy, Cast::kNobody, 300},
@@ -23,6 +36,18 @@ constexpr Scene kScenes[] = {
     {"trolley_first", CameraMotion::kXyz, Cast::kTrolleyFirst, 300},
     {"rearranged", CameraMotion::kXyz, Cast::kRearranged, 300},
     {"corridor", CameraMotion::kCorridor, Cast::kNobody, 1200},
+    {"shaken_xyz", CameraMotion::kXyz, Cast::kNobody, 300, kShaken},
+    {"shaken_rpy", CameraMotion::kRpy, Cast::kNobody, 300, kShaken},
+    {"shaken_walking_xyz", CameraMotion::kXyz, Cast::kWalking, 300, kShaken},
+    {"shaken_walking_rpy", CameraMotion::kRpy, Cast::kWalking, 300, kShaken},
+    {"aside_xyz", CameraMotion::kXyz, Cast::kNobody, 300, kAside},
+    {"real_walking_static", CameraMotion::kStatic, Cast::kWalking, 300, kReal},
+    {"real_walking_xyz", CameraMotion::kXyz, Cast::kWalking, 300, kReal},
+    {"real_walking_rpy", CameraMotion::kRpy, Cast::kWalking, 300, kReal},
+    {"real_walking_halfsphere", CameraMotion::kHalfsphere, Cast::kWalking, 300, kReal},
+    {"real_static_xyz", CameraMotion::kXyz, Cast::kNobody, 300, kReal},
+    {"real_sitting_xyz", CameraMotion::kXyz, Cast::kSitting, 300, kReal},
+    {"real_loop", CameraMotion::kLoop, Cast::kWalking, 1200, kReal},
 };
 
 constexpr double kRpyYaw = radians(25);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 
+#include "hal/simulated/dirt.hpp"
 #include "hal/simulated/vector3.hpp"
 
 namespace stillmesh::simulated {
@@ -16,6 +17,7 @@ struct Scene {
     CameraMotion motion;
     Cast cast;
     std::uint32_t frames;  // default length
+    Dirt dirt = all_dirt(0);
 };
 
 [[nodiscard]] std::span<const Scene> scenes() noexcept;

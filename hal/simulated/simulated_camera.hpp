@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "hal/depth_camera.hpp"
+#include "hal/simulated/dirt.hpp"
 
 namespace stillmesh {
 
@@ -26,11 +27,13 @@ struct SimulationOptions {
     std::int64_t depth_lag_ns = 0;          // depth is taken this much later than colour; within +-33 ms
     std::int64_t exposure_ns = 12'000'000;  // 0: no motion blur
     double depth_baseline_m = 0;  // the depth camera stands so far to the left, its depth is not registered; below 1
+    Dirt dirt = {};               // what is not said, the scene says
 };
 
 struct SimulatedScene {
     const char* name = nullptr;
     std::uint32_t frames = 0;  // its own length, at 30 frames a second
+    Dirt dirt = {};            // its own; nothing in most
 };
 
 // Where the camera truly is: world_from_camera.
@@ -63,7 +66,7 @@ public:
     [[nodiscard]] const std::string& message() const noexcept { return message_; }
     // Frames of the whole run. Valid after open().
     [[nodiscard]] std::uint32_t frame_count() const noexcept { return frame_count_; }
-    // Of the last polled frame, at the time of its colour image.
+    // Of the last polled frame, at the time of its colour image: with a rolling shutter, that of its middle row.
     [[nodiscard]] const SimulatedPose& true_pose() const noexcept { return pose_; }
     // 255 = a moving body. Valid as long as the frame.
     [[nodiscard]] ImageView<std::uint8_t> dynamic_mask() const noexcept;

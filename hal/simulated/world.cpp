@@ -437,7 +437,7 @@ Rigid World::trolley_at(double time_s) const noexcept {
     return {rotation_z(arc_tangent2(right.y, right.x) + 0.12 * s), {at.x, at.y, 0}};
 }
 
-void World::draw_trolley(Renderer& renderer, double time_s) const {
+void World::draw_trolley(Canvas& canvas, double time_s) const {
     const Rigid pose = trolley_at(time_s);
     for (const Quad& quad : trolley_) {
         Vertex corners[4];
@@ -445,7 +445,7 @@ void World::draw_trolley(Renderer& renderer, double time_s) const {
             corners[i] = quad.corners[i];
             corners[i].p = pose * quad.corners[i].p;
         }
-        renderer.draw(corners, 4, quad.material);
+        canvas.draw(corners, 4, quad.material);
     }
 }
 
@@ -482,7 +482,7 @@ void World::add_movables() {
     movables_.push_back(crate);
 }
 
-void World::draw_movable(Renderer& renderer, const Movable& movable, double time_s) {
+void World::draw_movable(Canvas& canvas, const Movable& movable, double time_s) {
     const double p = clamp01((time_s - movable.begin_s) / (movable.end_s - movable.begin_s));
     const double s = p * p * (3 - 2 * p);
     const Rigid pose{rotation_z(movable.yaw_rad + s * movable.turn_rad), mix(movable.from, movable.to, s)};
@@ -494,15 +494,23 @@ void World::draw_movable(Renderer& renderer, const Movable& movable, double time
         }
         Material material = quad.material;
         material.is_dynamic = p > 0 && p < 1;
-        renderer.draw(corners, 4, material);
+        canvas.draw(corners, 4, material);
     }
 }
 
-void World::draw(Renderer& renderer, double time_s) const {
-    for (const Movable& movable : movables_) draw_movable(renderer, movable, time_s);
-    for (const Person& person : people_) draw_person(renderer, person, time_s);
-    if (!trolley_.empty()) draw_trolley(renderer, time_s);
-    for (const Quad& quad : quads_) renderer.draw(quad.corners, 4, quad.material);
+void World::draw_moving(Canvas& canvas, double time_s) const {
+    for (const Movable& movable : movables_) draw_movable(canvas, movable, time_s);
+    for (const Person& person : people_) draw_person(canvas, person, time_s);
+    if (!trolley_.empty()) draw_trolley(canvas, time_s);
+}
+
+void World::draw_still(Canvas& canvas) const {
+    for (const Quad& quad : quads_) canvas.draw(quad.corners, 4, quad.material);
+}
+
+void World::draw(Canvas& canvas, double time_s) const {
+    draw_moving(canvas, time_s);
+    draw_still(canvas);
 }
 
 }  // namespace stillmesh::simulated

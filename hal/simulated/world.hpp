@@ -16,7 +16,10 @@ public:
     // `day` is the seed of all but the room: who is there, and how the camera goes.
     World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s);
 
-    void draw(Renderer& renderer, double time_s) const;
+    // What may move, and what never does, always in the same order; and both.
+    void draw_moving(Canvas& canvas, double time_s) const;
+    void draw_still(Canvas& canvas) const;
+    void draw(Canvas& canvas, double time_s) const;
     [[nodiscard]] const CameraPath& camera() const noexcept { return camera_; }
 
 private:
@@ -64,9 +67,9 @@ private:
     void add_people(std::uint32_t count);
     void add_trolley();
     void place_trolley();
-    void draw_trolley(Renderer& renderer, double time_s) const;
+    void draw_trolley(Canvas& canvas, double time_s) const;
     void add_movables();
-    static void draw_movable(Renderer& renderer, const Movable& movable, double time_s);
+    static void draw_movable(Canvas& canvas, const Movable& movable, double time_s);
     // The largest share of the picture it holds in the first 10 s, were nothing before it.
     [[nodiscard]] double trolley_peak() const;
     [[nodiscard]] float light_at(const Vec3& at, const Vec3& normal) const noexcept;

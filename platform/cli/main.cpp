@@ -30,6 +30,8 @@ namespace {
 constexpr const char* kLaterOptions[] = {"--cloud", "--view", "--publish"};
 constexpr const char* kLaterCommands[][2] = {{"report", "compare runs"}};
 
+constexpr const char* kDirtHelp =
+    "of a simulation: what cameras, hands and rooms do, 0 off, 1 ordinary; 'stillmesh simulate --help' lists";
 constexpr const char* kCameraGroup = "Camera (--camera, --replay or --simulate)";
 
 int eval(const std::string& truth_file, const std::string& trajectory_file, bool is_json) {
@@ -109,6 +111,7 @@ int program(int argc, char** argv) {
         ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
         ->type_name("SCENE[:SEED[+DAY]]")
         ->group(kCameraGroup);
+    run_app->add_option("--dirt", arguments.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...")->group(kCameraGroup);
     run_app
         ->add_option("--calibration", arguments.calibration,
                      "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect; the recording's own if not given")
@@ -340,6 +343,7 @@ int program(int argc, char** argv) {
     simulate_command->add_option("--width", simulation.width, "px; the height is three quarters of it (640)")
         ->check(CLI::Range(64U, 2044U))
         ->type_name("N");
+    simulate_command->add_option("--dirt", simulation.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...");
     simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");
     std::string scenes = "Scenes, at 30 frames/s:\n";
     for (const SimulatedScene& scene : simulated_scenes()) {

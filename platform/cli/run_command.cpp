@@ -318,12 +318,15 @@ int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
                 arguments.simulate));
         }
     }
+    std::string wrong;
+    if (!parse_dirt(arguments.dirt, options.dirt, wrong)) return refuse("--dirt: " + wrong + ".");
     // As `stillmesh simulate --frames N`: the same frames.
     if (arguments.loop.frames_max > 1'000'000) return refuse("--frames: at most 1000000 simulated frames.");
     options.frames = static_cast<std::uint32_t>(arguments.loop.frames_max);
     RunRecord record;
     record.input = fmt::format("simulated {}, seed {}", options.scene, options.seed);
     if (options.day != 0) record.input += fmt::format(", day {}", options.day);
+    if (!arguments.dirt.empty()) record.input += fmt::format(", {}", arguments.dirt);
     record.calibration = "the simulated camera's own";
     SimulatedCamera simulated(std::move(options));
     TruthfulCamera camera(simulated, record.truth);

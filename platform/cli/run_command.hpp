@@ -14,6 +14,7 @@ namespace stillmesh {
 struct RunArguments {
     std::string replay;                // folder in the TUM layout; this or `simulate`
     std::string simulate;              // SCENE[:SEED]
+    std::string dirt;                  // of the simulation, as shake=1,rolling=.5; what the scene has if empty
     double replay_frames_per_s = 0;    // of a recording that numbers its frames; 0: it has times
     double replay_pair_gap_s = 0.02;   // between a colour image and its depth image, at most
     double replay_depth_offset_s = 0;  // that depth's clock is ahead of colour's

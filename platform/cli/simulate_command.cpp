@@ -63,12 +63,16 @@ private:
 }  // namespace
 
 int simulate_command(const SimulateOptions& options) {
+    Dirt dirt;
+    std::string wrong;
+    if (!parse_dirt(options.dirt, dirt, wrong)) return complain(kExitUsage, "--dirt: " + wrong + ".");
     SimulatedCamera camera({.scene = options.scene,
                             .seed = options.seed,
                             .day = options.day,
                             .frames = options.frames,
                             .width = options.width,
-                            .height = options.width * 3 / 4});
+                            .height = options.width * 3 / 4,
+                            .dirt = dirt});
     if (camera.open() != Status::kOk) return complain(kExitUsage, camera.message() + ".");
 
     std::error_code error;
