@@ -40,8 +40,27 @@ float Lattice::at(std::uint32_t x) const noexcept {
     return row_[i] + (row_[i + 1] - row_[i]) * (static_cast<float>(x % kCell) / static_cast<float>(kCell));
 }
 
+// Within two pixels of a step some pixels see both sides and say something between.
+float DepthSensor::between(const std::vector<float>& inverse, std::size_t row, std::uint32_t x, float w, float share,
+                           std::uint32_t dice) const noexcept {
+    const std::uint32_t left = x < 2 ? 0 : x - 2;
+    const std::uint32_t right = std::min(x + 2, static_cast<std::uint32_t>(hidden_.size()) - 1);
+    float other = w;
+    for (std::uint32_t i = left; i <= right; ++i) {
+        const float jump = inverse[row + i] - w;
+        const float most = other - w;
+        if ((jump < 0 ? -jump : jump) > (most < 0 ? -most : most)) other = inverse[row + i];
+    }
+    const float step = other - w;
+    if (!(other > 0) || (step < 0 ? -step : step) < 0.04F * w) return w;
+    if (static_cast<float>(dice & 255U) >= 90.0F * share) return w;  // a third of them
+    const float part = 0.15F + 0.7F * static_cast<float>(dice >> 8U & 255U) * (1.0F / 255.0F);
+    const float z = 1.0F / w;
+    return 1.0F / (z + (1.0F / other - z) * part);
+}
+
 void DepthSensor::sense(const Picture& picture, std::uint64_t seed, float units_per_m,
-                        std::vector<std::uint16_t>& depth) {
+                        std::vector<std::uint16_t>& depth, const DepthErrors& errors) {
     const Pinhole& camera = picture.camera();
     const std::vector<float>& inverse = picture.inverse_depth();
     const std::vector<std::uint32_t>& ids = picture.face_ids();
@@ -71,7 +90,7 @@ void DepthSensor::sense(const Picture& picture, std::uint64_t seed, float units_
             std::uint16_t& out = depth[row + x];
             out = 0;
             // Ragged borders: where depth jumps, a neighbour's value may win.
-            const float wander = edges_.at(x) * 1.3F;
+            const float wander = edges_.at(x) * (1.3F + errors.ragged);
             const std::int32_t beside = std::clamp(
                 static_cast<std::int32_t>(x) + round_clamped(static_cast<double>(wander), -3, 3), 0, width - 1);
             std::size_t from = row + x;
@@ -80,7 +99,7 @@ void DepthSensor::sense(const Picture& picture, std::uint64_t seed, float units_
             const float jump = here - there;
             if ((jump < 0 ? -jump : jump) > 0.04F * here) from = row + static_cast<std::size_t>(beside);
             if (hidden_[from - row] || ids[from] == kNoFace) continue;
-            const float w = inverse[from];
+            float w = inverse[from];
             const VisibleFace& face = picture.face(ids[from]);
             const std::uint32_t dice = scramble(static_cast<std::uint32_t>(row + x) * 747796405U + key);
             // Light that comes in at a slant comes back weak.
@@ -90,7 +109,12 @@ void DepthSensor::sense(const Picture& picture, std::uint64_t seed, float units_
             if (face.material.infrared == Infrared::kPoor) threshold -= 1.6F;
             if (face.material.infrared == Infrared::kBad) threshold -= 3.0F;
             if (loss_.at(x) > threshold || (dice >> 8U) % 512U == 0) continue;
-            const float noise = kNoiseOwn * bell(scramble(dice)) + kNoiseShared * shared_.at(x);
+            float noise = kNoiseOwn * bell(scramble(dice)) + kNoiseShared * shared_.at(x);
+            if (errors.nearness != nullptr) {
+                if (errors.ragged > 0) w = between(inverse, row, x, w, errors.ragged, scramble(dice + 1U));
+                w *= errors.nearness[row + x];
+                noise += errors.disparity[row + x];
+            }
             const std::int32_t steps =
                 round_clamped(static_cast<double>((kFocalBaseline * w + noise) * kDisparitySteps), 1, 100000);
             const float z = kFocalBaseline * kDisparitySteps / static_cast<float>(steps);

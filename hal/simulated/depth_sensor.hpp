@@ -28,15 +28,26 @@ private:
     std::vector<float> values_, row_;
 };
 
+// What a dirty sensor adds (depth_dirt.hpp); a clean one adds nothing.
+struct DepthErrors {
+    const float* nearness = nullptr;   // factor on each pixel's inverse depth
+    const float* disparity = nullptr;  // px, on each pixel's disparity
+    float ragged = 0;                  // how much more ragged borders are than a clean sensor's
+};
+
 // For pictures of one size; its buffers stay from frame to frame.
 class DepthSensor {
 public:
     DepthSensor(std::uint32_t width, std::uint32_t height)
         : shared_(width, height), edges_(width, height), loss_(width, height), hidden_(width) {}
     // From a picture to depth in units of 1 / units_per_m, 0 = nothing.
-    void sense(const Picture& picture, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth);
+    void sense(const Picture& picture, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth,
+               const DepthErrors& errors = {});
 
 private:
+    [[nodiscard]] float between(const std::vector<float>& inverse, std::size_t row, std::uint32_t x, float w,
+                                float share, std::uint32_t dice) const noexcept;
+
     Lattice shared_, edges_, loss_;
     std::vector<bool> hidden_;
 };

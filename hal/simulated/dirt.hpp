@@ -8,10 +8,28 @@
 namespace stillmesh {
 
 // Name, what it does at strength 1.
-#define STILLMESH_DIRT(DIRT)                                                                 \
-    DIRT(rolling, "rows are read one after the other: colour within 28 ms, depth within 17") \
-    DIRT(shake, "the hand trembles at 8 to 12 Hz, by up to 1.8 mm and .5 degrees an axis")   \
-    DIRT(aside, "every 5 s a look aside and back: 60 degrees, at 100 degrees/s")
+#define STILLMESH_DIRT(DIRT)                                                                                       \
+    DIRT(rolling, "rows are read one after the other: colour within 28 ms, depth within 17")                       \
+    DIRT(shake, "the hand trembles at 8 to 12 Hz, by up to 1.8 mm and .5 degrees an axis")                         \
+    DIRT(aside, "every 5 s a look aside and back: 60 degrees, at 100 degrees/s")                                   \
+    DIRT(borders,                                                                                                  \
+         "the depth camera is tilted by .2 degrees, 2 mm aside, its focal length .5 % off: borders lie 1 to 3 px " \
+         "apart")                                                                                                  \
+    DIRT(calibration, "the engine is told a focal length .3 % and a centre 1.5 px off")                            \
+    DIRT(late, "depth is 0 to 25 ms late, in a slow wave; its stamps say half of it")                              \
+    DIRT(scale, "depth is up to 1.5 % off in a smooth fixed pattern, and drifts by .4 %")                          \
+    DIRT(noise, "depth noise is 1.5 times as large; half of it stays for half a second, over 6 px")                \
+    DIRT(ragged, "borders in depth are ragged, with pixels between the two depths")                                \
+    DIRT(dark, "dark surfaces measure .9 % too far")                                                               \
+    DIRT(shadows, "people cast shadows on floor and walls")                                                        \
+    DIRT(folds, "clothes fold by 6 to 11 mm, and the folds wander")                                                \
+    DIRT(hunting, "the automatic exposure hunts by a third")                                                       \
+    DIRT(flicker, "lamps flicker at 100 Hz: bands of 9 % over the rows")                                           \
+    DIRT(jpeg, "colour went through JPEG of quality 70; at 2 of 40")                                               \
+    DIRT(gaps, "2 to 6 frames are missing every 4 s")                                                              \
+    DIRT(stamps, "time stamps are up to 2 ms off")                                                                 \
+    DIRT(manners, "people sit still for 5 s and rise, stand still, or stand 65 cm before the camera for 2 s")      \
+    DIRT(things, "a chair is pushed aside, a door opens, a screen plays")
 
 struct Dirt {
     // Negative: what the scene has.

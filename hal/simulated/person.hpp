@@ -18,12 +18,18 @@ struct BodyState {
     double stride = 0;                           // 0 stands, 1 walks briskly
     double gesture_left = 0, gesture_right = 0;  // 0 arm swings, 1 arm is up
     double gesture_phase = 0;
+    double change = 0;  // 1: sits, of those who walk; stands, of those who sit
 };
+
+// What somebody does beside walking or talking.
+enum class Manner : std::uint8_t { kNone, kSitsFirst, kStandsStill, kComesClose };
 
 struct Person {
     double height_m = 1.75;
     double girth = 1.0;
     bool is_sitting = false;
+    Manner manner = Manner::kNone;
+    double manner_scale = 1;  // on how long it lasts
     Material shirt, trousers, skin, face, shoes;
     double first_s = 0;             // time of states[0]
     std::vector<BodyState> states;  // 60 a second
@@ -47,6 +53,7 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
 // Someone on a chair, who talks with hands and body.
 void plan_sitting(Person& person, double x, double y, double heading_rad, double duration_s, std::uint64_t seed);
 
-void draw_person(Canvas& canvas, const Person& person, double time_s);
+// `folds`: of the clothes, 1 is 6 to 11 mm.
+void draw_person(Canvas& canvas, const Person& person, double time_s, double folds = 0);
 
 }  // namespace stillmesh::simulated

@@ -43,6 +43,13 @@ Recording::Moment Recording::at(double time_s) const noexcept {
     return {static_cast<std::uint32_t>(pass), clamp01(steps - pass)};
 }
 
+bool Recording::is_complete() const noexcept {
+    for (const std::vector<Vertex>& vertices : moving_) {
+        if (vertices.size() != moving_[0].size()) return false;
+    }
+    return true;
+}
+
 RowRenderer::RowRenderer(const Pinhole& camera) : Picture(camera), rows_(camera.height) {}
 
 void RowRenderer::set_camera(const Pinhole& camera) {
@@ -51,7 +58,7 @@ void RowRenderer::set_camera(const Pinhole& camera) {
 }
 
 void RowRenderer::draw(const Recording& recording, std::span<const RowPose> poses, double offset_x, double offset_y) {
-    STILLMESH_CHECK(poses.size() == rows_.size());
+    STILLMESH_CHECK(poses.size() == rows_.size() && recording.is_complete());
     recording_ = &recording;
     cx_ = camera_.cx - offset_x;
     cy_ = camera_.cy - offset_y;

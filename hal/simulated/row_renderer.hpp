@@ -35,6 +35,8 @@ public:
         double share = 0;  // on the way to the next
     };
     [[nodiscard]] Moment at(double time_s) const noexcept;
+    // Every pass drew as much as the first.
+    [[nodiscard]] bool is_complete() const noexcept;
     [[nodiscard]] const std::vector<Face>& faces() const noexcept { return faces_; }
     [[nodiscard]] Vec3 corner(const Face& face, std::uint32_t i, const Moment& moment) const noexcept {
         if (!face.moves) return still_[face.first + i].p;

@@ -76,12 +76,15 @@ public:
 private:
     struct State;
 
+    void choose_frames(double gaps);
+
     SimulationOptions options_;
     CameraInfo info_;
     std::string message_;
     std::uint64_t day_ = 0;  // seed of all but the room
     std::uint32_t frame_count_ = 0;
     std::uint32_t next_ = 0;
+    std::vector<std::uint32_t> taken_;  // numbers of the frames that are not missing
     SimulatedPose pose_;
     double dynamic_share_ = 0;
     std::unique_ptr<State> state_;

@@ -4,9 +4,10 @@
 
 namespace stillmesh::simulated {
 
-World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s)
+World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s, const Dirt& dirt)
     : scene_(scene),
       day_(day),
+      dirt_(dirt),
       random_(seed * 0x9e37'79b9ULL + 0x5ce'e0ffULL),
       side_(random_.uniform() < 0.5 ? -1.0 : 1.0),
       duration_s_(duration_s),
@@ -39,6 +40,8 @@ World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double d
         place_trolley();
     }
     if (scene.cast == Cast::kRearranged) add_movables();
+    if (dirt.manners > 0) add_seats();
+    if (dirt.things > 0) add_things();
 }
 
 float World::light_at(const Vec3& at, const Vec3& normal) const noexcept {
@@ -143,6 +146,7 @@ void World::furnish(const Wall& wall, bool is_seen_first) {
     const auto slots = static_cast<std::uint32_t>(wall.width / 1.2);
     const double pitch = wall.width / slots;
     const std::uint32_t bare = is_seen_first ? (random_.uniform() < 0.5 ? 0 : slots - 1) : random_.below(slots);
+    if (is_seen_first) bare_left_m_ = bare * pitch + 0.06;
     std::uint32_t last = 99;
     for (std::uint32_t i = 0; i < slots; ++i) {
         const double left = i * pitch + 0.06;
@@ -253,7 +257,8 @@ void World::add_monitor(double x, double y, double z, double yaw_rad) {
     const Coat screen = coat(Pattern::kScreen, 0, Infrared::kBad);
     add_box(quads_, {x, y, z + 0.27}, {0.26, 0.025, 0.17}, yaw_rad, dark, dark);
     const Mat3 turn = rotation_z(yaw_rad);
-    add_quad(quads_, Vec3{x, y, z + 0.425} - turn.a * 0.24 - turn.b * 0.028, turn.a * 0.48, {0, 0, -0.3}, screen);
+    add_quad(dirt_.things > 0 ? screens_ : quads_, Vec3{x, y, z + 0.425} - turn.a * 0.24 - turn.b * 0.028,
+             turn.a * 0.48, {0, 0, -0.3}, screen);
     add_box(quads_, {x, y, z + 0.05}, {0.03, 0.02, 0.05}, yaw_rad, dark, dark);
     add_box(quads_, {x, y, z + 0.01}, {0.12, 0.09, 0.01}, yaw_rad, dark, dark);
 }
@@ -326,6 +331,14 @@ void World::add_people(std::uint32_t count) {
         person.shoes = wear(Pattern::kDark);
     }
     const std::uint64_t seed = random_.next();
+    if (dirt_.manners > 0) {
+        constexpr Manner kManners[] = {Manner::kComesClose, Manner::kStandsStill, Manner::kSitsFirst};
+        const bool is_walking = scene_.cast == Cast::kWalking;
+        for (std::size_t i = 0; i < people_.size(); ++i) {
+            people_[i].manner = is_walking ? kManners[i % 3] : (i == 0 ? Manner::kSitsFirst : Manner::kNone);
+            people_[i].manner_scale = dirt_.manners;
+        }
+    }
     if (scene_.cast == Cast::kWalking) {
         // The first close enough to hide much of the room, the others where the desk leaves room.
         const double a = side_ > 0 ? -0.42 : -0.08;  // the side without the desk
@@ -482,6 +495,73 @@ void World::add_movables() {
     movables_.push_back(crate);
 }
 
+void World::add_seats() {
+    random_ = Random(day_ ^ 0x7365'6174ULL);
+    for (const Person& person : people_) {
+        if (person.manner != Manner::kSitsFirst || person.is_sitting) continue;
+        const BodyState seat = person.at(0);
+        const Coat cloth = coat(Pattern::kCloth, 420);
+        add_box(quads_, {seat.x, seat.y, 0.22}, {0.2, 0.2, 0.22}, seat.heading_rad, cloth, cloth);
+    }
+}
+
+void World::add_things() {
+    random_ = Random(day_ ^ 0x7468'696e'6773ULL);
+    Movable chair;
+    const Coat cloth = coat(Pattern::kCloth, 420);
+    const Coat dark = coat(Pattern::kDark, 200);
+    add_box(chair.quads, {0, 0, 0.44}, {0.22, 0.22, 0.03}, 0, cloth, cloth);
+    add_box(chair.quads, {0, 0.22, 0.75}, {0.2, 0.025, 0.2}, 0, cloth, cloth);
+    add_box(chair.quads, {0, 0, 0.22}, {0.03, 0.03, 0.2}, 0, dark, dark);
+    add_box(chair.quads, {0, 0, 0.04}, {0.22, 0.22, 0.02}, 0, dark, dark);
+    chair.from = {side_ * random_.uniform(-0.55, -0.4), random_.uniform(0.9, 1.1), 0};
+    chair.to = {side_ * random_.uniform(-1.2, -1.0), random_.uniform(1.3, 1.5), 0};
+    chair.yaw_rad = random_.uniform(-0.4, 0.4);
+    chair.turn_rad = random_.uniform(0.6, 1.2);
+    chair.begin_s = random_.uniform(2.5, 3.5);
+    chair.end_s = chair.begin_s + 0.8;
+    movables_.push_back(chair);
+    // In the bare part of the wall, hinged at its left, with the dark of another room behind.
+    constexpr double kWidth = 0.9;
+    constexpr double kHeight = 2.0;
+    const Vec3 hinge{-kRoomHalfX + bare_left_m_, kRoomHalfY - 0.03, 0};
+    add_quad(quads_, hinge + Vec3{0, 0.02, kHeight}, {kWidth, 0, 0}, {0, 0, -kHeight}, dark);
+    Movable door;
+    const Coat front = coat(Pattern::kDoor, 0);
+    add_box(door.quads, {kWidth / 2, 0, kHeight / 2}, {kWidth / 2, 0.02, kHeight / 2}, 0, front, front);
+    door.from = door.to = hinge;
+    door.turn_rad = -random_.uniform(0.9, 1.3);
+    door.begin_s = random_.uniform(5.0, 6.0);
+    door.end_s = door.begin_s + 1.5;
+    movables_.push_back(door);
+}
+
+void World::draw_screens(Canvas& canvas, double time_s) const {
+    // A film: another picture ten times a second, the texture's own from elsewhere.
+    const auto picture = static_cast<std::uint32_t>(floor_clamped(time_s * 10, -1000, 100'000'000) + 1000);
+    Random random(picture * 0x9e37'79b9ULL + day_);
+    for (const Quad& quad : screens_) {
+        Vertex corners[4];
+        const auto u = static_cast<float>(random.uniform(0, 256));
+        const auto v = static_cast<float>(random.uniform(0, 256));
+        for (int i = 0; i < 4; ++i) {
+            corners[i] = quad.corners[i];
+            corners[i].u += u;
+            corners[i].v += v;
+        }
+        canvas.draw(corners, 4, quad.material);
+    }
+}
+
+void World::find_posts(double time_s, std::vector<Post>& posts) const {
+    posts.clear();
+    for (const Person& person : people_) {
+        const BodyState b = person.at(time_s);
+        const double seated = person.is_sitting ? 1 - b.change : b.change;
+        posts.push_back({{b.x, b.y, 0}, mix(person.height_m, 0.72 * person.height_m, seated)});
+    }
+}
+
 void World::draw_movable(Canvas& canvas, const Movable& movable, double time_s) {
     const double p = clamp01((time_s - movable.begin_s) / (movable.end_s - movable.begin_s));
     const double s = p * p * (3 - 2 * p);
@@ -500,8 +580,9 @@ void World::draw_movable(Canvas& canvas, const Movable& movable, double time_s) 
 
 void World::draw_moving(Canvas& canvas, double time_s) const {
     for (const Movable& movable : movables_) draw_movable(canvas, movable, time_s);
-    for (const Person& person : people_) draw_person(canvas, person, time_s);
+    for (const Person& person : people_) draw_person(canvas, person, time_s, dirt_.folds);
     if (!trolley_.empty()) draw_trolley(canvas, time_s);
+    draw_screens(canvas, time_s);
 }
 
 void World::draw_still(Canvas& canvas) const {

@@ -8,18 +8,21 @@
 #include "hal/simulated/person.hpp"
 #include "hal/simulated/renderer.hpp"
 #include "hal/simulated/scene.hpp"
+#include "hal/simulated/shadows.hpp"
 
 namespace stillmesh::simulated {
 
 class World {
 public:
     // `day` is the seed of all but the room: who is there, and how the camera goes.
-    World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s);
+    World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s, const Dirt& dirt);
 
     // What may move, and what never does, always in the same order; and both.
     void draw_moving(Canvas& canvas, double time_s) const;
     void draw_still(Canvas& canvas) const;
     void draw(Canvas& canvas, double time_s) const;
+    // Who casts a shadow at this time.
+    void find_posts(double time_s, std::vector<Post>& posts) const;
     [[nodiscard]] const CameraPath& camera() const noexcept { return camera_; }
 
 private:
@@ -69,6 +72,10 @@ private:
     void place_trolley();
     void draw_trolley(Canvas& canvas, double time_s) const;
     void add_movables();
+    // What goes on in an office beside people: a chair, a door, screens.
+    void add_things();
+    void add_seats();
+    void draw_screens(Canvas& canvas, double time_s) const;
     static void draw_movable(Canvas& canvas, const Movable& movable, double time_s);
     // The largest share of the picture it holds in the first 10 s, were nothing before it.
     [[nodiscard]] double trolley_peak() const;
@@ -77,6 +84,7 @@ private:
 
     Scene scene_;
     std::uint64_t day_;
+    Dirt dirt_;
     Random random_;
     double side_;  // -1: mirrored
     double duration_s_;
@@ -85,6 +93,8 @@ private:
     std::vector<Quad> quads_;
     std::vector<Quad> trolley_;  // in its own frame
     std::vector<Movable> movables_;
+    std::vector<Quad> screens_;  // that play
+    double bare_left_m_ = 0;     // where the wall before the camera is bare
     std::vector<Person> people_;
     double trolley_direction_ = 1;
     double trolley_pace_ = 1;
