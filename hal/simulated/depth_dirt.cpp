@@ -54,15 +54,19 @@ DepthDirt::DepthDirt(const Dirt& dirt, std::uint64_t seed, const Pinhole& colour
         }
         const double bowl = side();
         pattern_.resize(pixels);
+        float most = 0;
         for (std::uint32_t y = 0; y < colour.height; ++y) {
             const double v = static_cast<double>(y) / colour.height - 0.5;
             for (std::uint32_t x = 0; x < colour.width; ++x) {
                 const double u = static_cast<double>(x) / colour.width - 0.5;
                 double sum = bowl * (2 * (u * u + v * v) - 0.5);
                 for (int i = 0; i < 3; ++i) sum += sine(across[i] * u + down[i] * v + phase[i]) * (1.0 / 6);
-                pattern_[std::size_t{y} * colour.width + x] = static_cast<float>(sum);
+                const auto value = static_cast<float>(sum);
+                pattern_[std::size_t{y} * colour.width + x] = value;
+                most = std::max(most, value < 0 ? -value : value);
             }
         }
+        for (float& value : pattern_) value /= most;
     }
 }
 

@@ -191,16 +191,31 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
     };
     // Targets are kept in the camera's view, as (to the right, ahead) in metres, and move with it.
     const auto in_world = [&](const Walker& w, double t) {
-        const Rigid eye = camera.base_at(t + 0.35);
+        const Rigid eye = w.is_close ? camera.at(t) : camera.base_at(t + 0.35);
         const Vec3 forward = normalised({eye.rotation.c.x, eye.rotation.c.y, 0});
         const Vec3 right{forward.y, -forward.x, 0};
         return out_of_obstacles(inside_room(eye.translation + right * w.target.x + forward * w.target.y));
     };
+    // In sight at first, and nowhere that the camera comes to while somebody sits there.
     const auto seat_of = [&](const Walker& w) {
         Walker seat = w;
         const double ahead = w.lane.far_m;
-        seat.target = {mix(w.lane.left, w.lane.right, w.side > 0 ? 0.75 : 0.25) * ahead, ahead, 0};
-        return in_world(seat, 0);
+        Vec3 best;
+        double best_gap = -1;
+        for (const double share : {0.75, 0.25, 0.5, 1.0, 0.0}) {
+            const double slope = mix(w.lane.left, w.lane.right, w.side > 0 ? share : 1 - share);
+            seat.target = {slope * ahead, ahead, 0};
+            const Vec3 at = in_world(seat, 0);
+            double gap = 1.0;  // enough
+            for (double t = 0; t < kSitsS + 2; t += 0.25) {
+                Vec3 apart = camera.at(t).translation - at;
+                apart.z = 0;
+                gap = std::min(gap, length(apart));
+            }
+            if (gap > best_gap) best = at;
+            best_gap = std::max(gap, best_gap);
+        }
+        return best;
     };
     const auto choose = [&](Walker& w, double t) {
         const double ahead = w.random.uniform(w.lane.near_m, w.lane.far_m);
@@ -237,8 +252,8 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
                 const double until = kSitsS * person.manner_scale;
                 w.change = 1 - smooth_step((t - until) / kRisesS);
                 if (t < until + kRisesS) {  // still, and turned to the camera
-                    if (t < 0) w.p = seat_of(w);
-                    if (t < 0) w.heading = arc_tangent2(eye.translation.y - w.p.y, eye.translation.x - w.p.x) + 0.5;
+                    if (step == 0) w.p = seat_of(w);
+                    if (step == 0) w.heading = arc_tangent2(eye.translation.y - w.p.y, eye.translation.x - w.p.x) + 0.5;
                     w.v = {};
                     w.stride = 0;
                     people[i].states.push_back({w.p.x, w.p.y, w.heading, w.phase, 0, 0, 0, w.gesture_phase, w.change});
@@ -274,8 +289,9 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
             }
             const bool is_standing = t < w.stop_until || (w.is_close && left < 0.05);
             Vec3 wanted = is_standing ? Vec3{} : carried + normalised(way) * w.pace;
+            const bool is_rooted = is_standing && person.manner == Manner::kStandsStill;
             for (std::size_t j = 0; j < walkers.size(); ++j) {  // nobody walks through anybody
-                if (j == i) continue;
+                if (j == i || is_rooted) continue;
                 const Vec3 apart = w.p - walkers[j].p;
                 const double gap = length(apart);
                 if (gap < 0.75) wanted = wanted + normalised(apart) * (2.5 * (0.75 - gap));
@@ -335,6 +351,7 @@ void plan_sitting(Person& person, double x, double y, double heading_rad, double
         const double period = still_s + kTalksS + kUpS;
         const double since = t - period * floor_clamped(t / period, 0, 1'000'000);
         if (person.manner == Manner::kSitsFirst && since < still_s) {
+            state.change = 0;
             person.states.push_back(state);
             continue;
         }

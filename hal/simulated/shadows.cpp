@@ -8,7 +8,7 @@ namespace stillmesh::simulated {
 namespace {
 
 constexpr double kRadius = 0.32;     // of a post; it ends softly
-constexpr double kOfOneLamp = 0.22;  // lamps are wide and walls are bright: the rest of the light finds another way
+constexpr double kOfOneLamp = 0.15;  // lamps are wide and walls are bright: the rest of the light finds another way
 constexpr double kSoftTop = 0.25;    // m
 
 }  // namespace

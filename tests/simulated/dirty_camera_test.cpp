@@ -180,5 +180,128 @@ TEST(DirtyCamera, MaskFollowsTheRows) {
     EXPECT_GT(at[4], 1.3 * at[1]);
 }
 
+// Promise: 2 to 6 frames are missing every 4 s, at other times with another seed; a run has as many frames as ever.
+TEST(DirtyCamera, FramesAreMissing) {
+    SimulationOptions options = with("static_xyz", "gaps", 400, 64);
+    SimulatedCamera camera(options);
+    ASSERT_EQ(camera.open(), Status::kOk);
+    EXPECT_EQ(camera.frame_count(), 400U);
+    Frame frame;
+    std::vector<double> holes;
+    double last_hole_s = 0;
+    std::int64_t last_ns = 0;
+    std::uint32_t count = 0;
+    while (camera.poll(frame) == Status::kOk) {
+        const double step = static_cast<double>(frame.time_ns - last_ns) * 30e-9;
+        if (count > 0 && step > 1.5) {
+            holes.push_back(step - 1);
+            if (last_hole_s > 0) {
+                EXPECT_NEAR(static_cast<double>(last_ns) * 1e-9 - last_hole_s, 4, 0.001);
+            }
+            last_hole_s = static_cast<double>(last_ns) * 1e-9;
+        }
+        last_ns = frame.time_ns;
+        ++count;
+    }
+    EXPECT_EQ(count, 400U);
+    ASSERT_GE(holes.size(), 3U);
+    for (const double missing : holes) {
+        EXPECT_GT(missing, 1.9);
+        EXPECT_LT(missing, 6.1);
+    }
+}
+
+// Promise: stamps are up to 2 ms off, colour and depth alike, and say when the truth is said to be; the truth itself is
+// that of the picture.
+TEST(DirtyCamera, StampsAreOff) {
+    const std::vector<Kept> right = run(with("static_rpy", "", 20, 64));
+    const std::vector<Kept> off = run(with("static_rpy", "stamps", 20, 64));
+    double most = 0;
+    for (std::size_t i = 0; i < right.size(); ++i) {
+        EXPECT_EQ(off[i].pose.t, right[i].pose.t);
+        EXPECT_EQ(off[i].pose.time_ns, off[i].time_ns);
+        EXPECT_EQ(off[i].depth_time_ns, off[i].time_ns);
+        most = std::max(most, std::abs(static_cast<double>(off[i].time_ns - right[i].time_ns)));
+    }
+    EXPECT_LE(most, 2e6);
+    EXPECT_GT(most, 1e6);
+}
+
+// Promise: late depth is depth of later, and its stamp says half of how late.
+TEST(DirtyCamera, DepthIsLaterThanItSays) {
+    const std::vector<Kept> in_time = run(with("static_rpy", "borders=1e-9", 150, 64));
+    const std::vector<Kept> late = run(with("static_rpy", "borders=1e-9,late", 150, 64));
+    std::int64_t most = 0;
+    for (std::size_t i = 0; i < late.size(); ++i) {
+        EXPECT_EQ(late[i].grey, in_time[i].grey);
+        most = std::max(most, late[i].depth_time_ns - late[i].time_ns);
+        EXPECT_GE(late[i].depth_time_ns, late[i].time_ns);
+    }
+    EXPECT_GT(most, 9'000'000);
+    EXPECT_LE(most, 12'500'000);
+}
+
+// Promise: the calibration given out is .3 % and 1.5 px off, the pictures are not.
+TEST(DirtyCamera, CalibrationIsOff) {
+    SimulatedCamera right(with("static_xyz", "", 1, 640)), off(with("static_xyz", "calibration", 1, 640));
+    ASSERT_EQ(right.open(), Status::kOk);
+    ASSERT_EQ(off.open(), Status::kOk);
+    EXPECT_NEAR(std::abs(off.info().model.fx / right.info().model.fx - 1), 0.003, 1e-9);
+    EXPECT_NEAR(std::abs(off.info().model.cx - right.info().model.cx), 1.5, 1e-9);
+    EXPECT_NEAR(std::abs(off.info().model.cy - right.info().model.cy), 1.5, 1e-9);
+    EXPECT_EQ(hash_of(run(with("static_xyz", "calibration", 1))), hash_of(run(with("static_xyz", "", 1))));
+}
+
+// Promise: flicker lays two to three bands over the picture, darker and brighter by 9 %.
+TEST(DirtyCamera, LampsLeaveBands) {
+    const std::vector<Kept> plain = run(with("static_xyz", "", 1));
+    const std::vector<Kept> bands = run(with("static_xyz", "flicker", 1));
+    double least = 2;
+    double most = 0;
+    int rises = 0;
+    double last = 0;
+    for (std::size_t y = 0; y < 240; y += 4) {
+        double a = 0;
+        double b = 0;
+        for (std::size_t i = y * 320; i < (y + 4) * 320; ++i) {
+            a += plain[0].grey[i];
+            b += bands[0].grey[i];
+        }
+        const double ratio = b / a;
+        least = std::min(least, ratio);
+        most = std::max(most, ratio);
+        rises += y > 0 && last < 1 && ratio >= 1;
+        last = ratio;
+    }
+    EXPECT_NEAR(least, 0.91, 0.015);
+    EXPECT_NEAR(most, 1.09, 0.015);
+    EXPECT_GE(rises, 2);
+    EXPECT_LE(rises, 4);
+}
+
+// Promise: things: nothing moves at first, then a chair does, later a door; a screen shows another picture ten times a
+// second and is no moving body.
+TEST(DirtyCamera, ThingsHappen) {
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+        SimulationOptions options = with("static_xyz", "things", 300, 160);
+        options.seed = seed;
+        SimulatedCamera camera(options);
+        ASSERT_EQ(camera.open(), Status::kOk);
+        Frame frame;
+        const auto most_moving = [&](std::uint32_t from, std::uint32_t to) {
+            double most = 0;
+            for (std::uint32_t i = from; i < to; ++i) {
+                camera.seek(i);
+                EXPECT_EQ(camera.poll(frame), Status::kOk);
+                most = std::max(most, camera.dynamic_share());
+            }
+            return most;
+        };
+        EXPECT_EQ(most_moving(0, 70), 0) << seed;
+        EXPECT_GT(most_moving(80, 130), 0.005) << seed;
+        EXPECT_EQ(most_moving(260, 300), 0) << seed;
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh
