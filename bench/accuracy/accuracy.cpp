@@ -5,6 +5,8 @@
 //   accuracy --variant alone:mapping.is_enabled=false   what mapping earns over tracking alone
 //   accuracy --method paper                        a further engine that does what the paper says to the letter
 //   accuracy --ablate --seeds 1-2 --test-data     what each rule of the engine earns
+//   accuracy --dirt --scenes walking_xyz --seeds 1-2   what each effect of a real camera costs (hal/simulated/dirt.hpp)
+//   accuracy --dirt shake=1,rolling=1 --scenes walking_xyz   the scenes with these
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
 //   accuracy --gate static,walking                 exit 1 with the names of what misses its bar, or had no run
 //   accuracy --scenes all --test-data --variant alone:mapping.is_enabled=false --gate   all bars, and all they need
@@ -20,6 +22,7 @@
 #include <thread>
 
 #include "bench/accuracy/ablation.hpp"
+#include "bench/accuracy/dirt_table.hpp"
 #include "bench/accuracy/gate.hpp"
 #include "bench/accuracy/results.hpp"
 #include "bench/accuracy/tables.hpp"
@@ -38,12 +41,13 @@ int refuse(const std::string& sentence) {
 }
 
 struct Arguments {
-    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate;
+    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate, dirt;
     std::vector<std::string> recordings, settings, variants, results;
     std::uint32_t frames = 0;
     std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
     bool uses_test_data = false;
     bool is_ablation = false;
+    bool is_dirt_table = false;
     RunOptions run;
 };
 
@@ -81,8 +85,17 @@ int make_inputs(const Arguments& arguments, bool has_scenes, std::vector<Input>&
         }
         if (!is_known) return refuse(fmt::format("--scenes: no scene or group '{}'.", name));
     }
+    std::vector<DirtRun> dirts(1);
+    std::string message;
+    if (arguments.is_dirt_table) dirts = dirt_runs();
+    if (!parse_dirt(arguments.dirt, dirts[0].dirt, message)) return refuse("--dirt: " + message + ".");
+    if (!arguments.is_dirt_table) dirts[0].name = dirt_text(dirts[0].dirt);
     for (const std::string& scene : scenes) {
-        for (const std::uint64_t seed : seeds) inputs.push_back({scene, seed, false, arguments.frames});
+        for (const std::uint64_t seed : seeds) {
+            for (const DirtRun& run : dirts) {
+                inputs.push_back({scene, seed, false, arguments.frames, run.dirt, run.name});
+            }
+        }
     }
     return kDone;
 }
@@ -128,11 +141,13 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
 }
 
 int show(const Arguments& arguments, bool is_gated, const Outcome& outcome) {
+    const bool is_table = arguments.is_ablation || arguments.is_dirt_table;
     if (arguments.is_ablation) fmt::print("{}\n", ablation_table(outcome.results, "on"));
-    if (!arguments.is_ablation) fmt::print("{}\n{}\n", run_table(outcome.results), scene_table(outcome.results));
+    if (arguments.is_dirt_table) fmt::print("{}\n", dirt_table(outcome.results));
+    if (!is_table) fmt::print("{}\n{}\n", run_table(outcome.results), scene_table(outcome.results));
     for (const std::string& table : {shares_table(outcome.results), nees_table(outcome.results),
                                      mapping_table(outcome.results), summary(outcome.results)}) {
-        if (!table.empty() && !arguments.is_ablation) fmt::print("{}\n", table);
+        if (!table.empty() && !is_table) fmt::print("{}\n", table);
     }
     std::string message;
     if (!arguments.json.empty() && !write_whole_file(arguments.json, to_text(outcome.results), message)) {
@@ -169,6 +184,11 @@ int main(int argc, char** argv) {
         ->check(CLI::IsMember({"ours", "paper"}))
         ->capture_default_str();
     app.add_flag("--ablate", arguments.is_ablation, "one engine for each rule, without it: a table of what rules earn");
+    auto* const dirt =
+        app.add_option(
+               "--dirt", arguments.dirt,
+               "NAME=STRENGTH,...: the scenes with these effects of real cameras; alone: a table, effect by effect")
+            ->expected(0, 1);
     app.add_option("--jobs", arguments.jobs, "runs at a time")->check(CLI::Range(1, 256))->capture_default_str();
     app.add_option("--recording", arguments.recordings, "TUM folders with groundtruth.txt");
     app.add_flag("--test-data", arguments.uses_test_data, "the recordings of STILLMESH_TEST_DATA that have bars");
@@ -179,7 +199,9 @@ int main(int argc, char** argv) {
     app.add_option("--cache", arguments.run.cache, "folder for rendered frames, 1 MB each; a second run reads them");
     auto* const gate = app.add_option("--gate", arguments.gate, "hold against the bars: all, or names")->expected(0, 1);
     CLI11_PARSE(app, argc, argv);
-    if (arguments.is_ablation) arguments.region = "on";
+    if (arguments.dirt == "true") arguments.dirt.clear();
+    arguments.is_dirt_table = dirt->count() > 0 && arguments.dirt.empty();
+    if (arguments.is_ablation || arguments.is_dirt_table) arguments.region = "on";
     const bool is_gated = gate->count() > 0;
     if (arguments.gate.empty() || arguments.gate == "true") arguments.gate = "all";
     for (const std::string& name : split(arguments.gate)) {

@@ -54,6 +54,7 @@ bool has_bars(Group group) {
 
 Group group_of(const Result& result) {
     if (result.is_recording) return Group::kRecording;
+    if (!result.dirt.empty()) return Group::kDirty;
     for (const char* prefix : {"shaken_", "aside_", "real_"}) {
         if (result.scene.starts_with(prefix)) return Group::kDirty;
     }

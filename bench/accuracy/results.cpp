@@ -11,7 +11,20 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Measures, frames, tracked, unsure, predicted,
                                    nees_first_translation_sum, nees_first_rotation_sum, nees_fit_translation_sum,
                                    nees_fit_rotation_sum, masked_frames, wrong_choices, moving, moving_accepted, still,
                                    still_accepted, keyframes, median_ms, p99_ms)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Result, scene, seed, is_recording, variant, measures)
+
+// Results written before there was dirt are clean.
+static void to_json(nlohmann::json& out, const Result& result) {
+    out = {{"scene", result.scene},     {"seed", result.seed},         {"is_recording", result.is_recording},
+           {"variant", result.variant}, {"measures", result.measures}, {"dirt", result.dirt}};
+}
+static void from_json(const nlohmann::json& in, Result& result) {
+    in.at("scene").get_to(result.scene);
+    in.at("seed").get_to(result.seed);
+    in.at("is_recording").get_to(result.is_recording);
+    in.at("variant").get_to(result.variant);
+    in.at("measures").get_to(result.measures);
+    result.dirt = in.value("dirt", "");
+}
 
 std::string to_text(const Result& result) {
     return nlohmann::json(result).dump();

@@ -114,6 +114,7 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
     }
     for (std::size_t i = 0; i < seats.size(); ++i) {
         Result result{scene, input.seed, input.is_recording, variants[i].name, measure(seats[i]->records)};
+        result.dirt = input.dirt_name;
         result.measures.keyframes = seats[i]->engine->statistics().keyframes_made;
         results.push_back(result);
     }

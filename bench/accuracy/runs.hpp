@@ -19,6 +19,7 @@ struct Input {
     bool is_recording = false;
     std::uint32_t frames = 0;  // 0: all
     Dirt dirt = {};            // of a simulated scene; what is not said, the scene says
+    std::string dirt_name = {};
 };
 
 struct Variant {
@@ -33,6 +34,7 @@ struct Result {
     bool is_recording = false;
     std::string variant;
     Measures measures;
+    std::string dirt = {};  // the input's dirt_name; empty: the scene's own
 };
 
 struct RunOptions {

@@ -86,7 +86,8 @@ private:
 };
 
 std::string name_of(const Input& input) {
-    return input.is_recording ? input.scene : fmt::format("{}:{}", input.scene, input.seed);
+    const std::string name = input.is_recording ? input.scene : fmt::format("{}:{}", input.scene, input.seed);
+    return input.dirt_name.empty() ? name : fmt::format("{} ({})", name, input.dirt_name);
 }
 
 }  // namespace

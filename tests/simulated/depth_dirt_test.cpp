@@ -130,8 +130,8 @@ TEST(DepthDirt, DarkIsFarther) {
     EXPECT_EQ(errors.nearness[200 * 320 + 50], 1.0F);
 }
 
-// Promise: noise is one and a half times the clean sensor's; a good half of it is still there a tenth of a second later,
-// nothing of it after two.
+// Promise: noise is one and a half times the clean sensor's; a good half of it is still there a tenth of a second
+// later, nothing of it after two.
 TEST(DepthDirt, NoiseStays) {
     DepthDirt depth(only(&Dirt::noise), 7, kPinhole);
     const std::vector<float> grey(kPixels, 100);
