@@ -29,7 +29,7 @@ namespace stillmesh {
     DIRT(gaps, "2 to 6 frames are missing every 4 s")                                                              \
     DIRT(stamps, "time stamps are up to 2 ms off")                                                                 \
     DIRT(manners, "people sit still for 5 s and rise, stand still, or stand 65 cm before the camera for 2 s")      \
-    DIRT(things, "a chair is pushed aside, a door opens, a screen plays")
+    DIRT(things, "a chair is pushed aside, a door opens or a mirror hangs there, screens play")
 
 struct Dirt {
     // Negative: what the scene has.

@@ -3,6 +3,29 @@
 #include <algorithm>
 
 namespace stillmesh::simulated {
+namespace {
+
+constexpr std::size_t kWallBefore = 2;  // of the quads: after floor and ceiling, the wall before the camera
+
+// What stands in the room stands behind the wall before the camera, too.
+class Mirror final : public Canvas {
+public:
+    explicit Mirror(Canvas& canvas) : canvas_(canvas) {}
+    void draw(const Vertex* vertices, std::uint32_t count, const Material& material) override {
+        STILLMESH_CHECK(count <= 8);
+        Vertex reflected[8];
+        for (std::uint32_t i = 0; i < count; ++i) {
+            reflected[i] = vertices[count - 1 - i];  // its other side is the front
+            reflected[i].p.y = 2 * kRoomHalfY - reflected[i].p.y;
+        }
+        canvas_.draw(reflected, count, material);
+    }
+
+private:
+    Canvas& canvas_;
+};
+
+}  // namespace
 
 World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double duration_s, const Dirt& dirt)
     : scene_(scene),
@@ -521,19 +544,72 @@ void World::add_things() {
     chair.begin_s = random_.uniform(2.5, 3.5);
     chair.end_s = chair.begin_s + 0.8;
     movables_.push_back(chair);
-    // In the bare part of the wall, hinged at its left, with the dark of another room behind.
+    if (random_.uniform() < 0.5) {
+        add_door();
+    } else {
+        add_mirror();
+    }
+}
+
+// In the bare part of the wall, hinged at its left, with the dark of another room behind.
+void World::add_door() {
     constexpr double kWidth = 0.9;
     constexpr double kHeight = 2.0;
+    const Coat dark = coat(Pattern::kDark, 200);
+    const Coat front = coat(Pattern::kDoor, 0);
     const Vec3 hinge{-kRoomHalfX + bare_left_m_, kRoomHalfY - 0.03, 0};
     add_quad(quads_, hinge + Vec3{0, 0.02, kHeight}, {kWidth, 0, 0}, {0, 0, -kHeight}, dark);
     Movable door;
-    const Coat front = coat(Pattern::kDoor, 0);
     add_box(door.quads, {kWidth / 2, 0, kHeight / 2}, {kWidth / 2, 0.02, kHeight / 2}, 0, front, front);
     door.from = door.to = hinge;
     door.turn_rad = -random_.uniform(0.9, 1.3);
     door.begin_s = random_.uniform(5.0, 6.0);
     door.end_s = door.begin_s + 1.5;
     movables_.push_back(door);
+}
+
+// A hole in the bare part of the wall, behind which the room stands once more, the other way round. Whoever is in the
+// room sees it through the hole alone.
+void World::add_mirror() {
+    constexpr double kLeft = 0.1, kWidth = 0.8, kBottom = 0.5, kHeight = 1.4;
+    const Quad wall = quads_[kWallBefore];
+    // A part of it, from one corner to the other in shares of the wall.
+    const auto part = [&](double u0, double v0, double u1, double v1) {
+        Quad out = wall;
+        const auto at = [&](double u, double v) {
+            const Vertex& o = wall.corners[0];
+            const Vertex& right = wall.corners[1];
+            const Vertex& down = wall.corners[3];
+            const auto mixed = [&](float a, float b, float c) {
+                const double along = static_cast<double>(b - a) * u;
+                return static_cast<float>(static_cast<double>(a) + along + static_cast<double>(c - a) * v);
+            };
+            return Vertex{o.p + (right.p - o.p) * u + (down.p - o.p) * v, mixed(o.u, right.u, down.u),
+                          mixed(o.v, right.v, down.v), mixed(o.light, right.light, down.light)};
+        };
+        out.corners[0] = at(u0, v0);
+        out.corners[1] = at(u1, v0);
+        out.corners[2] = at(u1, v1);
+        out.corners[3] = at(u0, v1);
+        return out;
+    };
+    const double left = (bare_left_m_ + kLeft) / (2 * kRoomHalfX);
+    const double right = left + kWidth / (2 * kRoomHalfX);
+    const double top = 1 - (kBottom + kHeight) / kRoomHeight;
+    const double bottom = 1 - kBottom / kRoomHeight;
+    quads_[kWallBefore] = part(0, 0, left, 1);
+    quads_.push_back(part(right, 0, 1, 1));
+    quads_.push_back(part(left, 0, right, top));
+    quads_.push_back(part(left, bottom, right, 1));
+    const Coat frame = coat(Pattern::kDark, 200);
+    const double x = -kRoomHalfX + bare_left_m_ + kLeft;
+    for (const double at : {x, x + kWidth}) {
+        add_box(quads_, {at, kRoomHalfY - 0.012, kBottom + kHeight / 2}, {0.02, 0.012, kHeight / 2}, 0, frame, frame);
+    }
+    for (const double at : {kBottom, kBottom + kHeight}) {
+        add_box(quads_, {x + kWidth / 2, kRoomHalfY - 0.012, at}, {kWidth / 2, 0.012, 0.02}, 0, frame, frame);
+    }
+    has_mirror_ = true;
 }
 
 void World::draw_screens(Canvas& canvas, double time_s) const {
@@ -578,15 +654,25 @@ void World::draw_movable(Canvas& canvas, const Movable& movable, double time_s) 
     }
 }
 
-void World::draw_moving(Canvas& canvas, double time_s) const {
+void World::draw_bodies(Canvas& canvas, double time_s) const {
     for (const Movable& movable : movables_) draw_movable(canvas, movable, time_s);
     for (const Person& person : people_) draw_person(canvas, person, time_s, dirt_.folds);
     if (!trolley_.empty()) draw_trolley(canvas, time_s);
     draw_screens(canvas, time_s);
 }
 
+void World::draw_moving(Canvas& canvas, double time_s) const {
+    draw_bodies(canvas, time_s);
+    if (!has_mirror_) return;
+    Mirror mirror(canvas);
+    draw_bodies(mirror, time_s);
+}
+
 void World::draw_still(Canvas& canvas) const {
     for (const Quad& quad : quads_) canvas.draw(quad.corners, 4, quad.material);
+    if (!has_mirror_) return;
+    Mirror mirror(canvas);
+    for (const Quad& quad : quads_) mirror.draw(quad.corners, 4, quad.material);
 }
 
 void World::draw(Canvas& canvas, double time_s) const {

@@ -72,10 +72,13 @@ private:
     void place_trolley();
     void draw_trolley(Canvas& canvas, double time_s) const;
     void add_movables();
-    // What goes on in an office beside people: a chair, a door, screens.
+    // What goes on in an office beside people: a chair is pushed, a door opens or a mirror shows it all, screens play.
     void add_things();
+    void add_door();
+    void add_mirror();
     void add_seats();
     void draw_screens(Canvas& canvas, double time_s) const;
+    void draw_bodies(Canvas& canvas, double time_s) const;
     static void draw_movable(Canvas& canvas, const Movable& movable, double time_s);
     // The largest share of the picture it holds in the first 10 s, were nothing before it.
     [[nodiscard]] double trolley_peak() const;
@@ -95,6 +98,7 @@ private:
     std::vector<Movable> movables_;
     std::vector<Quad> screens_;  // that play
     double bare_left_m_ = 0;     // where the wall before the camera is bare
+    bool has_mirror_ = false;
     std::vector<Person> people_;
     double trolley_direction_ = 1;
     double trolley_pace_ = 1;
