@@ -349,6 +349,11 @@ int program(int argc, char** argv) {
     for (const SimulatedScene& scene : simulated_scenes()) {
         scenes += std::string("  ") + scene.name + ", " + std::to_string(scene.frames) + " frames\n";
     }
+    scenes += "Effects of --dirt, at 1; 'all' is each of them:\n";
+    Dirt effects;
+    visit_dirt(effects, [&](const char* name, double, const char* text) {
+        scenes += std::string("  ") + name + ": " + text + "\n";
+    });
     simulate_command->footer(scenes);
     simulate_command->add_flag("--json", simulation.is_json, "summary as JSON");
 

@@ -112,6 +112,16 @@ TEST(DirtyCamera, ScenesHaveDirtOfTheirOwn) {
     EXPECT_EQ(hash_of(run(with("real_walking_xyz", "all=0", 2, 96))), hash_of(run(with("walking_xyz", "", 2, 96))));
 }
 
+// Promise: these bytes on every processor, compiler and optimisation level. Who changes an effect changes them.
+TEST(DirtyCamera, GoldenFrames) {
+    const auto bytes = [](const std::string& scene) { return hash_of(run(with(scene, "", 2, 160))); };
+    EXPECT_EQ(bytes("shaken_walking_xyz"), 0xe8da5771ebbef3a7U);
+    EXPECT_EQ(bytes("aside_xyz"), 0xea04ad75ec0497c8U);
+    EXPECT_EQ(bytes("real_walking_rpy"), 0x22afc1b46a0f0556U);
+    EXPECT_EQ(bytes("real_sitting_xyz"), 0x9ec7bd18732237abU);
+    EXPECT_EQ(bytes("real_loop"), 0x855e49da0eec41e7U);
+}
+
 // Promise: with a rolling shutter the truth is that of the middle row: the rows there are those of a camera that takes
 // all at once, and the farther a row is from there, the more it differs; the same for depth.
 TEST(DirtyCamera, TruthIsThatOfTheMiddleRow) {
