@@ -207,8 +207,8 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
             seat.target = {slope * ahead, ahead, 0};
             const Vec3 at = in_world(seat, 0);
             double gap = 1.0;  // enough
-            for (double t = 0; t < kSitsS + 2; t += 0.25) {
-                Vec3 apart = camera.at(t).translation - at;
+            for (int quarter = 0; quarter < 4 * (kSitsS + 2); ++quarter) {
+                Vec3 apart = camera.at(0.25 * quarter).translation - at;
                 apart.z = 0;
                 gap = std::min(gap, length(apart));
             }
