@@ -1,10 +1,20 @@
 #include "engine/tracking/tracked_shutter.hpp"
 
+#include <algorithm>
+
 namespace stillmesh {
+namespace {
+
+constexpr double kTurnDeviation_rad = 0.005;  // to begin with
+
+}  // namespace
 
 void TrackedShutter::reset() noexcept {
     shutter_.reset();
-    speed_ = Vector6::Zero();
+    speed_ = speed_expected_ = sweep_ = Vector6::Zero();
+    has_turn_ = false;
+    turn_variance_ = kTurnDeviation_rad * kTurnDeviation_rad;
+    turns_ = 0;
     pose_by_readout_ = Vector6::Zero();
     pose_by_readout_previous_ = Vector6::Zero();
 }
@@ -22,12 +32,37 @@ Vector3 TrackedShutter::by_readout(const SE3& world_from_camera, const Vector3& 
 }
 
 void TrackedShutter::set_motion(const SE3& camera_motion, double duration_s) noexcept {
-    speed_ = se3_log(camera_motion) / duration_s;
+    speed_ = speed_expected_ = se3_log(camera_motion) / duration_s;
+    sweep_ = speed_ * shutter_.readout_s();
+    if (has_turn_) sweep_.tail<3>() = turn_.turn;
+}
+
+bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                                  const SE3& world_from_camera, double chi2_max) noexcept {
+    if (chosen.size() < parameters_.matches_min) return false;
+    const Vector3 expected = speed_expected_.tail<3>() * shutter_.readout_s();
+    has_turn_ = measure_row_turn(correspondences, chosen, world_from_camera, sweep_.tail<3>(), expected, turn_variance_,
+                                 chi2_max, turn_);
+    if (!has_turn_) return false;
+    sweep_.tail<3>() = turn_.turn;
+    // What the rows show does not move with the readout; the rest does.
+    speed_.tail<3>() = turn_.covariance * Vector3(speed_expected_.tail<3>()) / turn_variance_;
+    return true;
+}
+
+// The likeliest variance: what this frame says of it, averaged with those before.
+void TrackedShutter::learn_turn() noexcept {
+    const Vector3 off = turn_.turn - Vector3(speed_expected_.tail<3>() * shutter_.readout_s());
+    const double found = (off.squaredNorm() + turn_.covariance.trace()) / 3.0;
+    ++turns_;
+    const double share = std::max(1.0 / (turns_ + 1.0), 1.0 - parameters_.fading);
+    turn_variance_ += share * (found - turn_variance_);
 }
 
 void TrackedShutter::learn(const MeasuredFrame& frame, const Map& map, std::span<const Correspondence> correspondences,
                            std::span<const std::uint16_t> chosen, const SE3& world_from_camera, double chi2_max,
                            bool counts) noexcept {
+    if (counts && has_turn_) learn_turn();
     if (!shutter_.is_estimated()) return;
     const SE3 camera_from_world = world_from_camera.inverse();
     shutter_.begin_frame();
