@@ -1,6 +1,9 @@
 #include "engine/tracking/tracked_shutter.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 namespace stillmesh {
 namespace {
@@ -14,6 +17,8 @@ void TrackedShutter::reset() noexcept {
     speed_ = speed_expected_ = sweep_ = Vector6::Zero();
     has_turn_ = false;
     turn_variance_ = kTurnDeviation_rad * kTurnDeviation_rad;
+    turn_slow_variance_ = turn_variance_ / 2;
+    off_before_ = measured_off_ = Vector3::Zero();
     turns_ = 0;
     pose_by_readout_ = Vector6::Zero();
     pose_by_readout_previous_ = Vector6::Zero();
@@ -40,23 +45,36 @@ void TrackedShutter::set_motion(const SE3& camera_motion, double duration_s) noe
 bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
                                   const SE3& world_from_camera, double chi2_max) noexcept {
     if (chosen.size() < parameters_.matches_min) return false;
-    const Vector3 expected = speed_expected_.tail<3>() * shutter_.readout_s();
-    has_turn_ = measure_row_turn(correspondences, chosen, world_from_camera, sweep_.tail<3>(), expected, turn_variance_,
-                                 chi2_max, turn_);
+    has_turn_ = measure_row_turn(correspondences, chosen, world_from_camera, sweep_.tail<3>(), expected_turn(),
+                                 turn_variance_, chi2_max, turn_);
     if (!has_turn_) return false;
+    // What changes from frame to frame is the camera's; what stays is the map's, whose points were carried otherwise.
+    const double share = fast_share();
+    measured_off_ = turn_.turn - expected_turn();
+    turn_.turn = expected_turn() + measured_off_ * share;
     sweep_.tail<3>() = turn_.turn;
     // What the rows show does not move with the readout; the rest does.
-    speed_.tail<3>() = turn_.covariance * Vector3(speed_expected_.tail<3>()) / turn_variance_;
+    speed_.tail<3>() -= share * (speed_.tail<3>() - Vector3(turn_.covariance * Vector3(speed_expected_.tail<3>()) / turn_variance_));
     return true;
 }
 
-// The likeliest variance: what this frame says of it, averaged with those before.
+// What this frame says of the variances, averaged with those before.
 void TrackedShutter::learn_turn() noexcept {
-    const Vector3 off = turn_.turn - Vector3(speed_expected_.tail<3>() * shutter_.readout_s());
-    const double found = (off.squaredNorm() + turn_.covariance.trace()) / 3.0;
+    Vector3 off = measured_off_;
+    const Vector3 turning = speed_expected_.tail<3>();
+    const double square = turning.squaredNorm();
+    // Along the motion the readout may be what is off.
+    if (square > 0) off -= turning * (turning.dot(off) / square);
+    if (getenv("TURN")) fprintf(stderr, "turn %g %g %g  %g %g %g  %g %g %g ro %g sigma %g share %g\n", turn_.turn(0),turn_.turn(1),turn_.turn(2),speed_expected_(3),speed_expected_(4),speed_expected_(5), std::sqrt(turn_.covariance(0,0)), std::sqrt(turn_.covariance(1,1)), std::sqrt(turn_.covariance(2,2)), shutter_.readout_s(), std::sqrt(turn_variance_), fast_share());
     ++turns_;
-    const double share = std::max(1.0 / (turns_ + 1.0), 1.0 - parameters_.fading);
-    turn_variance_ += share * (found - turn_variance_);
+    const double weight = std::max(1.0 / (turns_ + 1.0), 1.0 - parameters_.fading);
+    turn_variance_ += weight * (off.squaredNorm() / 2.0 + turn_.covariance.trace() / 3.0 - turn_variance_);
+    turn_slow_variance_ += weight * (off.dot(off_before_) / 2.0 - turn_slow_variance_);
+    off_before_ = off;
+}
+
+double TrackedShutter::fast_share() const noexcept {
+    return 1.0 - std::clamp(turn_slow_variance_ / turn_variance_, 0.0, 1.0);
 }
 
 void TrackedShutter::learn(const MeasuredFrame& frame, const Map& map, std::span<const Correspondence> correspondences,
@@ -65,12 +83,15 @@ void TrackedShutter::learn(const MeasuredFrame& frame, const Map& map, std::span
     if (counts && has_turn_) learn_turn();
     if (!shutter_.is_estimated()) return;
     const SE3 camera_from_world = world_from_camera.inverse();
-    shutter_.begin_frame();
+    if (has_turn_)
+        shutter_.begin_frame(turn_.turn - expected_turn(), turn_variance_);
+    else
+        shutter_.begin_frame();
     for (const std::uint16_t i : chosen) {
         const Correspondence& c = correspondences[i];
         const MapPoint& point = map.points().at(c.point_slot);
         shutter_.add(c, camera_from_world * c.p_world, camera_from_world.rotation * vector_of(point.world_by_readout),
-                     static_cast<double>(frame.keypoint(c.feature).y), speed_, chi2_max);
+                     static_cast<double>(frame.keypoint(c.feature).y), speed_expected_, chi2_max);
     }
     pose_by_readout_previous_ = pose_by_readout_;
     pose_by_readout_ = shutter_.end_frame(counts);

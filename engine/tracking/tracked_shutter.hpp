@@ -60,6 +60,10 @@ public:
 
 private:
     void learn_turn() noexcept;
+    [[nodiscard]] double fast_share() const noexcept;
+    [[nodiscard]] Vector3 expected_turn() const noexcept {
+        return speed_expected_.tail<3>() * shutter_.readout_s();
+    }
 
     RollingShutter shutter_;
     ShutterParameters parameters_;
@@ -68,7 +72,10 @@ private:
     Vector6 sweep_ = Vector6::Zero();
     RowTurn turn_;  // measured
     bool has_turn_ = false;
-    double turn_variance_ = 0;  // of the turn about the one expected, rad^2
+    Vector3 measured_off_ = Vector3::Zero();  // of the turn from the one expected, rad
+    Vector3 off_before_ = Vector3::Zero();    // of the frame before, aside of the motion
+    double turn_variance_ = 0;       // of that, rad^2
+    double turn_slow_variance_ = 0;  // and of what stays of it from frame to frame
     std::uint32_t turns_ = 0;   // that this was learnt from
     Vector6 pose_by_readout_ = Vector6::Zero();
     Vector6 pose_by_readout_previous_ = Vector6::Zero();  // of the frame before
