@@ -78,7 +78,6 @@ Vector6 RollingShutter::end_frame(bool counts) noexcept {
     const Vector6 solved = -moves.head<6>();
     const ShutterParameters& p = parameters_;
     const double found = std::clamp(readout_s_ - gradient / info, -p.readout_max_s, p.readout_max_s);
-    info *= p.trust;
     if (!counts || info < p.info_share_min * prior_info_) return solved;
     info_ = info_ * p.fading + info;
     weighted_ = weighted_ * p.fading + info * found;

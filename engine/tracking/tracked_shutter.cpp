@@ -46,7 +46,7 @@ bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondence
                                   const SE3& world_from_camera, double chi2_max) noexcept {
     if (chosen.size() < parameters_.matches_min) return false;
     has_turn_ = measure_row_turn(correspondences, chosen, world_from_camera, sweep_.tail<3>(), expected_turn(),
-                                 turn_variance_, chi2_max, turn_);
+                                 turn_variance_, parameters_.trust, chi2_max, turn_);
     if (!has_turn_) return false;
     // What changes from frame to frame is the camera's; what stays is the map's, whose points were carried otherwise.
     const double share = fast_share();
