@@ -73,7 +73,7 @@ struct RowTurn {
 // turn `carried`. False: a singular system.
 [[nodiscard]] bool measure_row_turn(std::span<const Correspondence> correspondences,
                                     std::span<const std::uint16_t> chosen, const SE3& world_from_camera_guess,
-                                    const Vector3& carried, const Vector3& expected, double variance, double trust, double chi2_max,
+                                    const Vector3& carried, const Vector3& expected, double variance, double chi2_max,
                                     RowTurn& out) noexcept;
 
 }  // namespace stillmesh

@@ -14,7 +14,6 @@ namespace stillmesh {
 // seconds of motion: the map's points say how they would move with the readout, but to first order and with the speeds
 // known then.
 #define STILLMESH_TUNING_shutter(KEY) \
-    KEY(shutter, double, trust, 0.1, 1e-6, 1.0, "", "a frame counts so much less than its matches say") \
     KEY(shutter, double, fading, 0.99, 0.0, 1.0, "", "what is left of the frames before from frame to frame") \
     KEY(shutter, std::uint32_t, matches_min, 30, 7.0, 4000.0, "", "fewer matches tell nothing of the readout") \
     KEY(shutter, double, negligible_s, 0.003, 0.0, 0.1, "s", "a shorter readout is none") \

@@ -63,12 +63,14 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     out.noise = camera.noise;
     out.noise.begin_frame();
     match(camera, out);
+    // Coarsely before the choice, since the mesh's edges suffer too, and anew by what was chosen.
     choose_weighted(correspondences_.span(), chosen_);
     const PoseFit all = optimise_pose(correspondences_.span(), chosen_.span(), out.expected.world_from_camera_predicted,
                                       c.region.point_chi2_max, c.pose.coarse_passes_max);
-    if (all.is_valid) carry_by_rows(all.world_from_camera);
+    if (all.is_valid) carry_by_rows(chosen_.span(), all.world_from_camera);
     const RegionChoice choice = choose_region(out);
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
+    carry_by_rows(region_.chosen(), choice.world_from_camera);
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
     out.is_clear = choice.margin >= 0 && choice.score >= c.region.score_min;
@@ -183,10 +185,11 @@ void FrameEstimator::carry() noexcept {
 }
 
 // Rows are carried with the turn that they show; the correspondences follow.
-void FrameEstimator::carry_by_rows(const SE3& world_from_camera) noexcept {
-    if (!shutter_->measure_turn(correspondences_.span(), chosen_.span(), world_from_camera,
-                                world_->parameters.region.point_chi2_max))
+void FrameEstimator::carry_by_rows(std::span<const std::uint16_t> chosen, const SE3& world_from_camera) noexcept {
+    if (!shutter_->measure_turn(correspondences_.span(), chosen, world_from_camera,
+                                world_->parameters.region.point_chi2_max)) {
         return;
+    }
     carry();
     for (Correspondence& c : correspondences_) {
         const MeasuredFeature& m = (*frame_)[c.feature];
@@ -208,9 +211,6 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
     if (camera.lost_frames == 0) carry_rows(camera, camera.world_from_camera().inverse() * found);
     gather(estimate.noise.factors(), estimate.expected);
     weigh_by_agreement();
-    choose_agreeing(correspondences_.span(), found, c.region.wide_factor * c.region.point_chi2_max,
-                    c.region.wide_factor * (c.region.wide_factor * c.region.point_chi2_max), chosen_);
-    carry_by_rows(found);
     choose_agreeing(correspondences_.span(), found, c.region.wide_factor * c.region.point_chi2_max,
                     c.region.wide_factor * (c.region.wide_factor * c.region.point_chi2_max), chosen_);
     const MotionPrior prior = prior_of(estimate.expected);

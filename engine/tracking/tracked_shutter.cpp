@@ -1,9 +1,6 @@
 #include "engine/tracking/tracked_shutter.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 namespace stillmesh {
 namespace {
@@ -46,7 +43,7 @@ bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondence
                                   const SE3& world_from_camera, double chi2_max) noexcept {
     if (chosen.size() < parameters_.matches_min) return false;
     has_turn_ = measure_row_turn(correspondences, chosen, world_from_camera, sweep_.tail<3>(), expected_turn(),
-                                 turn_variance_, parameters_.trust, chi2_max, turn_);
+                                 turn_variance_, chi2_max, turn_);
     if (!has_turn_) return false;
     // What changes from frame to frame is the camera's; what stays is the map's, whose points were carried otherwise.
     const double share = fast_share();
@@ -65,7 +62,6 @@ void TrackedShutter::learn_turn() noexcept {
     const double square = turning.squaredNorm();
     // Along the motion the readout may be what is off.
     if (square > 0) off -= turning * (turning.dot(off) / square);
-    if (getenv("TURN")) fprintf(stderr, "turn %g %g %g  %g %g %g  %g %g %g ro %g sigma %g share %g\n", turn_.turn(0),turn_.turn(1),turn_.turn(2),speed_expected_(3),speed_expected_(4),speed_expected_(5), std::sqrt(turn_.covariance(0,0)), std::sqrt(turn_.covariance(1,1)), std::sqrt(turn_.covariance(2,2)), shutter_.readout_s(), std::sqrt(turn_variance_), fast_share());
     ++turns_;
     const double weight = std::max(1.0 / (turns_ + 1.0), 1.0 - parameters_.fading);
     turn_variance_ += weight * (off.squaredNorm() / 2.0 + turn_.covariance.trace() / 3.0 - turn_variance_);
