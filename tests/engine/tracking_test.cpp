@@ -94,8 +94,8 @@ TEST(Engine, RunsOnWithAllPoolsFull) {
     EXPECT_LT(worst_step, 0.2) << "m";
 }
 
-// Promise: a trembling hand behind a rolling shutter costs neither trust nor place: rows say how the camera turned. Before
-// they were asked, one frame in ten was tracked and the camera 12 mm off.
+// Promise: a trembling hand behind a rolling shutter costs neither trust nor place: rows say how the camera turned.
+// Before they were asked, one frame in ten was tracked and the camera 12 mm off.
 TEST(Engine, FollowsATremblingHand) {
     const Sequence sequence = test::rendered("shaken_xyz", 60, 320, 240);
     Limits limits = Limits::pocket();

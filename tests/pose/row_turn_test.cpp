@@ -81,7 +81,7 @@ TEST(RowTurn, IsFoundAndHonest) {
         std::uint32_t matches;
         double known_to;  // rad, the worst axis
     };
-    const Case cases[] = {{0.01, 200, 0.0008}, {0.01, 40, 0.0020}, {0.001, 200, 0.0006}, {0.0002, 60, 0.0002}};
+    const Case cases[] = {{0.01, 200, 0.0012}, {0.01, 40, 0.0030}, {0.001, 200, 0.0008}, {0.0002, 60, 0.0002}};
     for (const Case& c : cases) {
         Random random(1);
         double sum = 0;

@@ -83,8 +83,7 @@ protected:
         EXPECT_TRUE(measure_turn());
         const Vector3 out = shutter_.sweep().tail<3>() - speed_.tail<3>() * shutter_.readout_s();
         carry();
-        shutter_.learn(frame_->measured, world_->map(), correspondences_, all_of(correspondences_), pose_, kChi2Max,
-                       counts);
+        shutter_.learn(frame_->measured, world_->map(), correspondences_, all_of(correspondences_), pose_, 1e6, counts);
         return out;
     }
     void carry() {
