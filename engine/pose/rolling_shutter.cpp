@@ -51,16 +51,18 @@ void RollingShutter::add(const Correspondence& c, const Vector3& q, const Vector
     // The residual is the map's minus the measured, and both move.
     const Vector3 d = by_readout(c.p_camera, y_px, speed);
     const double inverse = 1.0 / c.p_camera.z();
-    const double by[3] = {(q_by_readout.x() - q.x() * iz * q_by_readout.z()) * iz - (d.x() - c.normalised.x() * d.z()) * inverse,
-                          (q_by_readout.y() - q.y() * iz * q_by_readout.z()) * iz - (d.y() - c.normalised.y() * d.z()) * inverse,
-                          q_by_readout.z() - d.z()};
+    const double by[3] = {
+        (q_by_readout.x() - q.x() * iz * q_by_readout.z()) * iz - (d.x() - c.normalised.x() * d.z()) * inverse,
+        (q_by_readout.y() - q.y() * iz * q_by_readout.z()) * iz - (d.y() - c.normalised.y() * d.z()) * inverse,
+        q_by_readout.z() - d.z()};
     const double row = y_px * inverse_height_ - 0.5;
-    RowEquations::visit_rows(q, row, r, [&](const RowEquations::Vector9& jacobian, double residual, double info, int axis) {
-        equations_.add(jacobian, residual, info);
-        cross_ += jacobian * (by[axis] * info);
-        h_readout_ += by[axis] * by[axis] * info;
-        g_readout_ += by[axis] * residual * info;
-    });
+    RowEquations::visit_rows(q, row, r,
+                             [&](const RowEquations::Vector9& jacobian, double residual, double info, int axis) {
+                                 equations_.add(jacobian, residual, info);
+                                 cross_ += jacobian * (by[axis] * info);
+                                 h_readout_ += by[axis] * by[axis] * info;
+                                 g_readout_ += by[axis] * residual * info;
+                             });
     ++used_;
 }
 

@@ -42,9 +42,9 @@ public:
         return moved * (y_px * inverse_height_ - 0.5);
     }
 
-    // What this frame knows of the readout. Its turn is `off` the one expected (the speed's, for the readout in use), and
-    // varies about it; its static matches come one by one, carried to the middle row with speed and turn; q is the map's
-    // point in the camera, q_by_readout how that moves with the readout, y_px where it was seen.
+    // What this frame knows of the readout. Its turn is `off` the one expected (the speed's, for the readout in use),
+    // and varies about it; its static matches come one by one, carried to the middle row with speed and turn; q is the
+    // map's point in the camera, q_by_readout how that moves with the readout, y_px where it was seen.
     void begin_frame(const Vector3& off = Vector3::Zero(), double variance = kPinned) noexcept;
     void add(const Correspondence& c, const Vector3& q, const Vector3& q_by_readout, double y_px, const Vector6& speed,
              double chi2_max) noexcept;

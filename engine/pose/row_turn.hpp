@@ -1,8 +1,8 @@
 // How far the camera turned while the rows of one frame were read. A hand or a robot that trembles at 8 to 12 Hz turns
-// within the frame otherwise than from frame to frame, by up to 30 degrees per second; rows then lie pixels beside their
-// place. So the turn from the first row to the last is an unknown of the frame beside its pose, three numbers with a
-// prior: the turn that the motion from frame to frame makes expect, and how far frames have been off it of late. Cost:
-// some passes over at most 256 matches.
+// within the frame otherwise than from frame to frame, by up to 30 degrees per second; rows then lie pixels beside
+// their place. So the turn from the first row to the last is an unknown of the frame beside its pose, three numbers
+// with a prior: the turn that the motion from frame to frame makes expect, and how far frames have been off it of late.
+// Cost: some passes over at most 256 matches.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +24,8 @@ struct RowEquations {
     Matrix9 h = Matrix9::Zero();
     Vector9 g = Vector9::Zero();
 
-    // visit(jacobian, residual, information, axis) for the rows of a match at q in the camera: image x and y, and depth,
-    // which the turn does not move.
+    // visit(jacobian, residual, information, axis) for the rows of a match at q in the camera: image x and y, and
+    // depth, which the turn does not move.
     template <typename Visit>
     static void visit_rows(const Vector3& q, double row, const Residual& r, Visit&& visit) noexcept {
         const double iz = 1.0 / q.z();
@@ -33,8 +33,10 @@ struct RowEquations {
         const double y = q.y() * iz;
         const double of_x[3] = {x * y, -(1.0 + x * x), y};
         const double of_y[3] = {1.0 + y * y, -(x * y), -x};
-        visit(Vector9{-iz, 0, x * iz, of_x[0], of_x[1], of_x[2], row * of_x[0], row * of_x[1], row * of_x[2]}, r.x, r.info_x, 0);
-        visit(Vector9{0, -iz, y * iz, of_y[0], of_y[1], of_y[2], row * of_y[0], row * of_y[1], row * of_y[2]}, r.y, r.info_y, 1);
+        visit(Vector9{-iz, 0, x * iz, of_x[0], of_x[1], of_x[2], row * of_x[0], row * of_x[1], row * of_x[2]}, r.x,
+              r.info_x, 0);
+        visit(Vector9{0, -iz, y * iz, of_y[0], of_y[1], of_y[2], row * of_y[0], row * of_y[1], row * of_y[2]}, r.y,
+              r.info_y, 1);
         if (r.info_z > 0) visit(Vector9{0, 0, -1.0, -q.y(), q.x(), 0, 0, 0, 0}, r.z, r.info_z, 2);
     }
     void add(const Vector9& by, double residual, double info) noexcept {

@@ -30,10 +30,10 @@ public:
 
     [[nodiscard]] const RollingShutter& shutter() const noexcept { return shutter_; }
     [[nodiscard]] double readout_s() const noexcept { return shutter_.readout_s(); }
-    // Of the camera from this frame's first row to its last, in its own frame, and how that moves with the readout, per
-    // second.
-    [[nodiscard]] const Vector6& sweep() const noexcept { return sweep_; }
+    // Of the camera in this frame, by its motion from frame to frame, per second, in its own frame.
     [[nodiscard]] const Vector6& speed() const noexcept { return speed_; }
+    // From this frame's first row to its last, the turn as the rows show it.
+    [[nodiscard]] const Vector6& sweep() const noexcept { return sweep_; }
     // How the pose of the last frame learnt from moves with the readout, per second, in the camera.
     [[nodiscard]] const Vector6& pose_by_readout() const noexcept { return pose_by_readout_; }
     // How a point that this frame measures at p (in the camera) in row y_px moves with the readout, in the world, m/s.
@@ -60,23 +60,19 @@ public:
 
 private:
     void learn_turn() noexcept;
-    [[nodiscard]] double fast_share() const noexcept;
-    [[nodiscard]] Vector3 expected_turn() const noexcept {
-        return speed_expected_.tail<3>() * shutter_.readout_s();
-    }
+    [[nodiscard]] Vector3 expected_turn() const noexcept { return speed_.tail<3>() * shutter_.readout_s(); }
 
     RollingShutter shutter_;
     ShutterParameters parameters_;
     Vector6 speed_ = Vector6::Zero();
-    Vector6 speed_expected_ = Vector6::Zero();  // by the motion from frame to frame
     Vector6 sweep_ = Vector6::Zero();
-    RowTurn turn_;  // measured
+    RowTurn turn_;  // that rows are carried with
     bool has_turn_ = false;
     Vector3 measured_off_ = Vector3::Zero();  // of the turn from the one expected, rad
     Vector3 off_before_ = Vector3::Zero();    // of the frame before, aside of the motion
-    double turn_variance_ = 0;       // of that, rad^2
-    double turn_slow_variance_ = 0;  // and of what stays of it from frame to frame
-    std::uint32_t turns_ = 0;   // that this was learnt from
+    double turn_variance_ = 0;                // of that, rad^2
+    double turn_slow_variance_ = 0;           // and of what stays of it from frame to frame
+    std::uint32_t turns_ = 0;                 // that this was learnt from
     Vector6 pose_by_readout_ = Vector6::Zero();
     Vector6 pose_by_readout_previous_ = Vector6::Zero();  // of the frame before
 };
