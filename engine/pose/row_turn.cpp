@@ -28,9 +28,9 @@ void add_match(const Correspondence& c, const SE3& camera_from_world, const Vect
 
 }  // namespace
 
-bool measure_row_turn(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
-                      const SE3& world_from_camera_guess, const Vector3& carried, const Vector3& expected,
-                      double variance, double chi2_max, RowTurn& out) noexcept {
+Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                                 const SE3& world_from_camera_guess, const RowTurnPrior& prior,
+                                 double chi2_max) noexcept {
     const std::size_t step = (chosen.size() + kMatchesMax - 1) / kMatchesMax;
     SE3 pose = world_from_camera_guess;
     Vector3 off = Vector3::Zero();
@@ -40,20 +40,21 @@ bool measure_row_turn(std::span<const Correspondence> correspondences, std::span
         const SE3 camera_from_world = pose.inverse();
         for (std::size_t i = 0; i < chosen.size(); i += step)
             add_match(correspondences[chosen[i]], camera_from_world, off, chi2_max, equations);
-        equations.expect_turn(carried + off - expected, variance);
-        if (!equations.factorise(l)) return false;
+        equations.expect_turn(prior.carried + off - prior.expected, prior.variance);
+        if (!equations.factorise(l)) return Status::kInvalid;
         const RowEquations::Vector9 change = RowEquations::solve(l, -equations.g);
         pose = pose * se3_exp(change.head<6>());
         renormalise(pose.rotation);
         off += change.tail<3>();
     }
-    out.turn = carried + off;
+    RowTurn out;
+    out.turn = prior.carried + off;
     for (int k = 0; k < 3; ++k) {  // of the inverse, what belongs to the turn
         RowEquations::Vector9 column = RowEquations::Vector9::Zero();
         column(6 + k) = 1.0;
         out.covariance.col(k) = RowEquations::solve(l, column).tail<3>();
     }
-    return true;
+    return out;
 }
 
 }  // namespace stillmesh

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/base/status.hpp"
 #include "engine/geometry/cholesky.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/pose/residual.hpp"
@@ -24,8 +25,8 @@ struct RowEquations {
     Matrix9 h = Matrix9::Zero();
     Vector9 g = Vector9::Zero();
 
-    // visit(jacobian, residual, information, axis) for the rows of a match at q in the camera: image x and y, and
-    // depth, which the turn does not move.
+    // visit(jacobian, residual, information, axis) for the rows of a match at q in the camera: image x and y, and depth,
+    // which the turn does not move: a depth image is not read out with the colour rows.
     template <typename Visit>
     static void visit_rows(const Vector3& q, double row, const Residual& r, Visit&& visit) noexcept {
         const double iz = 1.0 / q.z();
@@ -71,11 +72,18 @@ struct RowTurn {
     Matrix3 covariance = Matrix3::Zero();
 };
 
-// The most likely turn, for a pose near `world_from_camera_guess`; the correspondences have their rows carried with the
-// turn `carried`. False: a singular system.
-[[nodiscard]] bool measure_row_turn(std::span<const Correspondence> correspondences,
-                                    std::span<const std::uint16_t> chosen, const SE3& world_from_camera_guess,
-                                    const Vector3& carried, const Vector3& expected, double variance, double chi2_max,
-                                    RowTurn& out) noexcept;
+// What is known of it beforehand: with which turn the correspondences' rows were carried, which one is expected, and its
+// variance about that, rad^2.
+struct RowTurnPrior {
+    Vector3 carried = Vector3::Zero();
+    Vector3 expected = Vector3::Zero();
+    double variance = 0;
+};
+
+// The most likely turn, for a pose near `world_from_camera_guess`. kInvalid: a singular system.
+[[nodiscard]] Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences,
+                                               std::span<const std::uint16_t> chosen,
+                                               const SE3& world_from_camera_guess, const RowTurnPrior& prior,
+                                               double chi2_max) noexcept;
 
 }  // namespace stillmesh

@@ -20,7 +20,7 @@ namespace stillmesh {
     KEY(shutter, double, step_s, 0.00025, 0.0, 0.1, "s", "smaller changes of what is believed wait") \
     KEY(shutter, double, readout_max_s, 0.04, 0.0, 0.1, "s", "longest readout that is believed") \
     KEY(shutter, double, sigma_s, 0.01, 1e-5, 1.0, "s", "deviation from no rolling shutter, without evidence") \
-    KEY(shutter, double, info_share_min, 0.01, 0.0, 1.0, "", "frames that know less, beside that deviation, are passed over")
+    KEY(shutter, double, info_share_min, 0.1, 0.0, 1.0, "", "frames that know less, beside that deviation, are passed over")
 struct ShutterParameters { STILLMESH_TUNING_shutter(STILLMESH_FIELD) };
 
 #define STILLMESH_TUNING_pose(KEY) \

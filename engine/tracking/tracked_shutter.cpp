@@ -43,12 +43,11 @@ bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondence
                                   std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
                                   double chi2_max) noexcept {
     if (chosen.size() < parameters_.matches_min || !(parameters_.turn_start_rad > 0)) return false;
-    RowTurn found;
-    if (!measure_row_turn(correspondences, chosen, world_from_camera, sweep_.tail<3>(), expected_turn(), turn_variance_,
-                          chi2_max, found) ||
-        !(found.turn.squaredNorm() <= kTurnMax_rad * kTurnMax_rad)) {
-        return false;
-    }
+    const RowTurnPrior prior{sweep_.tail<3>(), expected_turn(), turn_variance_};
+    const Result<RowTurn> measured = measure_row_turn(correspondences, chosen, world_from_camera, prior, chi2_max);
+    if (!measured.is_ok()) return false;
+    const RowTurn& found = measured.value();
+    if (!(found.turn.squaredNorm() <= kTurnMax_rad * kTurnMax_rad)) return false;
     // What changes from frame to frame is the camera's; what stays is the map's, whose points were carried otherwise.
     const double share = 1.0 - std::clamp(turn_slow_variance_ / turn_variance_, 0.0, 1.0);
     measured_off_ = found.turn - expected_turn();

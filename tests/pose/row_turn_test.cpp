@@ -38,7 +38,8 @@ std::vector<Correspondence> seen_turning(const Vector3& turn, std::uint32_t coun
     for (std::uint32_t i = 0; i < count; ++i) {
         const Vector3 p = test::random_point_in_view(random);
         const double row = p.y() / p.z() * kPixelsPerRay;
-        out.push_back(test::measure(p, kPose * (so3_exp(turn * row) * p), noise, random));
+        const Vector3 moved = so3_exp(turn * row) * p;  // as the middle row's camera has it; its depth is another image's
+        out.push_back(test::measure(p, kPose * Vector3(moved * (p.z() / moved.z())), noise, random));
         out.back().feature = out.back().point_slot = i;
         out.back().row = row;
     }
@@ -53,8 +54,10 @@ struct Measured {
 Measured measure(const std::vector<Correspondence>& matches, const Vector3& expected, double deviation,
                  const SE3& guess = kPose, const Vector3& carried = Vector3::Zero()) {
     Measured out;
-    out.is_valid = measure_row_turn(matches, test::all_of(matches), guess, carried, expected, deviation * deviation,
-                                    kChi2Max, out.found);
+    const RowTurnPrior prior{carried, expected, deviation * deviation};
+    const Result<RowTurn> found = measure_row_turn(matches, test::all_of(matches), guess, prior, kChi2Max);
+    out.is_valid = found.is_ok();
+    if (out.is_valid) out.found = found.value();
     return out;
 }
 
