@@ -33,9 +33,9 @@ void RollingShutter::start_from(double readout_s) noexcept {
     weighted_ = info_ * readout_s;
 }
 
-void RollingShutter::begin_frame(const Vector3& off, double variance) noexcept {
-    equations_ = RowEquations{};
-    equations_.expect_turn(off, variance);
+void RollingShutter::begin_frame() noexcept {
+    h_.setZero();
+    g_.setZero();
     cross_.setZero();
     h_readout_ = 0;
     g_readout_ = 0;
@@ -48,38 +48,47 @@ void RollingShutter::add(const Correspondence& c, const Vector3& q, const Vector
     const Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
     if (r.chi2() > chi2_max) return;
     const double iz = 1.0 / q.z();
+    const double x = q.x() * iz;
+    const double y = q.y() * iz;
     // The residual is the map's minus the measured, and both move.
     const Vector3 d = by_readout(c.p_camera, y_px, speed);
     const double inverse = 1.0 / c.p_camera.z();
-    const double by[3] = {
-        (q_by_readout.x() - q.x() * iz * q_by_readout.z()) * iz - (d.x() - c.normalised.x() * d.z()) * inverse,
-        (q_by_readout.y() - q.y() * iz * q_by_readout.z()) * iz - (d.y() - c.normalised.y() * d.z()) * inverse,
-        q_by_readout.z() - d.z()};
-    const double row = y_px * inverse_height_ - 0.5;
-    RowEquations::visit_rows(q, row, r,
-                             [&](const RowEquations::Vector9& jacobian, double residual, double info, int axis) {
-                                 equations_.add(jacobian, residual, info);
-                                 cross_ += jacobian * (by[axis] * info);
-                                 h_readout_ += by[axis] * by[axis] * info;
-                                 g_readout_ += by[axis] * residual * info;
-                             });
+    const double by_x = (q_by_readout.x() - x * q_by_readout.z()) * iz - (d.x() - c.normalised.x() * d.z()) * inverse;
+    const double by_y = (q_by_readout.y() - y * q_by_readout.z()) * iz - (d.y() - c.normalised.y() * d.z()) * inverse;
+    const double row_x[6] = {-iz, 0, x * iz, x * y, -(1.0 + x * x), y};
+    const double row_y[6] = {0, -iz, y * iz, 1.0 + y * y, -(x * y), -x};
+    const double row_z[6] = {0, 0, -1.0, -q.y(), q.x(), 0};
+    const auto take = [&](const double(&jacobian)[6], double by_readout, double residual, double info) {
+        for (int i = 0; i < 6; ++i) {
+            for (int j = 0; j < 6; ++j) h_(i, j) += jacobian[i] * jacobian[j] * info;
+            g_(i) += jacobian[i] * residual * info;
+            cross_(i) += jacobian[i] * by_readout * info;
+        }
+        h_readout_ += by_readout * by_readout * info;
+        g_readout_ += by_readout * residual * info;
+    };
+    take(row_x, by_x, r.x, r.info_x);
+    take(row_y, by_y, r.y, r.info_y);
+    take(row_z, q_by_readout.z() - d.z(), r.z, r.info_z);
     ++used_;
 }
 
 Vector6 RollingShutter::end_frame(bool counts) noexcept {
-    RowEquations::Matrix9 l;
-    if (!is_estimated_ || used_ < parameters_.matches_min || !equations_.factorise(l)) return Vector6::Zero();
-    const RowEquations::Vector9 moves = RowEquations::solve(l, cross_);
+    Vector6 solved = Vector6::Zero();
+    Matrix6 inverse;
+    if (!is_estimated_ || used_ < parameters_.matches_min || !invert_spd(h_, inverse)) return solved;
+    solved.noalias() = inverse * cross_;
     double info = h_readout_;
     double gradient = g_readout_;
-    for (int i = 0; i < RowEquations::kUnknowns; ++i) {
-        info -= cross_(i) * moves(i);
-        gradient -= equations_.g(i) * moves(i);
+    for (int i = 0; i < 6; ++i) {
+        info -= cross_(i) * solved(i);
+        gradient -= g_(i) * solved(i);
     }
     if (!(info > 1.0)) return Vector6::Zero();  // and what is not a number
-    const Vector6 solved = -moves.head<6>();
+    solved *= -1.0;
     const ShutterParameters& p = parameters_;
     const double found = std::clamp(readout_s_ - gradient / info, -p.readout_max_s, p.readout_max_s);
+    info *= p.trust;
     if (!counts || info < p.info_share_min * prior_info_) return solved;
     info_ = info_ * p.fading + info;
     weighted_ = weighted_ * p.fading + info * found;

@@ -15,14 +15,11 @@
 #include "engine/geometry/se3.hpp"
 #include "engine/matching/correspondence.hpp"
 #include "engine/parameters.hpp"
-#include "engine/pose/row_turn.hpp"
 
 namespace stillmesh {
 
 class RollingShutter {
 public:
-    static constexpr double kPinned = 1e-12;  // rad^2: the turn is as expected
-
     // `readout_s` from the first row to the last; negative: estimated.
     void create(double readout_s, std::uint32_t image_height, const ShutterParameters& parameters = {}) noexcept;
     void reset() noexcept;
@@ -42,10 +39,9 @@ public:
         return moved * (y_px * inverse_height_ - 0.5);
     }
 
-    // What this frame knows of the readout. Its turn is `off` the one expected (the speed's, for the readout in use),
-    // and varies about it; its static matches come one by one, carried to the middle row with speed and turn; q is the
-    // map's point in the camera, q_by_readout how that moves with the readout, y_px where it was seen.
-    void begin_frame(const Vector3& off = Vector3::Zero(), double variance = kPinned) noexcept;
+    // What this frame knows of the readout: its static matches one by one, carried to the middle row with `speed`; q is
+    // the map's point in the camera, q_by_readout how that moves with the readout, y_px where it was seen.
+    void begin_frame() noexcept;
     void add(const Correspondence& c, const Vector3& q, const Vector3& q_by_readout, double y_px, const Vector6& speed,
              double chi2_max) noexcept;
     // How the frame's pose moves with the readout, per second, in the camera. Only what `counts` is learnt from.
@@ -64,8 +60,9 @@ private:
     double info_ = 0;      // of the estimate, 1/s^2
     double weighted_ = 0;  // sum of info * estimate
     // Of the frame at hand: normal equations of pose and readout.
-    RowEquations equations_;
-    RowEquations::Vector9 cross_ = RowEquations::Vector9::Zero();
+    Matrix6 h_ = Matrix6::Zero();
+    Vector6 g_ = Vector6::Zero();
+    Vector6 cross_ = Vector6::Zero();
     double h_readout_ = 0;
     double g_readout_ = 0;
     std::uint32_t used_ = 0;

@@ -9,18 +9,19 @@
 namespace stillmesh {
 
 // clang-format off
-// How a readout, and the turn within a frame, are estimated (engine/pose/rolling_shutter.hpp, row_turn.hpp). Old frames
-// fade within some seconds of motion: the map's points say how they would move with the readout, but to first order and
-// with the speeds known then.
+// How a readout is estimated (engine/pose/rolling_shutter.hpp). Residuals of one frame share errors that no model has
+// (the map's, the motion's within the frame): a frame counts less than its matches say. Old frames fade within some
+// seconds of motion: the map's points say how they would move with the readout, but to first order and with the speeds
+// known then.
 #define STILLMESH_TUNING_shutter(KEY) \
-    KEY(shutter, double, turn_start_rad, 0.005, 0.0, 1.0, "rad", "deviation of the turn within a frame from the expected one, to begin with; 0: rows are not asked") \
+    KEY(shutter, double, trust, 0.1, 1e-6, 1.0, "", "a frame counts so much less than its matches say") \
     KEY(shutter, double, fading, 0.99, 0.0, 1.0, "", "what is left of the frames before from frame to frame") \
     KEY(shutter, std::uint32_t, matches_min, 30, 7.0, 4000.0, "", "fewer matches tell nothing of the readout") \
     KEY(shutter, double, negligible_s, 0.003, 0.0, 0.1, "s", "a shorter readout is none") \
     KEY(shutter, double, step_s, 0.00025, 0.0, 0.1, "s", "smaller changes of what is believed wait") \
     KEY(shutter, double, readout_max_s, 0.04, 0.0, 0.1, "s", "longest readout that is believed") \
     KEY(shutter, double, sigma_s, 0.01, 1e-5, 1.0, "s", "deviation from no rolling shutter, without evidence") \
-    KEY(shutter, double, info_share_min, 0.1, 0.0, 1.0, "", "frames that know less, beside that deviation, are passed over")
+    KEY(shutter, double, info_share_min, 0.01, 0.0, 1.0, "", "frames that know less, beside that deviation, are passed over")
 struct ShutterParameters { STILLMESH_TUNING_shutter(STILLMESH_FIELD) };
 
 #define STILLMESH_TUNING_pose(KEY) \

@@ -1,22 +1,10 @@
 #include "engine/tracking/tracked_shutter.hpp"
 
-#include <algorithm>
-
 namespace stillmesh {
-namespace {
-
-constexpr double kTurnMax_rad = 0.1;  // 200 degrees per second, read within 28 ms
-
-}  // namespace
 
 void TrackedShutter::reset() noexcept {
     shutter_.reset();
-    speed_ = sweep_ = Vector6::Zero();
-    has_turn_ = false;
-    turn_variance_ = parameters_.turn_start_rad * parameters_.turn_start_rad;
-    turn_slow_variance_ = turn_variance_ / 2;
-    off_before_ = measured_off_ = Vector3::Zero();
-    turns_ = 0;
+    speed_ = Vector6::Zero();
     pose_by_readout_ = Vector6::Zero();
     pose_by_readout_previous_ = Vector6::Zero();
 }
@@ -35,53 +23,14 @@ Vector3 TrackedShutter::by_readout(const SE3& world_from_camera, const Vector3& 
 
 void TrackedShutter::set_motion(const SE3& camera_motion, double duration_s) noexcept {
     speed_ = se3_log(camera_motion) / duration_s;
-    sweep_ = speed_ * shutter_.readout_s();
-    if (has_turn_) sweep_.tail<3>() = turn_.turn;
-}
-
-bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondences,
-                                  std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
-                                  double chi2_max) noexcept {
-    if (chosen.size() < parameters_.matches_min || !(parameters_.turn_start_rad > 0)) return false;
-    const RowTurnPrior prior{sweep_.tail<3>(), expected_turn(), turn_variance_};
-    const Result<RowTurn> measured = measure_row_turn(correspondences, chosen, world_from_camera, prior, chi2_max);
-    if (!measured.is_ok()) return false;
-    const RowTurn& found = measured.value();
-    if (!(found.turn.squaredNorm() <= kTurnMax_rad * kTurnMax_rad)) return false;
-    // What changes from frame to frame is the camera's; what stays is the map's, whose points were carried otherwise.
-    const double share = 1.0 - std::clamp(turn_slow_variance_ / turn_variance_, 0.0, 1.0);
-    measured_off_ = found.turn - expected_turn();
-    turn_ = {expected_turn() + measured_off_ * share, found.covariance};
-    sweep_.tail<3>() = turn_.turn;
-    has_turn_ = true;
-    return true;
-}
-
-// What this frame says of the variances, averaged with those before.
-void TrackedShutter::learn_turn() noexcept {
-    Vector3 off = measured_off_;
-    const Vector3 turning = speed_.tail<3>();
-    const double square = turning.squaredNorm();
-    // Along the motion the readout may be what is off.
-    if (square > 0) off -= turning * (turning.dot(off) / square);
-    ++turns_;
-    const double weight = std::max(1.0 / (turns_ + 1.0), 1.0 - parameters_.fading);
-    turn_variance_ += weight * (off.squaredNorm() / 2.0 + turn_.covariance.trace() / 3.0 - turn_variance_);
-    turn_variance_ = std::max(turn_variance_, RollingShutter::kPinned);
-    turn_slow_variance_ += weight * (off.dot(off_before_) / 2.0 - turn_slow_variance_);
-    off_before_ = off;
 }
 
 void TrackedShutter::learn(const MeasuredFrame& frame, const Map& map, std::span<const Correspondence> correspondences,
                            std::span<const std::uint16_t> chosen, const SE3& world_from_camera, double chi2_max,
                            bool counts) noexcept {
-    if (counts && has_turn_) learn_turn();
     if (!shutter_.is_estimated()) return;
     const SE3 camera_from_world = world_from_camera.inverse();
-    if (has_turn_)
-        shutter_.begin_frame(turn_.turn - expected_turn(), turn_variance_);
-    else
-        shutter_.begin_frame();
+    shutter_.begin_frame();
     for (const std::uint16_t i : chosen) {
         const Correspondence& c = correspondences[i];
         const MapPoint& point = map.points().at(c.point_slot);

@@ -314,9 +314,9 @@ TEST(RollingShutter, SaysHowThePoseMoves) {
     EXPECT_LE((found - moves).norm(), 0.05 * moves.norm());
 }
 
-// Promise: what a frame is worth is as documented: its finding F with information I counts whole against the prior's
-// 1 / sigma_s^2, what came before it fades by `fading` a frame, and no finding is scaled (with nothing to weigh it down
-// the first frame's readout is believed whole).
+// Promise: what a frame is worth is as documented: its finding F with information I counts `trust` I against the
+// prior's 1 / sigma_s^2, what came before it fades by `fading` a frame, and no finding is scaled (with nothing to weigh
+// it down the first frame's readout is believed whole).
 TEST(RollingShutter, WeighsFramesAsDocumented) {
     Random random(16);
     const std::vector<Seen> first = frame_of(4 * kPoints, random, 0.012);
@@ -342,11 +342,14 @@ TEST(RollingShutter, WeighsFramesAsDocumented) {
     const double found_second = after(sure, 0, 1);
     EXPECT_NEAR(found_first, 0.012, 0.002);
     EXPECT_NEAR(found_second, 0.030, 0.002);
-    // F / estimate - 1 = 1 / (sigma^2 I).
+    // F / estimate - 1 = 1 / (sigma^2 trust I): inverse in trust and in the square of sigma.
     ShutterParameters doubting = sure;
-    doubting.sigma_s = 0.0003;
+    doubting.sigma_s = 0.001;
     const double doubt = found_first / after(doubting, 1, 0) - 1.0;
     ASSERT_GT(doubt, 0.01);
+    doubting.trust *= 2;
+    EXPECT_NEAR(found_first / after(doubting, 1, 0) - 1.0, doubt / 2, 1e-3 * doubt);
+    doubting.trust /= 2;
     doubting.sigma_s /= 2;
     EXPECT_NEAR(found_first / after(doubting, 1, 0) - 1.0, doubt * 4, 4e-3 * doubt);
     // n frames of the first kind, then m of the second: geometric sums of the fading.
@@ -364,7 +367,8 @@ TEST(RollingShutter, WeighsFramesAsDocumented) {
         const double wanted = (old_weight * found_first + new_weight * found_second) / (old_weight + new_weight);
         EXPECT_NEAR(after(sure, 6, 4), wanted, 2e-5) << fading;
     }
-    // By default a second of frames keeps three quarters.
+    // The defaults are those of the documentation: a frame counts a tenth, and a second of frames keeps three quarters.
+    EXPECT_EQ(ShutterParameters{}.trust, 0.1);
     EXPECT_NEAR(std::pow(ShutterParameters{}.fading, 30), 0.74, 0.005);
 }
 
