@@ -91,15 +91,15 @@ TEST(Trig, ArcTan2Within4Ulp) {
 
 // Promise: the axes give exact values, with the interval (-pi, pi]; nothing is NaN.
 TEST(Trig, Axes) {
-    constexpr double kHalfTurn = 0x1.921fb54442d18p+1;
+    constexpr double kPi = 0x1.921fb54442d18p+1;
     EXPECT_EQ(arc_tan2(0.0, 0.0), 0.0);
     EXPECT_EQ(arc_tan2(0.0, 5.0), 0.0);
-    EXPECT_EQ(arc_tan2(0.0, -5.0), kHalfTurn);
-    EXPECT_EQ(arc_tan2(-0.0, -5.0), kHalfTurn) << "never -pi";
-    EXPECT_EQ(arc_tan2(5.0, 0.0), kHalfTurn / 2);
-    EXPECT_EQ(arc_tan2(-5.0, 0.0), -kHalfTurn / 2);
-    EXPECT_EQ(arc_tan2(2.0, 2.0), kHalfTurn / 4);
-    EXPECT_EQ(arc_tan2(2.0, -2.0), 3 * kHalfTurn / 4);
+    EXPECT_EQ(arc_tan2(0.0, -5.0), kPi);
+    EXPECT_EQ(arc_tan2(-0.0, -5.0), kPi) << "never -pi";
+    EXPECT_EQ(arc_tan2(5.0, 0.0), kPi / 2);
+    EXPECT_EQ(arc_tan2(-5.0, 0.0), -kPi / 2);
+    EXPECT_EQ(arc_tan2(2.0, 2.0), kPi / 4);
+    EXPECT_EQ(arc_tan2(2.0, -2.0), 3 * kPi / 4);
     EXPECT_EQ(sin_cos(0.0).sin, 0.0);
     EXPECT_EQ(sin_cos(0.0).cos, 1.0);
 }
