@@ -177,16 +177,10 @@ void Picture::fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end
 void Renderer::shade_into(std::vector<float>& sum, float level_offset) {
     for (std::uint32_t y = 0; y < camera_.height; ++y) {
         const std::size_t row = static_cast<std::size_t>(y) * camera_.width;
-        const std::uint32_t* const ids = face_ids_.data() + row;
-        std::uint32_t x = 0;
-        while (x < camera_.width) {
-            const std::uint32_t id = ids[x];
-            std::uint32_t end = x + 1;
-            while (end < camera_.width && ids[end] == id) ++end;
+        visit_runs(face_ids_.data() + row, camera_.width, [&](std::uint32_t id, std::uint32_t x, std::uint32_t end) {
             shade_run(id == kNoFace ? nullptr : &faces_[id], {x, end, static_cast<float>(y)}, level_offset,
                       inverse_depth_.data() + row, sum.data() + row);
-            x = end;
-        }
+        });
     }
 }
 

@@ -62,4 +62,15 @@ inline void shade_run(const VisibleFace* seen, const Run& run, float level_offse
     }
 }
 
+// visit(id, x, end) for each run of one face in a row of ids.
+template <typename Visit>
+void visit_runs(const std::uint32_t* ids, std::uint32_t width, Visit&& visit) {
+    for (std::uint32_t x = 0; x < width;) {
+        std::uint32_t end = x + 1;
+        while (end < width && ids[end] == ids[x]) ++end;
+        visit(ids[x], x, end);
+        x = end;
+    }
+}
+
 }  // namespace stillmesh::simulated

@@ -83,8 +83,8 @@ TEST_F(LookingAround, DepthOfAnotherMoment) {
     EXPECT_TRUE(says(outcome, "does not belong to colour")) << outcome.faults.size();
 }
 
-// Promise: while the camera moves, also when the lens has long been known, and most frames are looked at only in passing: within five frames,
-// and not before it is so.
+// Promise: while the camera moves, also when the lens has long been known, and most frames are looked at only in
+// passing: within five frames, and not before it is so.
 TEST_F(LookingAround, DepthOfAnotherMomentLater) {
     constexpr std::uint32_t kRight = 4 * kFrames + 20, kLater = 30;
     CameraInfo info;
