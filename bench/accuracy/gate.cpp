@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "hal/simulated/simulated_camera.hpp"
+
 namespace stillmesh::accuracy {
 namespace {
 
@@ -55,8 +57,8 @@ bool has_bars(Group group) {
 Group group_of(const Result& result) {
     if (result.is_recording) return Group::kRecording;
     if (!result.dirt.empty()) return Group::kDirty;
-    for (const char* prefix : {"shaken_", "aside_", "real_"}) {
-        if (result.scene.starts_with(prefix)) return Group::kDirty;
+    for (const SimulatedScene& scene : simulated_scenes()) {
+        if (result.scene == scene.name && !is_clean(scene.dirt)) return Group::kDirty;
     }
     if (result.scene.starts_with("static_")) return Group::kStatic;
     if (result.scene.starts_with("sitting_")) return Group::kSitting;
