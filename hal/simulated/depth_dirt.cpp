@@ -42,8 +42,10 @@ DepthDirt::DepthDirt(const Dirt& dirt, std::uint64_t seed, const Pinhole& colour
         pinhole_.fy = colour.fy * focal;
     }
     const std::size_t pixels = std::size_t{colour.width} * colour.height;
-    nearness_.assign(pixels, 1.0F);
-    disparity_.assign(pixels, 0.0F);
+    if (!is_clean(dirt)) {
+        nearness_.assign(pixels, 1.0F);
+        disparity_.assign(pixels, 0.0F);
+    }
     if (dirt.scale > 0) {
         // Three waves, a half to one and a half over the image, and a bowl: what is left of a depth camera's lens.
         double phase[3], across[3], down[3];

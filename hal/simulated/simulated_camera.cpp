@@ -1,6 +1,7 @@
 #include "hal/simulated/simulated_camera.hpp"
 
 #include <cmath>
+#include <optional>
 
 #include "engine/base/numbers.hpp"
 #include "hal/simulated/colour_dirt.hpp"
@@ -78,7 +79,6 @@ struct SimulatedCamera::State {
           colour_dirt(dirt, day),
           depth_dirt(dirt, day, pinhole),
           renderer(pinhole),
-          row_renderer(pinhole),
           sum(static_cast<std::size_t>(pinhole.width) * pinhole.height),
           grey(sum.size()),
           mask(sum.size()),
@@ -87,6 +87,7 @@ struct SimulatedCamera::State {
           row_poses(pinhole.height),
           colour_readout_s(kColourReadoutS * dirt.rolling),
           depth_readout_s(kDepthReadoutS * dirt.rolling) {
+        if (takes_rows) row_renderer.emplace(pinhole);
         Random random(day ^ 0x6578'706f'7375'7265ULL);
         for (double& phase : exposure_phase) phase = random.uniform(0, 2 * kPi);
     }
@@ -112,7 +113,7 @@ struct SimulatedCamera::State {
     ColourDirt colour_dirt;
     DepthDirt depth_dirt;
     Renderer renderer;
-    RowRenderer row_renderer;
+    std::optional<RowRenderer> row_renderer;  // with takes_rows
     Recording recording;
     std::vector<float> sum;
     std::vector<std::uint8_t> grey;
@@ -146,21 +147,21 @@ void SimulatedCamera::State::draw_rows(double time_s, double readout_s, const Ri
         const Rigid pose = pose_at(row.time_s);
         row.world_from_camera = {pose.rotation * in_camera.rotation, pose * in_camera.translation};
     }
-    row_renderer.draw(recording, row_poses, offset_x, offset_y);
+    row_renderer->draw(recording, row_poses, offset_x, offset_y);
 }
 
 // The mean of pictures spread over the exposure, into `sum`.
 void SimulatedCamera::State::take_colour(double time_s, double exposure_s) {
     for (float& value : sum) value = 0;
     if (takes_rows) {
-        row_renderer.set_camera(renderer.camera());
+        row_renderer->set_camera(renderer.camera());
         record(time_s, (colour_readout_s + exposure_s) / 2);
     }
     for (std::uint32_t i = 0; i < kExposures; ++i) {
         const double instant = time_s + exposure_s * kInstant[i];
         if (takes_rows) {
             draw_rows(instant, colour_readout_s, {}, kOffsetX[i], kOffsetY[i]);
-            row_renderer.shade_into(sum, kLevelOffset[i]);
+            row_renderer->shade_into(sum, kLevelOffset[i]);
             continue;
         }
         renderer.begin(pose_at(instant), kOffsetX[i], kOffsetY[i]);
@@ -178,7 +179,7 @@ void SimulatedCamera::State::take_middle(double time_s) {
         return;
     }
     draw_rows(time_s, colour_readout_s, {}, 0, 0);
-    take_mask(row_renderer);
+    take_mask(*row_renderer);
     if (dirt.shadows > 0) cast_shadows(time_s);
 }
 
@@ -202,10 +203,10 @@ void SimulatedCamera::State::cast_shadows(double time_s) {
         float factor = 1;
         for (std::uint32_t x = 0; x < camera.width; ++x) {
             const std::size_t i = row + x;
-            const float w = row_renderer.inverse_depth()[i];
+            const float w = row_renderer->inverse_depth()[i];
             if (mask[i] != 0 || !(w > 0)) continue;
             // A shadow is softer than two pixels of one face.
-            if (x % 2 == 0 || mask[i - 1] != 0 || row_renderer.face_ids()[i] != row_renderer.face_ids()[i - 1]) {
+            if (x % 2 == 0 || mask[i - 1] != 0 || row_renderer->face_ids()[i] != row_renderer->face_ids()[i - 1]) {
                 const double z = 1 / static_cast<double>(w);
                 const Vec3 p = pose * Vec3{(x - camera.cx) / camera.fx * z, (y - camera.cy) / camera.fy * z, z};
                 factor = static_cast<float>(light_left(posts, p, dirt.shadows));
@@ -254,9 +255,9 @@ void SimulatedCamera::State::take_depth(double time_s, const SimulationOptions& 
         Rigid place = depth_dirt.place();
         place.translation = place.translation + aside;
         record(time_s, depth_readout_s / 2);
-        row_renderer.set_camera(depth_dirt.pinhole());
+        row_renderer->set_camera(depth_dirt.pinhole());
         draw_rows(time_s, depth_readout_s, place, 0, 0);
-        depth_sensor.sense(row_renderer, scramble(key), units_per_m, depth, errors);
+        depth_sensor.sense(*row_renderer, scramble(key), units_per_m, depth, errors);
         return;
     }
     if (options.depth_lag_ns != 0 || options.depth_baseline_m != 0) {
