@@ -196,6 +196,9 @@ TEST_F(LiveProgram, ExposureHuntsAndStreamsEnd) {
 // Promise: a camera whose clock steps back and leaps forward is tracked on, without being called gone; one that comes
 // back in another size is not used, which is said, and one that can do both sizes is asked for that of before.
 TEST_F(LiveProgram, ClocksAndModesChange) {
+    // Stamps count from when the machine was started, and a camera has none before its own start.
+    constexpr std::int64_t kBegin_us = 2'000'000'000;
+    rig.camera().stamp_offset_us = kBegin_us;
     rig.camera().is_plugged = 1;
     Program run = start("run --camera auto --json --trajectory " + scratch.path("path.txt"));
     const auto has_more_poses = [&](std::size_t count) {
@@ -204,7 +207,7 @@ TEST_F(LiveProgram, ClocksAndModesChange) {
     };
     ASSERT_TRUE(has_more_poses(10)) << run.err();
     for (const std::int64_t offset_us : {-1'000'000'000LL, 5'000'000'000LL}) {
-        rig.camera().stamp_offset_us = offset_us;
+        rig.camera().stamp_offset_us = kBegin_us + offset_us;
         ASSERT_TRUE(has_more_poses(10)) << run.err();
     }
     EXPECT_EQ(run.err().find("the camera is gone"), std::string::npos) << run.err();
