@@ -13,6 +13,7 @@ namespace stillmesh {
 struct Correspondence {
     std::uint32_t feature = 0;             // index in the frame's features
     std::uint32_t point_slot = 0;          // in the map's pool
+    double row = 0;                        // of the picture, -.5 the first, .5 the last
     Vector2 normalised = Vector2::Zero();  // undistorted (x/z, y/z)
     Vector3 p_camera = Vector3::Zero();    // measured, m; valid iff has_depth
     Vector3 p_world = Vector3::Zero();     // the map's estimate, m

@@ -64,9 +64,9 @@ void MapMatcher::by_projection(const Map& map, const LocalMap* local, const SE3&
         const Vector3 q = camera_from_world * vector_of(point.world);
         Vector2 pixel;
         if (!project(camera_, q, kNearest_m, pixel)) continue;
-        if (readout_s_ > 0 || readout_s_ < 0) {
-            const double row_time_s = (pixel.y() / camera_.height - 0.5) * readout_s_;
-            if (!project(camera_, moved_a_little(speed_ * -row_time_s, q), kNearest_m, pixel)) continue;
+        if (has_sweep_) {
+            const double row = pixel.y() / camera_.height - 0.5;
+            if (!project(camera_, moved_a_little(sweep_ * -row, q), kNearest_m, pixel)) continue;
         }
         if (!is_in_picture(camera_, pixel)) continue;
         // A point twice as far is seen on the level whose scale is half: which level to expect.

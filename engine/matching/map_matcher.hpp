@@ -42,11 +42,11 @@ public:
     // The features of a new frame, borrowed until the next; no claims.
     void begin(const FeatureSet& features) noexcept;
     void clear() noexcept;
-    // A camera that moves at `speed` (per second, translation and rotation in its own frame) and reads its rows within
-    // `readout_s` sees a point not where the middle row's camera would. Zero: a global shutter.
-    void set_shutter(double readout_s, const Vector6& speed) noexcept {
-        readout_s_ = readout_s;
-        speed_ = speed;
+    // A camera that moves by `sweep` from its first row to its last (translation and rotation, in its own frame) sees a
+    // point not where the middle row's camera would. Zero: a global shutter.
+    void set_sweep(const Vector6& sweep) noexcept {
+        sweep_ = sweep;
+        has_sweep_ = sweep.squaredNorm() > 0;
     }
     // Points around their projections: those of `local`, or of the whole map without one. Claims anew; with
     // `more_frame` claims stay as they are, and points that were seen in that frame are passed over.
@@ -88,8 +88,8 @@ private:
     CameraModel camera_;
     std::span<const double> scale_of_level_;  // as many as the pyramid has levels
     const FeatureSet* features_ = nullptr;
-    double readout_s_ = 0;
-    Vector6 speed_ = Vector6::Zero();
+    Vector6 sweep_ = Vector6::Zero();
+    bool has_sweep_ = false;
     FeatureGrid grid_;
     std::span<Place> places_;  // in the order of the grid
     std::span<Claim> claims_;  // by feature

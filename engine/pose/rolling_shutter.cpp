@@ -96,6 +96,19 @@ Vector6 RollingShutter::end_frame(bool counts) noexcept {
     return solved;
 }
 
+void RollingShutter::doubt() noexcept {
+    const double share = info_ > prior_info_ ? prior_info_ / info_ : 1.0;
+    info_ *= share;
+    weighted_ *= share;
+}
+
+void RollingShutter::add_turn(double turned, double turning) noexcept {
+    if (!is_estimated_) return;
+    info_ = std::max(info_ * parameters_.fading + turning, 0.0);
+    weighted_ = weighted_ * parameters_.fading + turned;
+    estimate_s_ = std::clamp(weighted_ / (info_ + prior_info_), -parameters_.readout_max_s, parameters_.readout_max_s);
+}
+
 bool RollingShutter::adopt() noexcept {
     const double wanted = std::abs(estimate_s_) < parameters_.negligible_s ? 0.0 : estimate_s_;
     if (std::abs(wanted - readout_s_) < parameters_.step_s) return false;

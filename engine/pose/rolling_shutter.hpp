@@ -46,6 +46,12 @@ public:
              double chi2_max) noexcept;
     // How the frame's pose moves with the readout, per second, in the camera. Only what `counts` is learnt from.
     [[nodiscard]] Vector6 end_frame(bool counts) noexcept;
+    // What was learnt so far is worth no more than what is known without evidence.
+    void doubt() noexcept;
+    // Of a trembling camera whose rows said how far it turned (engine/pose/row_turn.hpp): that turn, and the turning
+    // from frame to frame, each times the steady turning over the variance of turns. A trembling is in both, but not in
+    // step, and its rows alone would tell of a readout too short; in the steady turning it is not.
+    void add_turn(double turned, double turning) noexcept;
     // Believes what was learnt, if it is worth it: false, and nothing changed, within step_s.
     bool adopt() noexcept;
 

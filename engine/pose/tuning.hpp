@@ -15,6 +15,7 @@ namespace stillmesh {
 // known then.
 #define STILLMESH_TUNING_shutter(KEY) \
     KEY(shutter, double, trust, 0.1, 1e-6, 1.0, "", "a frame counts so much less than its matches say") \
+    KEY(shutter, double, turn_sigma_rad, 0.01, 0.0, 1.0, "rad", "deviation of the turn within a frame from the expected one, where rows say nothing; 0: they are not asked") \
     KEY(shutter, double, fading, 0.99, 0.0, 1.0, "", "what is left of the frames before from frame to frame") \
     KEY(shutter, std::uint32_t, matches_min, 30, 7.0, 4000.0, "", "fewer matches tell nothing of the readout") \
     KEY(shutter, double, negligible_s, 0.003, 0.0, 0.1, "s", "a shorter readout is none") \

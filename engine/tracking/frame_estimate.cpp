@@ -44,6 +44,7 @@ void FrameEstimator::begin(MeasuredFrame& frame, std::int64_t time_ns, FrameStat
     chosen_.clear();
     std::fill_n(groups_.begin(), frame.size(), kNoGroup);
     matcher_.begin(frame.features());
+    shutter_->begin_frame();
 }
 
 void FrameEstimator::forget() noexcept {
@@ -62,8 +63,10 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     out.noise = camera.noise;
     out.noise.begin_frame();
     match(camera, out);
+    if (shutter_->is_trembling()) carry_coarsely(out);
     const RegionChoice choice = choose_region(out);
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
+    carry_by_rows(region_.chosen(), choice.world_from_camera);
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
     out.is_clear = choice.margin >= 0 && choice.score >= c.region.score_min;
@@ -169,8 +172,36 @@ PoseFit FrameEstimator::optimise(std::span<const std::uint16_t> chosen, const SE
 
 void FrameEstimator::carry_rows(const CameraState& camera, const SE3& camera_motion) noexcept {
     shutter_->set_motion(camera_motion, seconds_between(camera.motion.time_ns(), time_ns_));
-    matcher_.set_shutter(shutter_->readout_s(), shutter_->speed());
-    frame_->carry_to_middle_row(shutter_->shutter(), shutter_->speed());
+    carry();
+}
+
+void FrameEstimator::carry() noexcept {
+    matcher_.set_sweep(shutter_->sweep());
+    frame_->carry_to_middle_row(shutter_->sweep());
+}
+
+// Before the choice, by all that have a weight, since the mesh's edges suffer too.
+void FrameEstimator::carry_coarsely(const Estimate& estimate) noexcept {
+    const Parameters& c = world_->parameters;
+    choose_weighted(correspondences_.span(), chosen_);
+    const PoseFit all =
+        optimise_pose(correspondences_.span(), chosen_.span(), estimate.expected.world_from_camera_predicted,
+                      c.region.point_chi2_max, c.pose.coarse_passes_max);
+    if (all.is_valid) carry_by_rows(chosen_.span(), all.world_from_camera);
+}
+
+// Rows are carried with the turn that they show; the correspondences follow.
+void FrameEstimator::carry_by_rows(std::span<const std::uint16_t> chosen, const SE3& world_from_camera) noexcept {
+    if (!shutter_->measure_turn(correspondences_.span(), chosen, world_from_camera,
+                                world_->parameters.region.point_chi2_max)) {
+        return;
+    }
+    carry();
+    for (Correspondence& c : correspondences_) {
+        const MeasuredFeature& m = (*frame_)[c.feature];
+        c.normalised = m.normalised;
+        if (c.has_depth) c.p_camera = m.point();
+    }
 }
 
 void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noexcept {

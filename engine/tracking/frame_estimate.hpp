@@ -71,6 +71,9 @@ public:
 
 private:
     [[nodiscard]] bool is_sure(const Estimate& estimate) const noexcept;
+    void carry() noexcept;
+    void carry_coarsely(const Estimate& estimate) noexcept;
+    void carry_by_rows(std::span<const std::uint16_t> chosen, const SE3& world_from_camera) noexcept;
     void match(const CameraState& camera, Estimate& estimate) noexcept;
     [[nodiscard]] RegionChoice choose_region(Estimate& estimate) noexcept;
     void choose_again(const Estimate& estimate, RegionChoice& choice) noexcept;

@@ -20,6 +20,7 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
         Correspondence c;
         c.feature = static_cast<std::uint32_t>(i);
         c.point_slot = matcher.claim(i).point_slot();
+        c.row = frame.row_of(i);
         c.normalised = m.normalised;
         c.has_depth = m.has_depth();
         if (c.has_depth) {

@@ -67,14 +67,13 @@ void MeasuredFrame::measure(const Frame& frame) noexcept {
     }
 }
 
-void MeasuredFrame::carry_to_middle_row(const RollingShutter& shutter, const Vector6& speed) noexcept {
-    Vector6 turning = speed;
+void MeasuredFrame::carry_to_middle_row(const Vector6& sweep) noexcept {
+    Vector6 turning = sweep;
     for (int k = 0; k < 3; ++k) turning(k) = 0;
     for (std::size_t i = 0; i < features_.size(); ++i) {
         MeasuredFeature& m = measured_[i];
-        const double row_time_s = shutter.row_time_s(static_cast<double>(features_.keypoints[i].y));
         const bool has_depth = m.has_depth();  // without, its distance is not known: turned only
-        const Vector3 p = moved_a_little((has_depth ? speed : turning) * row_time_s,
+        const Vector3 p = moved_a_little((has_depth ? sweep : turning) * row_of(i),
                                          back_project(m.seen, has_depth ? m.seen_z_m : 1.0));
         if (p.z() < kDepthMin_m) continue;
         m.normalised = Vector2(p.x() / p.z(), p.y() / p.z());

@@ -53,8 +53,8 @@ public:
     void measure(const Frame& frame) noexcept;
     // That was measured last, borrowed until tracking is done with it.
     [[nodiscard]] const Frame& frame() const noexcept { return *frame_; }
-    // Carries what each row saw to the middle row of a camera that moves at `speed` (per second, in its own frame).
-    void carry_to_middle_row(const RollingShutter& shutter, const Vector6& speed) noexcept;
+    // Carries what each row saw to the middle row of a camera that moves by `sweep` from the first row to the last.
+    void carry_to_middle_row(const Vector6& sweep) noexcept;
 
     [[nodiscard]] std::size_t size() const noexcept { return features_.size(); }
     [[nodiscard]] const FeatureSet& features() const noexcept { return features_; }
@@ -62,6 +62,10 @@ public:
     [[nodiscard]] const Keypoint& keypoint(std::size_t i) const noexcept { return features_.keypoints[i]; }
     [[nodiscard]] const Descriptor& descriptor(std::size_t i) const noexcept { return features_.descriptors[i]; }
     [[nodiscard]] const MeasuredFeature& operator[](std::size_t i) const noexcept { return measured_[i]; }
+    // -.5 in the first row of the picture, .5 in the last.
+    [[nodiscard]] double row_of(std::size_t i) const noexcept {
+        return static_cast<double>(keypoint(i).y) / camera_.height - 0.5;
+    }
     [[nodiscard]] std::uint32_t with_depth_count() const noexcept;
     // What a keyframe keeps of a feature; it shows no point yet.
     [[nodiscard]] Observation observation_of(std::size_t feature) const noexcept;

@@ -1,10 +1,21 @@
 #include "engine/tracking/tracked_shutter.hpp"
 
+#include <algorithm>
+
 namespace stillmesh {
+namespace {
+
+constexpr double kSteadyFrames = 8;   // of 30 a second: a trembling of 10 Hz is down to .08
+constexpr double kTurnMax_rad = 0.1;  // 200 degrees per second, read within 28 ms
+
+}  // namespace
 
 void TrackedShutter::reset() noexcept {
     shutter_.reset();
-    speed_ = Vector6::Zero();
+    speed_ = sweep_ = Vector6::Zero();
+    steady_turning_ = turn_ = Vector3::Zero();
+    trembling_ = Trembling(parameters_.fading);
+    is_measured_ = has_turn_ = false;
     pose_by_readout_ = Vector6::Zero();
     pose_by_readout_previous_ = Vector6::Zero();
 }
@@ -23,11 +34,45 @@ Vector3 TrackedShutter::by_readout(const SE3& world_from_camera, const Vector3& 
 
 void TrackedShutter::set_motion(const SE3& camera_motion, double duration_s) noexcept {
     speed_ = se3_log(camera_motion) / duration_s;
+    sweep_ = speed_ * shutter_.readout_s();
+    if (has_turn_) sweep_.tail<3>() = turn_;
+}
+
+bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondences,
+                                  std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
+                                  double chi2_max) noexcept {
+    const double variance = parameters_.turn_sigma_rad * parameters_.turn_sigma_rad;
+    const bool has_rows = shutter_.is_estimated() || shutter_.readout_s() > 0;
+    if (!has_rows || chosen.size() < parameters_.matches_min || !(variance > 0)) return false;
+    const RowTurnPrior prior{sweep_.tail<3>(), expected_turn(), variance};
+    const Result<RowTurn> measured = measure_row_turn(correspondences, chosen, world_from_camera, prior, chi2_max);
+    if (!measured.is_ok() || !(measured.value().turn.norm() <= kTurnMax_rad)) return false;
+    turn_ = measured.value().turn;
+    off_ = turn_ - expected_turn();
+    off_variance_ = measured.value().covariance.trace() / 3.0;
+    is_measured_ = off_variance_ < variance / 2.0;  // more than half measured, not expected
+    if (!is_trembling()) return false;
+    sweep_.tail<3>() = turn_;
+    has_turn_ = true;
+    return true;
+}
+
+void TrackedShutter::learn_turn() noexcept {
+    const Vector3 turning = speed_.tail<3>();
+    const bool was_trembling = is_trembling();
+    trembling_.note(off_, off_variance_, turning);
+    if (!is_trembling()) return;
+    if (!was_trembling) shutter_.doubt();  // its rows were taken for those of a steady motion
+    if (!has_turn_) return;
+    const double info = 1.0 / trembling_.variance();
+    shutter_.add_turn(steady_turning_.dot(turn_) * info, steady_turning_.dot(turning) * info);
 }
 
 void TrackedShutter::learn(const MeasuredFrame& frame, const Map& map, std::span<const Correspondence> correspondences,
                            std::span<const std::uint16_t> chosen, const SE3& world_from_camera, double chi2_max,
                            bool counts) noexcept {
+    steady_turning_ += (speed_.tail<3>() - steady_turning_) / kSteadyFrames;
+    if (counts && is_measured_) learn_turn();
     if (!shutter_.is_estimated()) return;
     const SE3 camera_from_world = world_from_camera.inverse();
     shutter_.begin_frame();
@@ -38,7 +83,7 @@ void TrackedShutter::learn(const MeasuredFrame& frame, const Map& map, std::span
                      static_cast<double>(frame.keypoint(c.feature).y), speed_, chi2_max);
     }
     pose_by_readout_previous_ = pose_by_readout_;
-    pose_by_readout_ = shutter_.end_frame(counts);
+    pose_by_readout_ = shutter_.end_frame(counts && !has_turn_);
 }
 
 void TrackedShutter::backdate(Map& map, std::int64_t start_time_ns) const noexcept {

@@ -201,7 +201,7 @@ TEST_F(MapMatcherTest, LooksWhereTheRowWasExposed) {
     };
     matcher_.begin(features_);
     EXPECT_EQ(claimed(3.0), 0U);
-    matcher_.set_shutter(kReadout_s, speed);
+    matcher_.set_sweep(speed * kReadout_s);
     EXPECT_EQ(claimed(0.5), points.size());
 }
 

@@ -124,8 +124,8 @@ TEST(MeasuredFrameParameters, NoiseIsConfigured) {
     EXPECT_NEAR(measured(1e-3, 1.0, 1.8).var_pixel / usual.var_pixel, std::pow(1.5, 4), 1e-9);
 }
 
-// Promise: what a row sees is carried to the middle row along the camera's motion, by the time between the two rows;
-// what has no depth is turned only. Carried again it starts from what was seen, not from what was carried.
+// Promise: what a row sees is carried to the middle row along the camera's motion, by the share of it between the
+// two; what has no depth is turned only. Carried again it starts from what was seen, not from what was carried.
 TEST_F(Measured, RowsAreCarriedToTheMiddle) {
     const std::uint32_t rows[] = {5, 30, 60, 90, 114};
     std::uint32_t n = 0;
@@ -134,17 +134,16 @@ TEST_F(Measured, RowsAreCarriedToTheMiddle) {
         frame_.add(120, y, 0, test::descriptor_of(n++));
     }
     frame_.measure();
-    RollingShutter shutter;
-    shutter.create(0.02, 120);
-    Vector6 speed;
-    speed << 0.3, -0.2, 0.1, 0.05, 0.2, -0.1;  // within a frame a turn bends the slide by a thousandth
+    Vector6 sweep;
+    sweep << 0.006, -0.004, 0.002, 0.001, 0.004, -0.002;  // within a frame a turn bends the slide by a thousandth
     for (const double sign : {1.0, -0.5, 0.0}) {
-        frame_.measured.carry_to_middle_row(shutter, speed * sign);
+        frame_.measured.carry_to_middle_row(sweep * sign);
         for (std::uint32_t i = 0; i < n; ++i) {
-            const double row_time_s = (rows[i / 2] / 120.0 - 0.5) * 0.02;
+            const double row = rows[i / 2] / 120.0 - 0.5;
+            EXPECT_EQ(frame_.measured.row_of(i), row);
             const bool has_depth = i % 2 == 0;
             const Vector3 then = test::point_at_pixel(has_depth ? 30 : 120, rows[i / 2], has_depth ? 1.5 : 1.0);
-            Vector6 moved = speed * (sign * row_time_s);
+            Vector6 moved = sweep * (sign * row);
             if (!has_depth) {
                 for (int k = 0; k < 3; ++k) moved(k) = 0;
             }
@@ -163,12 +162,10 @@ TEST_F(Measured, WhatWouldBeBehindTheCameraStays) {
     frame_.add(30, 5, 1.5, test::descriptor_of(0));
     frame_.add(60, 5, 0, test::descriptor_of(1));
     frame_.measure();
-    RollingShutter shutter;
-    shutter.create(0.1, 120);
-    Vector6 speed = Vector6::Zero();
-    speed(2) = 100;
-    speed(3) = 100;
-    frame_.measured.carry_to_middle_row(shutter, speed);
+    Vector6 sweep = Vector6::Zero();
+    sweep(2) = 10;
+    sweep(3) = 10;
+    frame_.measured.carry_to_middle_row(sweep);
     for (std::size_t i = 0; i < 2; ++i) {
         EXPECT_EQ(seen(i).normalised.x(), seen(i).seen.x());
         EXPECT_EQ(seen(i).normalised.y(), seen(i).seen.y());
@@ -230,12 +227,10 @@ TEST_F(Measured, ObservationsShowNoPoint) {
     frame_.add(120, 5, 0, {}, 1);
     frame_.extractor.keypoints[0].angle_rad = 0.7F;
     frame_.measure();
-    RollingShutter shutter;
-    shutter.create(0.02, 120);
-    Vector6 speed = Vector6::Zero();
-    speed(0) = 1;
-    speed(1) = -0.7;
-    frame_.measured.carry_to_middle_row(shutter, speed);
+    Vector6 sweep = Vector6::Zero();
+    sweep(0) = 0.02;
+    sweep(1) = -0.014;
+    frame_.measured.carry_to_middle_row(sweep);
     const Observation o = frame_.measured.observation_of(0);
     EXPECT_TRUE(o.point.is_null());
     EXPECT_EQ(o.x, 30);

@@ -4,75 +4,18 @@
 
 #include <cmath>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
-#include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
+#include "tests/tracking/shutter_rig.hpp"
 
 namespace stillmesh {
 namespace {
 
-constexpr double kReadout_s = 0.02;
-constexpr double kPeriod_s = 1.0 / 30;
+using test::kPeriod_s;
+using test::kReadout_s;
 
-// 72 features, 12 rows of 6, as far away as they like, seen by a camera that moves and reads its rows one by one; the
-// map knows all of their points.
-class Shutter : public testing::Test {
-protected:
-    Shutter() { start(test::small_parameters()); }
-    void start(const Parameters& parameters) {
-        frame_.reset();
-        world_ = std::make_unique<test::SmallWorld>(parameters);
-        frame_ = std::make_unique<test::SmallFrame>(**world_);
-        shutter_ = TrackedShutter{};
-        shutter_.create(parameters, 120);
-        shutter_.reset();
-        points_.clear();
-        correspondences_.clear();
-        pose_ = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
-        speed_ << 0.5, -0.4, 0.3, 0.4, 0.6, -0.5;
-    }
-    // What the frame shows when its rows take readout_s, the pose being the middle row's.
-    void see(double readout_s, std::uint32_t rows = 12) {
-        for (std::uint32_t n = 0; n < 6 * rows; ++n) {
-            const std::uint32_t x = 15 + 25 * (n % 6), y = 5 + 10 * (n / 6);
-            const double z_m = 1.2 + 0.4 * (n % 5);
-            frame_->add(x, y, z_m, test::descriptor_of(n));
-            points_.push_back(world_->add_point(pose_ * in_middle_row(x, y, z_m, readout_s)));
-        }
-        frame_->measure();
-        for (std::uint32_t n = 0; n < 6 * rows; ++n) {
-            const MapPoint& point = (*world_)[points_[n]];
-            Correspondence c;
-            c.feature = n;
-            c.point_slot = points_[n].slot();
-            c.normalised = frame_->measured[n].normalised;
-            c.p_camera = frame_->measured[n].point();
-            c.var_pixel = 1e-6;
-            c.var_z = c.map_var_z = c.map_var_lateral = 1e-6;
-            c.has_depth = true;
-            c.p_world = vector_of(point.world);
-            correspondences_.push_back(c);
-        }
-    }
-    [[nodiscard]] Vector3 in_middle_row(double x, double y, double z_m, double readout_s) const {
-        return moved_a_little(speed_ * ((y / 120 - 0.5) * readout_s), test::point_at_pixel(x, y, z_m));
-    }
-    void learn(bool counts = true) {
-        shutter_.set_motion(se3_exp(speed_ * kPeriod_s), kPeriod_s);
-        shutter_.learn(frame_->measured, world_->map(), correspondences_, test::all_of(correspondences_), pose_, 1e6,
-                       counts);
-    }
-
-    std::unique_ptr<test::SmallWorld> world_;
-    std::unique_ptr<test::SmallFrame> frame_;
-    TrackedShutter shutter_;
-    std::vector<Handle<MapPoint>> points_;
-    std::vector<Correspondence> correspondences_;
-    SE3 pose_;
-    Vector6 speed_ = Vector6::Zero();
-};
+class Shutter : public test::ShutterRig {};
 
 Vector3 moved_by(const Vector6& speed, const Vector3& p) {
     return Vector3(speed(3), speed(4), speed(5)).cross(p) + Vector3(speed(0), speed(1), speed(2));

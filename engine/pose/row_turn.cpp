@@ -1,0 +1,80 @@
+#include "engine/pose/row_turn.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace stillmesh {
+namespace {
+
+constexpr double kFramesMin = 5;
+constexpr double kNegligible_rad = 0.002;  // half a pixel in the first and the last row
+constexpr double kStayingShare = 0.25;     // a hand at 8 to 12 Hz: below none; a map: .3 to .6
+constexpr int kPasses = 4;
+constexpr std::size_t kMatchesMax = 256;  // .0002 rad; more say little more
+
+// With the turn off by `off` from what rows were carried with.
+void add_match(const Correspondence& c, const SE3& camera_from_world, const Vector3& off, double chi2_max,
+               RowEquations& equations) noexcept {
+    const Vector3 q = camera_from_world * c.p_world;
+    if (q.z() < kDepthMin_m) return;
+    Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
+    RowEquations::visit_rows(q, c.row, r, [&](const RowEquations::Vector9& by, double, double, int axis) {
+        if (axis == 2) return;
+        double& moved = axis == 0 ? r.x : r.y;
+        for (int i = 0; i < 3; ++i) moved += by(6 + i) * off(i);
+    });
+    const double chi2 = r.chi2();
+    const double weight = c.weight * (chi2 <= chi2_max ? 1.0 : std::sqrt(chi2_max / chi2));
+    RowEquations::visit_rows(q, c.row, r, [&](const RowEquations::Vector9& by, double residual, double info, int) {
+        equations.add(by, residual, weight * info);
+    });
+}
+
+}  // namespace
+
+Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
+                                 const SE3& world_from_camera_guess, const RowTurnPrior& prior,
+                                 double chi2_max) noexcept {
+    const std::size_t step = (chosen.size() + kMatchesMax - 1) / kMatchesMax;
+    SE3 pose = world_from_camera_guess;
+    Vector3 off = Vector3::Zero();
+    RowEquations::Matrix9 l;
+    for (int pass = 0; pass < kPasses; ++pass) {
+        RowEquations equations;
+        const SE3 camera_from_world = pose.inverse();
+        for (std::size_t i = 0; i < chosen.size(); i += step)
+            add_match(correspondences[chosen[i]], camera_from_world, off, chi2_max, equations);
+        equations.expect_turn(prior.carried + off - prior.expected, prior.variance);
+        if (!equations.factorise(l)) return Status::kInvalid;
+        const RowEquations::Vector9 change = RowEquations::solve(l, -equations.g);
+        pose = pose * se3_exp(change.head<6>());
+        renormalise(pose.rotation);
+        off += change.tail<3>();
+    }
+    RowTurn out;
+    out.turn = prior.carried + off;
+    for (int k = 0; k < 3; ++k) {  // of the inverse, what belongs to the turn
+        RowEquations::Vector9 column = RowEquations::Vector9::Zero();
+        column(6 + k) = 1.0;
+        out.covariance.col(k) = RowEquations::solve(l, column).tail<3>();
+    }
+    return out;
+}
+
+void Trembling::note(const Vector3& off, double measured_variance, const Vector3& speed) noexcept {
+    Vector3 aside = off;  // of the motion: along it the readout may be what is off
+    const double square = speed.squaredNorm();
+    if (square > 0) aside -= speed * (speed.dot(off) / square);
+    ++frames_;
+    const double weight = std::max(1.0 / frames_, 1.0 - fading_);
+    variance_ += weight * (aside.squaredNorm() / 2.0 - measured_variance - variance_);
+    staying_ += weight * (aside.dot(off_before_) / 2.0 - staying_);
+    off_before_ = aside;
+}
+
+bool Trembling::is_found() const noexcept {
+    return frames_ >= kFramesMin && variance_ > kNegligible_rad * kNegligible_rad &&
+           staying_ < kStayingShare * variance_;
+}
+
+}  // namespace stillmesh
