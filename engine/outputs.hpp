@@ -22,6 +22,23 @@ enum class PoseState : std::uint8_t {
     return kNames[static_cast<std::uint32_t>(state)];
 }
 
+// Why a pose that was measured is not `tracked`; the first of these that holds.
+enum class UnsureReason : std::uint8_t {
+    kNone = 0,
+    kRival = 1,      // another motion explains what votes as well
+    kUnclear = 2,    // the motion chosen explains too little of it (region.score_min)
+    kFewPoints = 3,  // too few points agree (twice pose.inliers_min)
+    kNoDepth = 4,    // too few features have depth, which tells what moves from what stands
+    kJump = 5,       // within the last second a pose lay where the motion did not lead
+    kRenewed = 6,    // the last second's path is not known to pose.sure_sigma_m: the map was renewed from few points
+};
+inline constexpr std::size_t kUnsureReasons = 7;
+[[nodiscard]] constexpr const char* unsure_reason_name(UnsureReason reason) noexcept {
+    constexpr const char* kNames[kUnsureReasons] = {"none",     "rival motion", "unclear motion",     "few points",
+                                                    "no depth", "jump",         "map newly made here"};
+    return kNames[static_cast<std::uint32_t>(reason)];
+}
+
 struct RigidTransform {
     double rotation_xyzw[4] = {0, 0, 0, 1};  // unit quaternion
     double translation_m[3] = {0, 0, 0};
@@ -64,12 +81,13 @@ struct FrameStatistics {
     std::uint32_t features_with_depth = 0;
     std::uint32_t matches = 0;
     std::uint32_t static_matches = 0;   // accepted as static under the pose given out
-    std::uint32_t dynamic_matches = 0;  // matched, and moving against it
+    std::uint32_t dynamic_matches = 0;  // matched, and moving against it; the others are neither
     std::uint32_t mesh_edges = 0;
     std::uint32_t mesh_edges_kept = 0;
     std::uint32_t groups = 0;
     double region_score = 0;   // Eq. 1 of the chosen group
     double region_margin = 0;  // how much better the choice explains the past than the next one, [0, 1]
+    UnsureReason unsure = UnsureReason::kNone;
     bool is_keyframe = false;
     std::uint32_t pose_iterations = 0;
 };
@@ -156,7 +174,7 @@ struct TrackedFeature {
     std::int32_t group = -1;  // of the mesh; -1: in none
     bool is_matched = false;
     bool is_static = false;   // the pose given out was estimated from it
-    bool is_dynamic = false;  // matched, and judged to move
+    bool is_dynamic = false;  // matched, and moves
 };
 struct TrackedEdge {
     float x0 = 0, y0 = 0, x1 = 0, y1 = 0;  // px

@@ -29,6 +29,7 @@ struct Correspondence {
     std::uint32_t distance_bits = 0;  // Hamming
     bool has_depth = false;
     bool is_dynamic = false;  // lost its weight in earlier frames
+    bool is_moving = false;   // by this frame: for statistics and pictures
 };
 
 }  // namespace stillmesh

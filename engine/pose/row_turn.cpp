@@ -47,6 +47,7 @@ Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences
         equations.expect_turn(prior.carried + off - prior.expected, prior.variance);
         if (!equations.factorise(l)) return Status::kInvalid;
         const RowEquations::Vector9 change = RowEquations::solve(l, -equations.g);
+        if (!(change.squaredNorm() < 1.0)) return Status::kInvalid;  // not near, or no number
         pose = pose * se3_exp(change.head<6>());
         renormalise(pose.rotation);
         off += change.tail<3>();

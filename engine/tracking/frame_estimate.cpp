@@ -5,6 +5,7 @@
 #include "engine/base/time.hpp"
 #include "engine/pose/agreeing.hpp"
 #include "engine/pose/ransac.hpp"
+#include "engine/pose/residual.hpp"
 #include "engine/tracking/gather_correspondences.hpp"
 
 namespace stillmesh {
@@ -69,17 +70,20 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     carry_by_rows(region_.chosen(), choice.world_from_camera);
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
-    out.is_clear = choice.margin >= 0 && choice.score >= c.region.score_min;
-    out.is_sure = is_sure(out);
+    out.choice = !(choice.margin >= 0)                   ? UnsureReason::kRival
+                 : !(choice.score >= c.region.score_min) ? UnsureReason::kUnclear
+                                                         : UnsureReason::kNone;
+    out.unsure = doubt_of(out);
     return out;
 }
 
 // Not without depth, however many points agree: what moves is told from what stands by lengths, which need it. Among
 // people 2 s without gave 6 of 169 `tracked` poses that were wrong, by 0.2 m.
-bool FrameEstimator::is_sure(const Estimate& estimate) const noexcept {
-    const PoseParameters& p = world_->parameters.pose;
-    return estimate.is_clear && estimate.fit.inliers >= p.sure_inliers() &&
-           frame_->with_depth_count() >= p.sure_inliers();
+UnsureReason FrameEstimator::doubt_of(const Estimate& estimate) const noexcept {
+    const std::uint32_t sure_inliers = world_->parameters.pose.sure_inliers();
+    if (!estimate.is_clear()) return estimate.choice;
+    if (estimate.fit.inliers < sure_inliers) return UnsureReason::kFewPoints;
+    return frame_->with_depth_count() < sure_inliers ? UnsureReason::kNoDepth : UnsureReason::kNone;
 }
 
 void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexcept {
@@ -222,13 +226,27 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
     const MotionPrior prior = prior_of(estimate.expected);
     const PoseFit refined = optimise(chosen_.span(), found, camera.has_prior() ? &prior : nullptr);
     if (refined.is_valid && refined.inliers >= c.pose.inliers_min) estimate.fit = refined;
-    estimate.is_sure = is_sure(estimate);
+    estimate.unsure = doubt_of(estimate);
     observe(Stage::kLocalMap, false);
 }
 
 void FrameEstimator::take_matches(const NoiseFactors& noise, const RegionContext& expected) noexcept {
     gather(noise, expected);
     choose_weighted(correspondences_.span(), chosen_);
+}
+
+std::uint32_t FrameEstimator::mark_moving(const SE3& world_from_camera) noexcept {
+    const SE3 camera_from_world = world_from_camera.inverse();
+    const RegionParameters& region = world_->parameters.region;
+    const double far_chi2 = region.wide_factor * region.wide_factor * region.point_chi2_max;
+    for (Correspondence& c : correspondences_) {
+        c.is_moving = (c.is_dynamic && chi2_of_anchor(c, camera_from_world) > far_chi2) ||
+                      region_.agreement_of(groups_[c.feature]) < 0.5;
+    }
+    for (const std::uint16_t i : chosen_) correspondences_[i].is_moving = false;
+    std::uint32_t count = 0;
+    for (const Correspondence& c : correspondences_) count += c.is_moving ? 1U : 0U;
+    return count;
 }
 
 void FrameEstimator::gather(const NoiseFactors& noise, const RegionContext& expected) noexcept {

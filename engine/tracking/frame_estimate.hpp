@@ -23,11 +23,13 @@ namespace stillmesh {
 // Where the camera is, by one frame.
 struct Estimate {
     PoseFit fit;
-    RegionContext expected;  // around which the map was searched
-    NoiseScale noise;        // as the frame had to take it
-    bool is_valid = false;   // a pose was found, by at least inliers_min matches
-    bool is_clear = false;   // which region stands still
-    bool is_sure = false;    // that, and enough matches say so
+    RegionContext expected;                        // around which the map was searched
+    NoiseScale noise;                              // as the frame had to take it
+    bool is_valid = false;                         // a pose was found, by at least inliers_min matches
+    UnsureReason choice = UnsureReason::kUnclear;  // why it is not clear which region stands still
+    UnsureReason unsure = UnsureReason::kUnclear;  // that, or too few matches say so
+    [[nodiscard]] bool is_clear() const noexcept { return choice == UnsureReason::kNone; }
+    [[nodiscard]] bool is_sure() const noexcept { return unsure == UnsureReason::kNone; }
 };
 
 class FrameEstimator {
@@ -64,13 +66,17 @@ public:
     // Those that stand still under the pose, by index; the judge of points writes them last.
     [[nodiscard]] FixedVector<std::uint16_t>& chosen() noexcept { return chosen_; }
     [[nodiscard]] std::span<const std::uint16_t> groups() const noexcept { return groups_; }  // by feature; or kNoGroup
+    // Marks what moves under this pose, of the matches that are not chosen; how many do. A point moves that lost its
+    // weight and is far from where it was first seen, or whose group moves otherwise than the choice. (What only misses
+    // the threshold does not: that is a third of the matches in a still room.)
+    [[nodiscard]] std::uint32_t mark_moving(const SE3& world_from_camera) noexcept;
     [[nodiscard]] const StaticRegion& region() const noexcept { return region_; }
     [[nodiscard]] Random& random() noexcept { return random_; }
     [[nodiscard]] const MeasuredFrame& frame() const noexcept { return *frame_; }
     [[nodiscard]] std::int64_t time_ns() const noexcept { return time_ns_; }
 
 private:
-    [[nodiscard]] bool is_sure(const Estimate& estimate) const noexcept;
+    [[nodiscard]] UnsureReason doubt_of(const Estimate& estimate) const noexcept;
     void carry() noexcept;
     void carry_coarsely(const Estimate& estimate) noexcept;
     void carry_by_rows(std::span<const std::uint16_t> chosen, const SE3& world_from_camera) noexcept;

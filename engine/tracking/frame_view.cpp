@@ -22,7 +22,7 @@ TrackingView FrameView::show(std::span<const Keypoint> keypoints, std::span<cons
     for (const Correspondence& c : correspondences) {
         TrackedFeature& f = features_[c.feature];
         f.is_matched = true;
-        f.is_dynamic = true;
+        f.is_dynamic = c.is_moving;
     }
     for (const std::uint16_t i : chosen) {
         TrackedFeature& f = features_[correspondences[i].feature];

@@ -50,7 +50,7 @@ bool LostCamera::begin_frame(CameraState& camera) noexcept {
 bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) noexcept {
     if (!estimate.is_valid) return false;
     const SE3& found = estimate.fit.world_from_camera;
-    if (!estimate.is_sure &&
+    if (!estimate.is_sure() &&
         (is_out_of_touch(camera) || !camera.reach.holds(found, estimator_->time_ns(), world_->parameters))) {
         return false;
     }
@@ -64,7 +64,7 @@ bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) no
 // A relocalised frame needs more than an ordinary pose: a clear choice, and kPlacedFactor times inliers_min must agree.
 // A few that agree among many that do not are no evidence where nothing foretells the camera.
 bool LostCamera::is_place(const Estimate& estimate) const noexcept {
-    return estimate.is_clear && estimate.fit.inliers >= kPlacedFactor * world_->parameters.pose.inliers_min;
+    return estimate.is_clear() && estimate.fit.inliers >= kPlacedFactor * world_->parameters.pose.inliers_min;
 }
 
 bool LostCamera::prove(bool is_measured, CameraState& camera) noexcept {

@@ -46,13 +46,12 @@ void PointJudge::clear(std::size_t features) noexcept {
     std::fill_n(verdicts_.begin(), features, Verdict::kNone);
 }
 
-std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences, const Witness& witness, Map& map,
-                                FixedVector<std::uint16_t>& still) noexcept {
+void PointJudge::judge(std::span<const Correspondence> correspondences, const Witness& witness, Map& map,
+                       FixedVector<std::uint16_t>& still) noexcept {
     const PosedFrame& posed = witness.posed;
     const SE3 camera_from_world = posed.world_from_camera.inverse();
     const RegionParameters& region = parameters_->region;
     const double chi2_max = region.point_chi2_max;
-    std::uint32_t others = 0;
     still.clear();
     clear(posed.frame.size());
     for (std::size_t i = 0; i < correspondences.size(); ++i) {
@@ -81,12 +80,10 @@ std::uint32_t PointJudge::judge(std::span<const Correspondence> correspondences,
             }
             verdicts_[c.feature] = Verdict::kStill;
         } else {
-            ++others;
             verdicts_[c.feature] = Verdict::kMoving;
         }
         if (may_learn && point.is_suspect) follow(c, posed, point);
     }
-    return others;
 }
 
 void PointJudge::move_weight(const Correspondence& c, bool is_still, bool is_moving, std::int64_t time_ns,

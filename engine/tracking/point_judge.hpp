@@ -49,9 +49,9 @@ public:
 
     // No verdicts on `features` features.
     void clear(std::size_t features) noexcept;
-    // Puts into `still` the indices of the correspondences with a weight from now on; how many others there are.
-    std::uint32_t judge(std::span<const Correspondence> correspondences, const Witness& witness, Map& map,
-                        FixedVector<std::uint16_t>& still) noexcept;
+    // Puts into `still` the indices of the correspondences with a weight from now on.
+    void judge(std::span<const Correspondence> correspondences, const Witness& witness, Map& map,
+               FixedVector<std::uint16_t>& still) noexcept;
     // By feature of the last frame judged or cleared for.
     [[nodiscard]] Verdict verdict(std::size_t feature) const noexcept { return verdicts_[feature]; }
 

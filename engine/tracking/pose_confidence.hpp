@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "engine/geometry/se3.hpp"
+#include "engine/outputs.hpp"
 #include "engine/parameters.hpp"
 #include "engine/pose/motion_doubt.hpp"
 #include "engine/pose/pose_optimiser.hpp"
@@ -28,22 +29,25 @@ public:
     void doubt_jump(std::int64_t time_ns, const MotionPrior& expected, const SE3& world_from_camera) noexcept;
 
     // A pose measured with this information (right increments): true, and covariance() is its; false when the
-    // information is singular. is_motion_sure() tells whether the last second's path can be trusted.
+    // information is singular. motion_doubt() tells whether the last second's path can be trusted, or why not.
     [[nodiscard]] bool measured(std::int64_t time_ns, const SE3& world_from_camera,
                                 const Matrix6& information) noexcept;
-    [[nodiscard]] bool is_motion_sure() const noexcept { return is_motion_sure_; }
+    [[nodiscard]] UnsureReason motion_doubt() const noexcept { return motion_doubt_; }
     // A pose that was predicted, `frames` frames after the last one that was measured; each adds these deviations.
     void predicted(std::uint32_t frames, double sigma_m, double sigma_rad) noexcept;
 
     [[nodiscard]] const Matrix6& covariance() const noexcept { return covariance_; }
 
 private:
+    static constexpr std::int64_t kNever = -2 * MotionDoubt::kWindow_ns;
+
     const Parameters* parameters_ = nullptr;  // outlives it
     MotionDoubt doubt_;
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
     double renewed_share_ = 0;
-    bool is_motion_sure_ = true;
+    std::int64_t jumped_ns_ = kNever;
+    UnsureReason motion_doubt_ = UnsureReason::kNone;
 };
 
 }  // namespace stillmesh

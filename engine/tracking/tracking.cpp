@@ -78,7 +78,7 @@ void Tracking::track(const Frame& frame) noexcept {
         static_cast<void>(lost_.begin_frame(camera_));
         expect();
         if (follow_motion() || return_to_map()) {
-            give_out(estimate_.is_sure ? PoseState::kTracked : PoseState::kUnsure, estimate_.fit.information);
+            give_out(estimate_.is_sure() ? PoseState::kTracked : PoseState::kUnsure, estimate_.fit.information);
         } else {
             lose();
         }
@@ -177,7 +177,7 @@ void Tracking::learn() noexcept {
     learn_camera();
     learn_points();
     // Where it is not clear what stands still, the map learns nothing: a keyframe that follows a body would stay.
-    if (!lost_.keeps_map() && estimate_.is_clear &&
+    if (!lost_.keeps_map() && estimate_.is_clear() &&
         keyframe_inserter_.wants(world_->clock.frame, statistics_.static_matches,
                                  KeyframeInserter::new_points_possible(measured_, estimator_.matcher()))) {
         make_keyframe();
@@ -187,7 +187,7 @@ void Tracking::learn() noexcept {
 
 void Tracking::learn_camera() noexcept {
     const SE3& found = estimate_.fit.world_from_camera;
-    const bool is_sure = estimate_.is_sure;
+    const bool is_sure = estimate_.is_sure();
     const bool is_on_track = camera_.lost_frames == 0;
     if (is_on_track && camera_.motion.time_ns() == camera_.start_time_ns)
         shutter_.backdate(world_->map, camera_.start_time_ns);
@@ -219,15 +219,15 @@ void Tracking::learn_points() noexcept {
     const std::span<const Correspondence> matches = estimator_.correspondences();
     FixedVector<std::uint16_t>& still = estimator_.chosen();
     const SE3& found = estimate_.fit.world_from_camera;
-    const bool is_sure = estimate_.is_sure;
-    const std::uint32_t moving = judge_.judge(matches, {posed(), is_sure, lost_.keeps_map()}, world_->map, still);
+    const bool is_sure = estimate_.is_sure();
+    judge_.judge(matches, {posed(), is_sure, lost_.keeps_map()}, world_->map, still);
     const PoseParameters& p = world_->parameters.pose;
     const double share = matches.empty() ? p.inlier_ratio_start
                                          : static_cast<double>(still.size()) / static_cast<double>(matches.size());
     camera_.inlier_ratio = std::clamp(share, p.inlier_ratio_min, 1.0);
     statistics_.matches = static_cast<std::uint32_t>(matches.size());
     statistics_.static_matches = static_cast<std::uint32_t>(still.size());
-    statistics_.dynamic_matches = moving;
+    statistics_.dynamic_matches = estimator_.mark_moving(found);
     if (!world_->parameters.mapping.is_enabled) return;
     // What the local map is chosen by: the keyframes that observe the points that the pose was estimated from.
     LocalMap& local_map = world_->local_map;
@@ -268,8 +268,10 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
     pose.state = state;
     camera_.odometry.split(world_from_camera(), pose);
     const bool is_measured = state == PoseState::kTracked || state == PoseState::kUnsure;
+    if (state == PoseState::kUnsure) statistics_.unsure = estimate_.unsure;
     if (is_measured && confidence.measured(time_ns_, world_from_camera(), information)) {
-        if (!confidence.is_motion_sure()) pose.state = PoseState::kUnsure;
+        if (state == PoseState::kTracked) statistics_.unsure = confidence.motion_doubt();
+        if (statistics_.unsure != UnsureReason::kNone) pose.state = PoseState::kUnsure;
     } else {
         confidence.predicted(camera_.lost_frames, expected_.prediction_sigma_m, expected_.prediction_sigma_rad);
     }

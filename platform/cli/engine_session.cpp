@@ -244,6 +244,7 @@ public:
         out.features = count16(statistics.features);
         out.static_features = count16(statistics.static_matches);
         out.dynamic_features = count16(statistics.dynamic_matches);
+        out.unsure = statistics.unsure;
         out.state_hash = engine_->state_hash();
         return Status::kOk;
     }

@@ -207,7 +207,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         }
         record.state_hash = out.state_hash;
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
-                    out.dynamic_features, out.state});
+                    out.dynamic_features, out.state, out.unsure});
         loss.frame(frame, out.state, watch.fault());
         if (options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns && loss.is_good_picture()) {
             if (const std::string begun = session.begin_new_map(); !begun.empty()) {

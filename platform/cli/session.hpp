@@ -22,6 +22,7 @@ struct SessionFrame {
     std::uint16_t static_features = 0;
     std::uint16_t dynamic_features = 0;
     std::uint64_t state_hash = 0;
+    UnsureReason unsure = UnsureReason::kNone;  // by the engine
 };
 
 class TrackingSession {

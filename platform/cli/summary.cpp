@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -84,6 +85,8 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
         record.frames_total, 100 * record.coverage(), 100 * record.share(PoseState::kTracked),
         100 * record.share(PoseState::kUnsure), 100 * record.share(PoseState::kPredicted),
         100 * record.share(PoseState::kNone));
+    if (const std::string reasons = record.unsure_reasons(); !reasons.empty())
+        text += fmt::format("unsure        {}\n", reasons);
     text += record.evaluation
                 ? evaluation_text(*record.evaluation)
                 : std::string(record.truth.empty() ? "ATE, RPE      no ground truth here\n"
@@ -194,6 +197,13 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                  {"arena_used_bytes", record.arena_used_bytes},
                  {"peak_resident_bytes", record.peak_resident_bytes},
                  {"state_hash", fmt::format("{:016x}", record.state_hash)}};
+    json["unsure_reasons"] = Json::object();
+    for (std::size_t i = 0; i < kUnsureReasons; ++i) {
+        const char* const name = i == 0 ? "camera_fault" : unsure_reason_name(static_cast<UnsureReason>(i));
+        std::string key = name;
+        std::replace(key.begin(), key.end(), ' ', '_');
+        json["unsure_reasons"][key] = record.unsure_counts[i];
+    }
     json["evaluation"] = record.evaluation ? json_of(*record.evaluation) : Json(nullptr);
     json["final_evaluation"] = record.final_evaluation ? json_of(*record.final_evaluation) : Json(nullptr);
     const LoopStatistics& l = record.loops;

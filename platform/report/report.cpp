@@ -318,7 +318,7 @@ struct TimeChart {
                 ? "Error over time</h2><p class=\"note\">Good: flat and low. The strip below says how sure the engine "
                   "was; where the error is high, it should not be green."
                 : "How sure it was</h2><p class=\"note\">Good: green throughout.") +
-           "</p>" + svg +
+           (run.unsure_reasons().empty() ? "" : " Unsure frames: " + run.unsure_reasons() + ".") + "</p>" + svg +
            legend({{"var(--good)", "tracked"},
                    {"var(--unsure)", "unsure"},
                    {"var(--bad)", "predicted, not measured"},
@@ -343,14 +343,15 @@ struct TimeChart {
     const auto area = [&](double base) {
         return fmt::format("M{:.1f} {:.1f}{}L{:.1f} {:.1f}Z", line.front().x, base, path, line.back().x, base);
     };
-    std::string svg = chart.begin("matched features, %", "static and moving features");
+    std::string svg = chart.begin("features, %", "static and moving features");
     svg += fmt::format(
         "<path d=\"{}\" fill=\"var(--good)\" opacity=\"0.55\"/><path d=\"{}\" fill=\"var(--bad)\" "
         "opacity=\"0.55\"/></svg>",
         area(chart.y(0)), area(chart.y(100)));
-    return "<section><h2>Static and moving features</h2><p class=\"note\">Of the features matched, how many stand "
-           "still with "
-           "the room and how many move against it. In an empty room nearly all should be green; when people fill the "
+    return "<section><h2>Static and moving features</h2><p class=\"note\">How many features stand still with the "
+           "room, beside those that move against it: on a body of its own, or seen to move before. In an empty room "
+           "nearly all "
+           "should be green; when people fill the "
            "picture, red grows, and the path should not care.</p>" +
            svg + legend({{"var(--good)", "static: used for the pose"}, {"var(--bad)", "moving: left out"}}) +
            "</section>";

@@ -20,6 +20,7 @@ struct FrameRecord {
     std::uint16_t static_features = 0;   // in the chosen group
     std::uint16_t dynamic_features = 0;  // matched, but moving against it
     PoseState state = PoseState::kNone;
+    UnsureReason unsure = UnsureReason::kNone;
 };
 
 // One mesh as it lay over one image, for the report.
@@ -118,6 +119,7 @@ struct RunRecord {
     std::uint32_t frames_stride = 1;
     std::uint64_t frames_total = 0;
     std::uint64_t state_counts[4] = {0, 0, 0, 0};
+    std::uint64_t unsure_counts[kUnsureReasons] = {};  // of the unsure frames; the first: by the camera's fault
     Percentiles frame_ms;
     Percentiles latency_ms;      // from when a frame was due (with --realtime; else: was there) to its pose
     Percentiles background_ms;   // behind a frame, all together
@@ -176,6 +178,7 @@ struct RunRecord {
             if ((frames_total - 1) % frames_stride == 0) frames.push_back(frame);
         }
         ++state_counts[static_cast<std::size_t>(frame.state)];
+        if (frame.state == PoseState::kUnsure) ++unsure_counts[static_cast<std::size_t>(frame.unsure)];
         if (is_tracked) frame_ms.add(static_cast<double>(frame.ms));
     }
     [[nodiscard]] double units_per_frame(std::uint64_t units) const {
@@ -186,6 +189,16 @@ struct RunRecord {
         return frames_total == 0
                    ? 0.0
                    : static_cast<double>(state_counts[2] + state_counts[3]) / static_cast<double>(frames_total);
+    }
+    // What the unsure frames were unsure of: "7 rival motion, 5 few points"; empty: none were.
+    [[nodiscard]] std::string unsure_reasons() const {
+        std::string text;
+        for (std::size_t i = 0; i < kUnsureReasons; ++i) {
+            if (unsure_counts[i] == 0) continue;
+            const char* const name = i == 0 ? "camera fault" : unsure_reason_name(static_cast<UnsureReason>(i));
+            text += (text.empty() ? "" : ", ") + std::to_string(unsure_counts[i]) + " " + name;
+        }
+        return text;
     }
     [[nodiscard]] double share(PoseState state) const {
         return frames_total == 0 ? 0.0

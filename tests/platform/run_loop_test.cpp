@@ -424,11 +424,20 @@ TEST(Summary, JsonHoldsTheNumbers) {
     FrameRecord frame;
     frame.state = PoseState::kTracked;
     record.add(frame);
+    EXPECT_EQ(summary_text(record, "").find("unsure  "), std::string::npos);
+    frame.state = PoseState::kUnsure;
+    frame.unsure = UnsureReason::kFewPoints;
+    record.add(frame);
+    frame.unsure = UnsureReason::kNone;  // by the engine, that is: the camera's fault made it unsure
+    record.add(frame);
+    EXPECT_NE(summary_text(record, "").find("unsure        1 camera fault, 1 few points\n"), std::string::npos);
     record.state_hash = 0xabc;
     const std::string json = summary_json(record, "", 1);
-    EXPECT_NE(json.find("\"frames\": 1"), std::string::npos);
+    EXPECT_NE(json.find("\"frames\": 3"), std::string::npos);
     EXPECT_NE(json.find("\"state_hash\": \"0000000000000abc\""), std::string::npos);
     EXPECT_NE(json.find("\"evaluation\": null"), std::string::npos);
+    EXPECT_NE(json.find("\"few_points\": 1"), std::string::npos);
+    EXPECT_NE(json.find("\"rival_motion\": 0"), std::string::npos);
     EXPECT_NE(summary_text(record, "").find("no ground truth"), std::string::npos);
 }
 

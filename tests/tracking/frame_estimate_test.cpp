@@ -83,7 +83,7 @@ TEST(FrameEstimator, ChangesNothing) {
     const std::uint64_t changes = rig.world().map.changes_hash();
     const Estimate first = rig.estimate(camera);
     ASSERT_TRUE(first.is_valid);
-    EXPECT_TRUE(first.is_sure);
+    EXPECT_TRUE(first.is_sure());
     EXPECT_NEAR(first.fit.world_from_camera.translation.x(), rig.travelled_m(), 0.01);
     EXPECT_EQ(rig.world().map.changes_hash(), changes);
     EXPECT_EQ(camera.noise.factors().pixel, rig.camera().noise.factors().pixel);
@@ -146,6 +146,21 @@ TEST(FrameEstimator, CompletesByMoreMatchesButNotInThePaper) {
     }
 }
 
+// Promise: an estimate that is not sure says why.
+TEST(FrameEstimator, SaysWhyItIsUnsure) {
+    EstimatorRig wanting(fitting());
+    wanting.world().parameters.pose.sure_inliers_factor = 60;  // after its map was made, which asks for them too
+    EXPECT_EQ(wanting.estimate(wanting.camera()).unsure, UnsureReason::kFewPoints);
+    Parameters all_wanted = fitting();
+    all_wanted.region.score_min = 1;
+    EstimatorRig rig(all_wanted);
+    const Estimate found = rig.estimate(rig.camera());
+    EXPECT_EQ(found.choice, UnsureReason::kUnclear);
+    EXPECT_EQ(found.unsure, UnsureReason::kUnclear);
+    EXPECT_TRUE(found.is_valid);
+    EXPECT_FALSE(found.is_sure() || found.is_clear());
+}
+
 // Promise: a picture without features gives no estimate.
 TEST(FrameEstimator, NothingSeenIsNoEstimate) {
     EstimatorRig rig(fitting());
@@ -154,7 +169,7 @@ TEST(FrameEstimator, NothingSeenIsNoEstimate) {
     elsewhere.world_from_camera_predicted.translation.z() = 100;  // the map is behind the camera
     const Estimate none = rig.estimator().estimate(camera, elsewhere);
     EXPECT_FALSE(none.is_valid);
-    EXPECT_FALSE(none.is_sure);
+    EXPECT_FALSE(none.is_sure());
 }
 
 }  // namespace

@@ -51,8 +51,7 @@ public:
         shutter.reset();
         std::vector<Correspondence> seen(correspondences.begin(), correspondences.begin() + 2);
         if (is_inverted) std::swap(seen[0].feature, seen[1].feature);
-        static_cast<void>(
-            judge_->judge(seen, {{frame_.measured, shutter, SE3{}, 0, 0, 0}, false, true}, map(), *still));
+        judge_->judge(seen, {{frame_.measured, shutter, SE3{}, 0, 0, 0}, false, true}, map(), *still);
     }
     [[nodiscard]] std::uint64_t hash() {
         StateHash out;

@@ -31,6 +31,7 @@ TEST(FrameView, ShowsWhatBecameOfFeatures) {
             if (i % 4 == 3) continue;  // not matched
             Correspondence c;
             c.feature = count - 1 - i;  // in another order
+            c.is_moving = i % 2 != 0;
             if (i % 2 == 0) chosen.push_back(static_cast<std::uint16_t>(correspondences.size()));
             correspondences.push_back(c);
         }

@@ -152,7 +152,7 @@ TEST(PaperMethod, KeyframesAreComparedByWhatTheyTracked) {
         } else if (s.static_matches < 0.8 * tracked) {
             EXPECT_LE(s.features_with_depth - std::min(s.features_with_depth, s.matches), 60U) << "few new ones: " << i;
         }
-        moving += s.dynamic_matches;
+        moving += s.matches - s.static_matches;
     }
     EXPECT_GT(moving, 500U);
     EXPECT_GE(keyframes, 3U);

@@ -75,7 +75,10 @@ protected:
         const double sigma = (*world_)->parameters.depth.sigma_z_per_m2 * z_m * z_m;
         return std::sqrt(chi2 * 2) * sigma;
     }
-    std::uint32_t judge() { return (*judge_)->judge(correspondences_, witness(), world_->map(), **still_); }
+    std::size_t judge() {  // how many others there are
+        (*judge_)->judge(correspondences_, witness(), world_->map(), **still_);
+        return correspondences_.size() - (*still_)->size();
+    }
     [[nodiscard]] PointJudge::Witness witness() {
         return {{frame_->measured, shutter_, pose_, kNumber, time_ns_, 12.5}, is_sure_, is_frozen_};
     }

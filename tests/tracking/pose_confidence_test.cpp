@@ -69,7 +69,7 @@ TEST_F(Confidence, SingularMeasuresNothing) {
     EXPECT_FALSE(confidence_.measured(kFrame_ns, SE3{}, information_of(0.01, 0.01) * -1.0));
     EXPECT_FALSE(confidence_.measured(kFrame_ns, SE3{}, information_of(std::nan(""), 0.01)));
     EXPECT_EQ(largest(confidence_.covariance() - before), 0);
-    EXPECT_TRUE(confidence_.is_motion_sure());
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
 }
 
 // Promise: a keyframe that renews a share of the map leaves that share of the covariance it was measured with in the
@@ -130,7 +130,7 @@ TEST_F(Confidence, SureUpToTheThresholds) {
             // Three axes make a deviation sqrt(3) times one axis'.
             EXPECT_TRUE(confidence_.measured(
                 0, SE3{}, information_of(share_m * sure / std::sqrt(3.0), share_rad * sure / std::sqrt(3.0))));
-            return confidence_.is_motion_sure();
+            return confidence_.motion_doubt() == UnsureReason::kNone;
         };
         EXPECT_TRUE(is_sure(0.999, 0.999));
         EXPECT_FALSE(is_sure(1.001, 0.5));
@@ -147,18 +147,19 @@ TEST_F(Confidence, DoubtLastsASecond) {
     const auto measure = [&](std::int64_t time_ns, double share) {
         confidence_.set_renewed_share(share);
         EXPECT_TRUE(confidence_.measured(time_ns, SE3{}, information_of(sigma_m, 0.001)));
-        return confidence_.is_motion_sure();
+        return confidence_.motion_doubt() == UnsureReason::kNone;
     };
     EXPECT_TRUE(measure(kSecond, 0));
     EXPECT_TRUE(measure(kSecond + kFrame_ns, 1)) << "this frame's variance, and what it put into the map";
     EXPECT_FALSE(measure(kSecond + 2 * kFrame_ns, 1));
     EXPECT_FALSE(measure(kSecond + 3 * kFrame_ns, 0));
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kRenewed);
     EXPECT_FALSE(measure(2 * kSecond, 0));
     EXPECT_TRUE(measure(2 * kSecond + 4 * kFrame_ns, 0));
     EXPECT_TRUE(measure(2 * kSecond + 5 * kFrame_ns, 1));
     EXPECT_FALSE(measure(2 * kSecond + 6 * kFrame_ns, 1));
     confidence_.reset();
-    EXPECT_TRUE(confidence_.is_motion_sure());
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
     EXPECT_TRUE(measure(2 * kSecond + 7 * kFrame_ns, 1)) << "and with all else";
 }
 
@@ -177,11 +178,15 @@ TEST_F(Confidence, JumpsAreDoubtedBeyondWhatWasExpected) {
             off.translation = Vector3(0.8 * off_m, 0, -0.6 * off_m);
             confidence_.doubt_jump(kSecond, prior, expected * off);
             EXPECT_TRUE(confidence_.measured(kSecond, SE3{}, information_of(1e-5, 1e-5)));
-            return confidence_.is_motion_sure();
+            return confidence_.motion_doubt() == UnsureReason::kNone;
         };
         EXPECT_TRUE(is_sure(sigmas * 0.01 + 0.0499, sigmas * 0.02 + 0.0499)) << sigmas;
         EXPECT_FALSE(is_sure(sigmas * 0.01 + 0.0501, 0)) << sigmas;
         EXPECT_FALSE(is_sure(0, sigmas * 0.02 + 0.0501)) << sigmas;
+        EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kJump);
+        // After a second it is forgotten.
+        EXPECT_TRUE(confidence_.measured(2 * kSecond + kFrame_ns, SE3{}, information_of(1e-5, 1e-5)));
+        EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
     }
 }
 
