@@ -37,7 +37,8 @@ void MapMatcher::begin(const FeatureSet& features) noexcept {
     for (std::size_t k = 0; k < features.size(); ++k) {
         const std::uint16_t feature = grid_.in_order()[k];
         const Keypoint& keypoint = features.keypoints[feature];
-        places_[k] = {keypoint.x, keypoint.y, feature, keypoint.level};
+        places_[k] =
+            Place{Pair{static_cast<double>(keypoint.x), static_cast<double>(keypoint.y)}, feature, keypoint.level};
     }
     clear();
 }
@@ -94,14 +95,15 @@ void MapMatcher::claim(std::uint32_t feature, std::uint32_t slot, std::uint32_t 
 // without a jump. A function of its own, since the registers of a larger one do not suffice.
 [[gnu::noinline]] std::size_t MapMatcher::pick(const Place* places, std::size_t count, Disc disc,
                                                std::uint8_t* picked) noexcept {
+    const Pair centre = {disc.x, disc.y};
     std::size_t picked_count = 0;
     for (std::size_t k = 0; k < count; ++k) {
-        const double dx = static_cast<double>(places[k].x) - disc.x;
-        const double dy = static_cast<double>(places[k].y) - disc.y;
+        const Pair off = places[k].at - centre;
+        const Pair squares = off * off;
         picked[picked_count] = static_cast<std::uint8_t>(k);
         // Below the lowest level the difference is huge.
         picked_count += static_cast<std::size_t>((places[k].level - disc.lowest_level <= disc.levels) &
-                                                 (dx * dx + dy * dy <= disc.radius2));
+                                                 (squares[0] + squares[1] <= disc.radius2));
     }
     return picked_count;
 }

@@ -64,9 +64,11 @@ public:
     [[nodiscard]] const FeatureGrid& grid() const noexcept { return grid_; }
 
 private:
-    // What a search asks of a feature first; in the order of the grid, since thousands of points search.
+    // What a search asks of a feature first; in the order of the grid, since thousands of points search, and with both
+    // coordinates in one register: .9 of 73.3 million instructions of a frame.
+    using Pair = double __attribute__((vector_size(16)));
     struct Place {
-        float x = 0, y = 0;  // px
+        Pair at = {};  // x and y, px
         std::uint16_t feature = 0;
         std::uint8_t level = 0;
     };
