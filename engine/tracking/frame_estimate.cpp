@@ -66,7 +66,9 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
-    out.is_clear = choice.margin >= 0 && choice.score >= c.region.score_min;
+    // How much is explained; how far it is from what hints say is asked beside it.
+    const double score = expected.hint.is_any ? choice.score / choice.plausibility : choice.score;
+    out.is_clear = choice.margin >= 0 && score >= c.region.score_min;
     out.is_sure = is_sure(out);
     return out;
 }
@@ -155,9 +157,19 @@ PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& esti
         ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
     statistics_->pose_iterations += final.iterations;
     const MotionPrior prior = prior_of(estimate.expected);
-    const PoseFit fit = optimise(region_.chosen(), final.world_from_camera, camera.has_prior() ? &prior : nullptr);
+    const bool is_held = has_prior(camera, estimate.expected, final.world_from_camera);
+    const PoseFit fit = optimise(region_.chosen(), final.world_from_camera, is_held ? &prior : nullptr);
     observe(Stage::kPose, false);
     return fit;
+}
+
+// What is expected weighs in the pose, unless a hint has a part in it and the choice contradicts it: a wheel that slips
+// would pull the pose along with it.
+bool FrameEstimator::has_prior(const CameraState& camera, const RegionContext& expected,
+                               const SE3& world_from_camera) const noexcept {
+    if (!expected.hint.is_any) return camera.has_prior();
+    const HintParameters& p = world_->parameters.hint;
+    return camera.lost_frames == 0 && camera.hints.sigmas_off(world_from_camera, p) <= p.contradiction_sigmas;
 }
 
 PoseFit FrameEstimator::optimise(std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
@@ -189,7 +201,8 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
     choose_agreeing(correspondences_.span(), found, c.region.wide_factor * c.region.point_chi2_max,
                     c.region.wide_factor * (c.region.wide_factor * c.region.point_chi2_max), chosen_);
     const MotionPrior prior = prior_of(estimate.expected);
-    const PoseFit refined = optimise(chosen_.span(), found, camera.has_prior() ? &prior : nullptr);
+    const bool is_held = has_prior(camera, estimate.expected, found);
+    const PoseFit refined = optimise(chosen_.span(), found, is_held ? &prior : nullptr);
     if (refined.is_valid && refined.inliers >= c.pose.inliers_min) estimate.fit = refined;
     estimate.is_sure = is_sure(estimate);
     observe(Stage::kLocalMap, false);

@@ -44,7 +44,8 @@ ENGINE_SYSTEM_HEADERS = {
     "initializer_list", "iterator", "limits", "new", "numbers", "numeric", "optional", "span", "tuple", "type_traits",
     "utility", "version", "emmintrin.h", "immintrin.h", "arm_neon.h"}
 # Files directly in engine/ that are plain data, for every room.
-ENGINE_SHARED_HEADERS = {"engine/limits.hpp", "engine/configuration.hpp", "engine/outputs.hpp", "engine/parameters.hpp"}
+ENGINE_SHARED_HEADERS = {"engine/limits.hpp", "engine/configuration.hpp", "engine/motion_hint.hpp", "engine/outputs.hpp",
+                         "engine/parameters.hpp"}
 # Each has a task that works on the world and knows no other task.
 TASK_ROOMS = {"tracking", "loop_closing", "paging"}
 FRAME_BYTES_MAX = 20 * 1024  # the largest is the radix sort of the corners: two histograms of 8 KiB
