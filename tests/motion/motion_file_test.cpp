@@ -81,8 +81,8 @@ TEST_F(MotionFiles, AGyroscopeIsSummedUp) {
 
 // Promise: before the first line, behind the last and in a hole there is no hint.
 TEST_F(MotionFiles, WhatIsNotCoveredHasNoHint) {
-    const std::string name = file("odometry.txt",
-                                  "1.0 0 0 0 0 0 0 1\n1.1 0 0 0 0 0 0 1\n1.4 0 0 0 0 0 0 1\n1.5 0 0 0 0 0 0 1\n");
+    const std::string name =
+        file("odometry.txt", "1.0 0 0 0 0 0 0 1\n1.1 0 0 0 0 0 0 1\n1.4 0 0 0 0 0 0 1\n1.5 0 0 0 0 0 0 1\n");
     ASSERT_EQ(motion_.read_odometry(name, message_), Status::kOk);
     const auto is_there = [&](std::int64_t from_ms, std::int64_t to_ms) {
         return motion_.between_times(from_ms * 1'000'000, to_ms * 1'000'000).has_value();
