@@ -11,6 +11,7 @@ namespace stillmesh {
 struct HintWeight {
     bool is_any = false;
     bool is_whole = false;  // of translation and rotation
+    bool is_young = false;  // no point has a past: what contradicts it is asked beside the choice
     // A deviation from what is expected counts so many times in the choice.
     double sharpness_m = 1, sharpness_rad = 1;
 };

@@ -66,8 +66,8 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
-    // How much is explained; how far it is from what hints say is asked beside it.
-    const double score = expected.hint.is_any ? choice.score / choice.plausibility : choice.score;
+    // While hints decide, how far off them a choice is is asked beside how much it explains.
+    const double score = expected.hint.is_young ? choice.score / choice.plausibility : choice.score;
     out.is_clear = choice.margin >= 0 && score >= c.region.score_min;
     out.is_sure = is_sure(out);
     return out;

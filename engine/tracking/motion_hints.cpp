@@ -123,6 +123,7 @@ void MotionHints::weigh_in(RegionContext& expected, bool is_young, const Paramet
         expected.prediction_sigma_rad = is_alone ? seen.sigma_rad : r.sigma;
     }
     expected.hint.is_any = true;
+    expected.hint.is_young = is_young;
     expected.hint.is_whole = has_translation_ && has_rotation_;
     if (is_young && has_translation_) expected.hint.sharpness_m = p.young_sharpness;
     if (is_young && has_rotation_)
