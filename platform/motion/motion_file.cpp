@@ -69,7 +69,14 @@ auto first_from(const std::vector<Item>& items, std::int64_t time_ns) {
 }  // namespace
 
 Status MotionFile::read_odometry(const std::string& file, std::string& message) {
-    STILLMESH_TRY(read_trajectory(file, odometry_, message));
+    MemoryBlock block;
+    std::span<const std::byte> bytes;
+    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
+    return parse_odometry({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file, message);
+}
+
+Status MotionFile::parse_odometry(std::string_view text, const std::string& file, std::string& message) {
+    STILLMESH_TRY(parse_trajectory(text, file, odometry_, message));
     if (odometry_.size() >= 2) {
         sources_ += (sources_.empty() ? "" : " and ") + file;
         return Status::kOk;
@@ -160,30 +167,29 @@ std::optional<Quaternion> MotionFile::turn_between(std::int64_t from_ns, std::in
 }
 
 std::optional<MotionHint> MotionFile::between_times(std::int64_t from_ns, std::int64_t to_ns) const {
+    constexpr double kMost_m = 100;  // no camera leaps so far from frame to frame
+    constexpr double kMost_rad = 3;  // nothing is known of a turn then
     MotionHint out;
     const auto from = pose_at(from_ns);
     const auto to = pose_at(to_ns);
     if (from && to) {
-        out.last_from_camera = step_between(*from, *to);
-        const double* const t = out.last_from_camera.translation_m;
-        const double* const q = out.last_from_camera.rotation_xyzw;
-        out.sigma_m = errors_.way_share * length_of({t[0], t[1], t[2]}) + errors_.step_m;
-        out.sigma_rad = errors_.turn_share * length_of(rotation_vector_of({q[0], q[1], q[2], q[3]})) + errors_.step_rad;
+        const RigidTransform step = step_between(*from, *to);
+        const double* const q = step.rotation_xyzw;
+        const double way_m = length_of({step.translation_m[0], step.translation_m[1], step.translation_m[2]});
+        if (way_m < kMost_m) {  // also not where it is no number
+            out.last_from_camera = step;
+            out.sigma_m = errors_.way_share * way_m + errors_.step_m;
+            out.sigma_rad =
+                errors_.turn_share * length_of(rotation_vector_of({q[0], q[1], q[2], q[3]})) + errors_.step_rad;
+        }
     }
     if (const auto turn = turn_between(from_ns, to_ns)) {
         const double sigma_rad =
             (errors_.gyro_rad_s + errors_.gyro_noise_rad_s) * static_cast<double>(to_ns - from_ns) * 1e-9;
-        if (out.sigma_rad < 0 || sigma_rad < out.sigma_rad) {
+        if (sigma_rad < kMost_rad && (out.sigma_rad < 0 || sigma_rad < out.sigma_rad)) {
             std::copy(turn->begin(), turn->end(), out.last_from_camera.rotation_xyzw);
             out.sigma_rad = sigma_rad;
         }
-    }
-    // What no camera does from frame to frame is no hint, as the engine sees it.
-    constexpr double kMost_m = 1e3;
-    if (out.sigma_m >= kMost_m ||
-        length_of({out.last_from_camera.translation_m[0], out.last_from_camera.translation_m[1],
-                   out.last_from_camera.translation_m[2]}) >= kMost_m) {
-        return std::nullopt;
     }
     if (out.sigma_m < 0 && out.sigma_rad < 0) return std::nullopt;
     return out;

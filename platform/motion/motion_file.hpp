@@ -30,6 +30,7 @@ public:
     // `message` names file and line, and what a line is.
     [[nodiscard]] Status read_odometry(const std::string& file, std::string& message);
     [[nodiscard]] Status read_gyroscope(const std::string& file, std::string& message);
+    [[nodiscard]] Status parse_odometry(std::string_view text, const std::string& file, std::string& message);
     [[nodiscard]] Status parse_gyroscope(std::string_view text, const std::string& file, std::string& message);
     // The files read, for the user.
     [[nodiscard]] const std::string& sources() const { return sources_; }
