@@ -164,7 +164,7 @@ Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, 
     return static_cast<Engine*>(&state);
 }
 
-Status Engine::submit(const Frame& frame) noexcept {
+Status Engine::submit(const Frame& frame, const MotionHint* hint) noexcept {
     EngineState& state = state_of(this);
     const std::uint32_t channels = channels_of(frame.format);
     const bool is_known =
@@ -175,14 +175,15 @@ Status Engine::submit(const Frame& frame) noexcept {
         frame.depth.width == state.world.camera.width && frame.depth.height == state.world.camera.height &&
         frame.colour.stride >= static_cast<std::size_t>(frame.colour.width) * channels &&
         frame.depth.stride >= frame.depth.width && frame.depth_units_per_m > 0.0 && frame.depth_units_per_m < 1e9 &&
-        frame.time_ns >= 0 && frame.time_ns <= kTimeMax_ns && (!state.has_time || frame.time_ns > state.last_time_ns);
+        frame.time_ns >= 0 && frame.time_ns <= kTimeMax_ns && (!state.has_time || frame.time_ns > state.last_time_ns) &&
+        (hint == nullptr || stillmesh::is_valid(*hint));
     if (!is_valid) {
         ++state.world.statistics.frames_refused;
         return Status::kInvalid;
     }
     state.has_time = true;
     state.last_time_ns = frame.time_ns;
-    state.tracking.track(frame);
+    state.tracking.track(frame, hint);
     return Status::kOk;
 }
 

@@ -20,6 +20,7 @@
 #include "engine/frame/kernels.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/limits.hpp"
+#include "engine/motion_hint.hpp"
 #include "engine/outputs.hpp"
 #include "engine/paging/map_store.hpp"
 #include "engine/record/map_file.hpp"
@@ -69,12 +70,13 @@ public:
                                                 std::span<const std::byte> vocabulary = {},
                                                 MapStore* store = nullptr) noexcept;
 
-    // Tracks one frame to completion; its pixels are borrowed until the call returns.
+    // Tracks one frame to completion; its pixels are borrowed until the call returns. `hint`: what wheels or a
+    // gyroscope say of the motion since the last frame that was taken; nullptr: nothing.
     //   kOk       pose() is for this frame, whatever its state
     //   kInvalid  size, stride or format other than the camera's, time not after the last frame's, negative or above
-    //             2^62 ns (146 years), or a depth factor that is not positive: the frame is refused and counted,
-    //             nothing else changed
-    [[nodiscard]] Status submit(const Frame& frame) noexcept;
+    //             2^62 ns (146 years), a depth factor that is not positive, or a hint with what is no number, no unit
+    //             quaternion or a size of 1000 or more: the frame is refused and counted, nothing else changed
+    [[nodiscard]] Status submit(const Frame& frame, const MotionHint* hint = nullptr) noexcept;
     // Background work (mapping, then loop closing) for so many work units, to be called between frames: any number of
     // times, 0 included. Without it tracking still tracks. The same submit and step calls give the same bits, however
     // fast the machine is; step(a), step(b) is step(a + b). Rule and bounds: engine/schedule/scheduler.hpp.

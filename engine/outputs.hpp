@@ -31,11 +31,13 @@ enum class UnsureReason : std::uint8_t {
     kNoDepth = 4,    // too few features have depth, which tells what moves from what stands
     kJump = 5,       // within the last second a pose lay where the motion did not lead
     kRenewed = 6,    // the last second's path is not known to pose.sure_sigma_m: the map was renewed from few points
+    kHint = 7,       // it contradicts what wheels or a gyroscope said, and no point has a past
 };
-inline constexpr std::size_t kUnsureReasons = 7;
+inline constexpr std::size_t kUnsureReasons = 8;
 [[nodiscard]] constexpr const char* unsure_reason_name(UnsureReason reason) noexcept {
-    constexpr const char* kNames[kUnsureReasons] = {"none",     "rival motion", "unclear motion",     "few points",
-                                                    "no depth", "jump",         "map newly made here"};
+    constexpr const char* kNames[kUnsureReasons] = {
+        "none",     "rival motion", "unclear motion",      "few points",
+        "no depth", "jump",         "map newly made here", "against the hint"};
     return kNames[static_cast<std::uint32_t>(reason)];
 }
 

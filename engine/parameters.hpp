@@ -34,6 +34,7 @@ struct Parameters {
     WeightParameters weights;
     NoiseParameters noise;
     PredictionParameters prediction;
+    HintParameters hint;
     RecoveryParameters recovery;
     EmptinessParameters emptiness;
     KeyframeParameters keyframes;
@@ -54,7 +55,8 @@ constexpr void visit_all_parameters(Parameters& c, Visitor&& v) {
     STILLMESH_TUNING_shutter(STILLMESH_VISIT) STILLMESH_TUNING_pose(STILLMESH_VISIT)
     STILLMESH_TUNING_matching(STILLMESH_VISIT) STILLMESH_TUNING_region(STILLMESH_VISIT)
     STILLMESH_TUNING_weights(STILLMESH_VISIT) STILLMESH_TUNING_noise(STILLMESH_VISIT)
-    STILLMESH_TUNING_prediction(STILLMESH_VISIT) STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
+    STILLMESH_TUNING_prediction(STILLMESH_VISIT) STILLMESH_TUNING_hint(STILLMESH_VISIT)
+    STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
     STILLMESH_TUNING_keyframes(STILLMESH_VISIT) STILLMESH_TUNING_recovery(STILLMESH_VISIT)
     STILLMESH_TUNING_mapping(STILLMESH_VISIT) STILLMESH_TUNING_map(STILLMESH_VISIT)
     STILLMESH_TUNING_local_map(STILLMESH_VISIT) STILLMESH_TUNING_loop(STILLMESH_VISIT)

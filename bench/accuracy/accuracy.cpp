@@ -7,6 +7,7 @@
 //   accuracy --ablate --seeds 1-2 --test-data     what each rule of the engine earns
 //   accuracy --dirt --scenes walking_xyz --seeds 1-2   what each effect of a real camera costs (hal/simulated/dirt.hpp)
 //   accuracy --dirt shake=1,rolling=1 --scenes walking_xyz   the scenes with these
+//   accuracy --hints wheels,slip --scenes trolley_first   further engines that are told how the camera moved
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
 //   accuracy --gate static,walking                 exit 1 with the names of what misses its bar, or had no run
 //   accuracy --scenes all --test-data --variant alone:mapping.is_enabled=false --gate   all bars, and all they need
@@ -41,7 +42,7 @@ int refuse(const std::string& sentence) {
 }
 
 struct Arguments {
-    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate, dirt;
+    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate, dirt, hints;
     std::vector<std::string> recordings, settings, variants, results;
     std::uint32_t frames = 0;
     std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
@@ -128,6 +129,12 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
             if (!set(variants.back(), setting)) return refuse(message);
         }
     }
+    for (const std::string& name : split(arguments.hints)) {
+        variants.push_back(base);
+        variants.back().name = name;
+        variants.back().hints = hint_kind(name);
+        if (variants.back().hints == nullptr) return refuse(fmt::format("--hints: no kind '{}'.", name));
+    }
     for (const std::string& text : arguments.variants) {
         const std::size_t colon = text.find(':');
         if (colon == std::string::npos) return refuse("--variant: give NAME:key=value[,key=value].");
@@ -183,6 +190,9 @@ int main(int argc, char** argv) {
     app.add_option("--method", arguments.method, "paper: one more engine on the same frames, the paper to the letter")
         ->check(CLI::IsMember({"ours", "paper"}))
         ->capture_default_str();
+    app.add_option(
+        "--hints", arguments.hints,
+        "KIND,...: for each one more engine on the same frames, told how the camera moved. " + hint_kinds_text());
     app.add_flag("--ablate", arguments.is_ablation, "one engine for each rule, without it: a table of what rules earn");
     auto* const dirt =
         app.add_option(

@@ -23,6 +23,7 @@ struct Seat {
     MemoryBlock block;
     Engine* engine = nullptr;
     std::uint32_t units_per_frame = 0;
+    std::unique_ptr<HintMaker> hints;
     LineFile trajectory;
     std::vector<FrameRecord> records;
 };
@@ -70,6 +71,7 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
             return false;
         }
         seat->engine = engine.value();
+        seat->hints = std::make_unique<HintMaker>(variant.hints, input.seed);
         seat->units_per_frame = configuration.schedule.units_per_frame;
         if (!options.trajectories.empty() &&
             !seat->trajectory.open(
@@ -78,18 +80,22 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
         }
         seats.push_back(std::move(seat));
     }
+    std::int64_t first_ns = -1;
     for (;;) {
         TrueFrame in;
         const Status status = source->next(in, message);
         if (status == Status::kEnd) break;
         if (status != Status::kOk) return false;
+        if (first_ns < 0) first_ns = in.frame.time_ns;
+        const double second = static_cast<double>(in.frame.time_ns - first_ns) * 1e-9;
         for (const auto& seat : seats) {
             FrameRecord record;
             record.time_ns = in.frame.time_ns;
             record.has_truth = in.has_truth;
             record.truth = in.truth;
+            const MotionHint* const hint = in.has_truth ? seat->hints->hint(in.truth, second) : nullptr;
             const std::int64_t begin_ns = monotonic_ns();
-            const Status submitted = seat->engine->submit(in.frame);
+            const Status submitted = seat->engine->submit(in.frame, hint);
             record.engine_ms = static_cast<float>(monotonic_ns() - begin_ns) * 1e-6F;
             if (submitted == Status::kOk) {
                 const PoseEstimate& pose = seat->engine->pose();

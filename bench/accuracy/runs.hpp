@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/accuracy/hints.hpp"
 #include "bench/accuracy/measures.hpp"
 #include "engine/tuned_engine.hpp"
 #include "hal/simulated/dirt.hpp"
@@ -25,7 +26,8 @@ struct Input {
 struct Variant {
     std::string name;  // "on" and "off": the region; others by the caller
     Parameters configuration;
-    bool has_readout = false;  // camera.readout_s was set: what the camera knows of itself is not asked for
+    bool has_readout = false;         // camera.readout_s was set: what the camera knows of itself is not asked for
+    const HintKind* hints = nullptr;  // that its engine is given
 };
 
 struct Result {

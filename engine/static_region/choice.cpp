@@ -56,6 +56,7 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
     const std::size_t best = best_of(hypotheses);
     choice.world_from_camera = hypotheses.all()[best].world_from_camera;
     choice.score = hypotheses.all()[best].score;
+    choice.plausibility = hypotheses.all()[best].plausibility;
     choice.margin = margin_of(input, hypotheses, best);
     choice.explained_share = hypotheses.explained_share(input.weighted);
     static_cast<void>(hypotheses.score(input, choice.world_from_camera));  // each group's agreement with it

@@ -12,6 +12,7 @@ namespace stillmesh {
 struct RegionChoice {
     SE3 world_from_camera;         // of the chosen hypothesis
     double score = 0;              // of the choice, [0, 1]
+    double plausibility = 1;       // of its motion; a factor of the score
     double margin = 0;             // over the strongest rival, of what only one of both explains; [-1, 1]
     double explained_share = 0;    // of the weighted, by any hypothesis
     std::uint32_t iterations = 0;  // of RANSAC

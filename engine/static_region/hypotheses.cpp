@@ -19,8 +19,9 @@ double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
 // The squared deviation of a pose from the one expected, translation and rotation in their sigmas.
 double deviation2(const RegionContext& context, const SE3& world_from_camera) noexcept {
     const SE3 off = context.world_from_camera_predicted.inverse() * world_from_camera;
-    const double angle = rotation_angle(off.rotation) / context.prediction_sigma_rad;
-    return off.translation.squaredNorm() / (context.prediction_sigma_m * context.prediction_sigma_m) + angle * angle;
+    const double sigma_m = context.prediction_sigma_m / context.hint.sharpness_m;
+    const double angle = rotation_angle(off.rotation) / context.prediction_sigma_rad * context.hint.sharpness_rad;
+    return off.translation.squaredNorm() / (sigma_m * sigma_m) + angle * angle;
 }
 
 }  // namespace
@@ -54,6 +55,8 @@ void Hypotheses::propose_expected(const RegionInput& input) noexcept {
     const PoseFit fit = optimise_pose(input.correspondences, input.weighted, expected, region.point_chi2_max,
                                       input.configuration.pose.coarse_passes_max);
     add(input, fit.is_valid ? fit.world_from_camera : expected, region.wide_factor);
+    // All points together may pull it to a body that fills the picture; what is hinted at is asked as it is, too.
+    if (input.context.hint.is_any) add(input, expected, region.wide_factor);
 }
 
 void Hypotheses::propose_over_all(const RegionInput& input, Random& random) noexcept {

@@ -7,6 +7,15 @@
 
 namespace stillmesh {
 
+// A motion that something beside the camera hints at has its part in what is expected.
+struct HintWeight {
+    bool is_any = false;
+    bool is_whole = false;  // of translation and rotation
+    bool is_young = false;  // no point has a past: what contradicts it is asked beside the choice
+    // A deviation from what is expected counts so many times in the choice.
+    double sharpness_m = 1, sharpness_rad = 1;
+};
+
 struct RegionContext {
     SE3 world_from_camera_predicted;
     double prediction_sigma_m = 0.05;
@@ -17,6 +26,7 @@ struct RegionContext {
     double travelled = 0;       // the odometer's
     std::uint32_t image_width_px = 640;
     bool has_prediction = false;
+    HintWeight hint;
 };
 
 }  // namespace stillmesh

@@ -11,6 +11,7 @@ void CameraState::create(Arena& arena, const Limits& limits, const Parameters& c
 void CameraState::reset(const Parameters& configuration) noexcept {
     motion.reset();
     reach.begin(SE3{}, 0);
+    hints.reset();
     odometry.reset();
     noise.reset();
     confidence.reset();
@@ -24,6 +25,7 @@ void CameraState::reset(const Parameters& configuration) noexcept {
 void CameraState::begin_at_origin(std::int64_t time_ns) noexcept {
     motion.begin_at_origin();
     reach.begin(SE3{}, time_ns);
+    hints.begin(SE3{}, time_ns);
     measured_time_ns = start_time_ns = time_ns;
     is_choice_sure = true;
     lost_frames = 0;
@@ -57,6 +59,7 @@ void CameraState::follow(const CameraMove& move) noexcept {
     if (!move.is_any) return;
     motion.follow(move.correction);
     reach.follow(move.correction);
+    hints.follow(move.correction);
     if (move.has_jumped) odometry.jump(move.jump);
 }
 

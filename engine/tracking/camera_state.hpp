@@ -9,6 +9,7 @@
 #include "engine/parameters.hpp"
 #include "engine/static_region/static_region.hpp"
 #include "engine/tracking/camera_reach.hpp"
+#include "engine/tracking/motion_hints.hpp"
 #include "engine/tracking/motion_model.hpp"
 #include "engine/tracking/noise_scale.hpp"
 #include "engine/tracking/odometry.hpp"
@@ -38,6 +39,7 @@ struct CameraState {
 
     MotionModel motion;
     CameraReach reach;
+    MotionHints hints;
     Odometry odometry;
     NoiseScale noise;
     PoseConfidence confidence;

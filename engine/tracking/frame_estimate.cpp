@@ -70,9 +70,11 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     carry_by_rows(region_.chosen(), choice.world_from_camera);
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
-    out.choice = !(choice.margin >= 0)                   ? UnsureReason::kRival
-                 : !(choice.score >= c.region.score_min) ? UnsureReason::kUnclear
-                                                         : UnsureReason::kNone;
+    // While hints decide, how far off them a choice is is asked beside how much it explains.
+    const double score = expected.hint.is_young ? choice.score / choice.plausibility : choice.score;
+    out.choice = !(choice.margin >= 0)            ? UnsureReason::kRival
+                 : !(score >= c.region.score_min) ? UnsureReason::kUnclear
+                                                  : UnsureReason::kNone;
     out.unsure = doubt_of(out);
     return out;
 }
@@ -162,9 +164,19 @@ PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& esti
         ransac_pose(correspondences_.span(), region_.chosen(), &choice.world_from_camera, options, random_);
     statistics_->pose_iterations += final.iterations;
     const MotionPrior prior = prior_of(estimate.expected);
-    const PoseFit fit = optimise(region_.chosen(), final.world_from_camera, camera.has_prior() ? &prior : nullptr);
+    const bool is_held = has_prior(camera, estimate.expected, final.world_from_camera);
+    const PoseFit fit = optimise(region_.chosen(), final.world_from_camera, is_held ? &prior : nullptr);
     observe(Stage::kPose, false);
     return fit;
+}
+
+// What is expected weighs in the pose, unless a hint has a part in it and the choice contradicts it: a wheel that slips
+// would pull the pose along with it.
+bool FrameEstimator::has_prior(const CameraState& camera, const RegionContext& expected,
+                               const SE3& world_from_camera) const noexcept {
+    if (!expected.hint.is_any) return camera.has_prior();
+    const HintParameters& p = world_->parameters.hint;
+    return camera.lost_frames == 0 && camera.hints.sigmas_off(world_from_camera, p) <= p.contradiction_sigmas;
 }
 
 PoseFit FrameEstimator::optimise(std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
@@ -224,7 +236,8 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
     choose_agreeing(correspondences_.span(), found, c.region.wide_factor * c.region.point_chi2_max,
                     c.region.wide_factor * (c.region.wide_factor * c.region.point_chi2_max), chosen_);
     const MotionPrior prior = prior_of(estimate.expected);
-    const PoseFit refined = optimise(chosen_.span(), found, camera.has_prior() ? &prior : nullptr);
+    const bool is_held = has_prior(camera, estimate.expected, found);
+    const PoseFit refined = optimise(chosen_.span(), found, is_held ? &prior : nullptr);
     if (refined.is_valid && refined.inliers >= c.pose.inliers_min) estimate.fit = refined;
     estimate.unsure = doubt_of(estimate);
     observe(Stage::kLocalMap, false);

@@ -86,6 +86,8 @@ private:
     void weigh_by_agreement() noexcept;
     [[nodiscard]] PoseFit fit_pose(const CameraState& camera, const Estimate& estimate,
                                    const RegionChoice& choice) noexcept;
+    [[nodiscard]] bool has_prior(const CameraState& camera, const RegionContext& expected,
+                                 const SE3& world_from_camera) const noexcept;
     [[nodiscard]] PoseFit optimise(std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
                                    const MotionPrior* prior) const noexcept;
     void gather(const NoiseFactors& noise, const RegionContext& expected) noexcept;

@@ -69,9 +69,10 @@ void Tracking::set_observer(StageObserver observer) noexcept {
     estimator_.set_observer(observer);
 }
 
-void Tracking::track(const Frame& frame) noexcept {
+void Tracking::track(const Frame& frame, const MotionHint* hint) noexcept {
     follow_map();
     measure(frame);
+    camera_.hints.take(world_->parameters.hint.is_used ? hint : nullptr, time_ns_, world_->parameters.hint);
     if (!has_map_) {
         start_map();
     } else {
@@ -142,15 +143,44 @@ void Tracking::start_map() noexcept {
 void Tracking::expect() noexcept {
     expected_ = camera_.expect(time_ns_, lag_s_, world_->parameters.prediction);
     if (lost_.keeps_map()) expected_.travelled = 0;  // a map that stays as it is does not drift
-    estimator_.carry_rows(
-        camera_, camera_.has_prior() ? world_from_camera().inverse() * expected_.world_from_camera_predicted : SE3{});
+    if (lost_.is_foretold(camera_)) camera_.hints.weigh_in(expected_, is_young(), world_->parameters);
+    const bool is_known = camera_.has_prior() || expected_.hint.is_any;
+    estimator_.carry_rows(camera_,
+                          is_known ? world_from_camera().inverse() * expected_.world_from_camera_predicted : SE3{});
+}
+
+// Nothing has stood still for long enough to tell what moves.
+bool Tracking::is_young() const noexcept {
+    return seconds_between(camera_.start_time_ns, time_ns_) < world_->parameters.hint.young_s;
+}
+
+// Around what is expected. Hints are evidence among others: what the picture does not bear out with them is tried
+// without, so that wheels that slip cost no pose. In the beginning nothing else tells a body from the room: there a
+// pose that agrees with them is clear however little of the picture it explains (trolley_first:9, where 15 features of
+// the room are left, .033 to .019), and one that contradicts them is not sure.
+void Tracking::estimate() noexcept {
+    const HintParameters& p = world_->parameters.hint;
+    estimate_ = estimator_.estimate(camera_, expected_);
+    if (!expected_.hint.is_any) return;
+    const bool is_young_now = is_young();
+    const bool is_valid_with_hints = estimate_.is_valid;
+    if (is_young_now ? !estimate_.is_valid : !estimate_.is_sure()) {
+        RegionContext own = camera_.expect(time_ns_, lag_s_, world_->parameters.prediction);
+        own.travelled = expected_.travelled;
+        estimate_ = estimator_.estimate(camera_, own);
+        if (!estimate_.is_sure() && is_valid_with_hints) estimate_ = estimator_.estimate(camera_, expected_);
+    }
+    if (!is_young_now || !estimate_.is_valid) return;
+    const double off = camera_.hints.sigmas_off(estimate_.fit.world_from_camera, p);
+    if (expected_.hint.is_whole && off <= p.agreement_sigmas) estimate_.choice = UnsureReason::kNone;
+    if (off > p.contradiction_sigmas) estimate_.choice = estimate_.unsure = UnsureReason::kHint;
 }
 
 // Around where the motion leads; a camera on probation has to prove itself besides.
 bool Tracking::follow_motion() noexcept {
     if (!lost_.is_foretold(camera_)) return false;
     const bool is_on_probation = lost_.state(camera_) == LostCamera::State::kProbation;
-    estimate_ = estimator_.estimate(camera_, expected_);
+    estimate();
     const bool is_measured = lost_.accepts(estimate_, camera_);
     if (is_measured) learn();
     if (!is_on_probation) {
@@ -199,6 +229,7 @@ void Tracking::learn_camera() noexcept {
         camera_.confidence.doubt_jump(
             time_ns_, {e.world_from_camera_predicted, e.prediction_sigma_m, e.prediction_sigma_rad}, found);
     }
+    learn_hints();
     camera_.motion.move_to(found);
     if (is_sure) camera_.reach.note(camera_.motion, is_on_track, time_ns_);
     camera_.motion.set_has_velocity(is_on_track);  // the jump back of one that was lost is not a motion
@@ -213,6 +244,15 @@ void Tracking::learn_camera() noexcept {
     } else if (!noise.is_young()) {
         noise.undo();  // a guess that nothing confirmed: kept from frame to frame, all bodies would agree
     }
+}
+
+// A sure pose is where hints count from, and says how far off they were; not so while a sure pose may follow a body.
+void Tracking::learn_hints() noexcept {
+    const bool is_on_track = camera_.lost_frames == 0;
+    if (!estimate_.is_sure() || (is_on_track && is_young())) return;
+    const SE3& found = estimate_.fit.world_from_camera;
+    if (is_on_track) camera_.hints.learn(found, world_->parameters.hint);
+    camera_.hints.begin(found, time_ns_);
 }
 
 void Tracking::learn_points() noexcept {

@@ -43,8 +43,8 @@ public:
     // use.
     void begin_in_map(std::uint64_t frames, std::int64_t time_ns, bool is_frozen) noexcept;
 
-    // The frame has been validated.
-    void track(const Frame& frame) noexcept;
+    // Both have been validated; no hint: nullptr.
+    void track(const Frame& frame, const MotionHint* hint = nullptr) noexcept;
 
     [[nodiscard]] const FrameStatistics& frame_statistics() const noexcept { return statistics_; }
     [[nodiscard]] TrackingView view() noexcept;
@@ -66,10 +66,13 @@ private:
     void measure(const Frame& frame) noexcept;
     void start_map() noexcept;
     void expect() noexcept;
+    void estimate() noexcept;
+    [[nodiscard]] bool is_young() const noexcept;
     [[nodiscard]] bool follow_motion() noexcept;
     [[nodiscard]] bool return_to_map() noexcept;
     void learn() noexcept;
     void learn_camera() noexcept;
+    void learn_hints() noexcept;
     void learn_points() noexcept;
     // The frame at hand, where the camera is.
     [[nodiscard]] PosedFrame posed() const noexcept;

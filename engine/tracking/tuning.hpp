@@ -61,6 +61,21 @@ struct NoiseParameters { STILLMESH_TUNING_noise(STILLMESH_FIELD) };
 struct PredictionTuning { STILLMESH_TUNING_prediction(STILLMESH_FIELD) };
 struct PredictionParameters : PredictionKeys, PredictionTuning {};
 
+// Hints of the motion (motion_hints.hpp).
+#define STILLMESH_TUNING_hint(KEY) \
+    KEY(hint, bool, is_used, true, 0.0, 1.0, "", "hints that come with frames count") \
+    KEY(hint, double, floor_m, 0.006, 1e-6, 1.0, "m", "what poses themselves are off, beside a hint") \
+    KEY(hint, double, floor_rad, 0.002, 1e-6, 1.0, "rad", "what poses themselves are off, beside a hint") \
+    KEY(hint, double, young_s, 1.0, 0.0, 100.0, "s", "from the start; until then hints count from there, and say what is sure") \
+    KEY(hint, double, young_sharpness, 2.0, 0.1, 100.0, "", "a deviation from the hint counts so many times until then") \
+    KEY(hint, double, turn_sharpness, 4.0, 0.1, 100.0, "", "the same where hints say nothing of the translation: few bodies turn much") \
+    KEY(hint, double, contradiction_sigmas, 5.0, 0.0, 1000.0, "", "off the hint, a pose contradicts it") \
+    KEY(hint, double, agreement_sigmas, 3.0, 0.0, 1000.0, "", "off the hint, in the beginning a pose is clear however little of the picture agrees") \
+    KEY(hint, double, chain_s, 1.0, 0.0, 100.0, "s", "hints since the last sure pose count for so long") \
+    KEY(hint, double, surprise, 4.0, 0.0, 1000.0, "", "times the variance claimed; more is believed less") \
+    KEY(hint, double, forgetting, 0.9, 0.0, 1.0, "", "what is left of that from frame to frame")
+struct HintParameters { STILLMESH_TUNING_hint(STILLMESH_FIELD) };
+
 // Points whose place is seen to be empty.
 #define STILLMESH_TUNING_emptiness(KEY) \
     KEY(emptiness, std::uint32_t, places_per_frame, 400, 0.0, 10000.0, "", "places looked at for emptiness") \

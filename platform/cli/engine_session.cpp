@@ -200,12 +200,14 @@ public:
         slice_units_ = configuration.schedule.slice_units;
         pacer_ = StepPacer(slice_units_);
         can_wait_ = options.can_wait;
+        motion_ = options.motion;
         if (!options.record.empty()) {
             recording_ = options.record;
             writer_ = std::make_unique<RecordingWriter>();
             if (!writer_->open(recording_,
                                {limits_, configuration, camera.model, camera.depth_units_per_m, extractor_number_,
-                                vocabulary_.crc(), store_.counts().regions, store_.sequence(), store_.checksum()},
+                                vocabulary_.crc(), store_.counts().regions, store_.sequence(), store_.checksum(),
+                                options.motion != nullptr},
                                message)) {
                 return Status::kUnavailable;
             }
@@ -222,7 +224,16 @@ public:
     // Calls no heap unless the frame is refused.
     Status submit(const Frame& frame, SessionFrame& out, std::string& message) override {
         spent_ns_ = {};
-        const Status status = engine_->submit(frame);
+        std::optional<MotionHint> hint;
+        if (motion_ != nullptr && last_frame_ns_ >= 0 && frame.time_ns > last_frame_ns_)
+            hint = motion_->between_times(last_frame_ns_, frame.time_ns);
+        recorded_.has_hint = hint.has_value();
+        if (hint) recorded_.hint = *hint;
+        const Status status = engine_->submit(frame, hint ? &*hint : nullptr);
+        if (status == Status::kOk) {
+            last_frame_ns_ = frame.time_ns;
+            hinted_frames_ += hint ? 1U : 0U;
+        }
         if (writer_ != nullptr) note_decisions(frame, status);
         if (status != Status::kOk) {
             message =
@@ -370,6 +381,11 @@ public:
 
     void account(RunRecord& record) override {
         const EngineStatistics statistics = engine_->statistics();
+        if (motion_ != nullptr) {
+            record.notes.push_back(fmt::format(
+                "{}: a motion for {} of {} frames{}.", motion_->sources(), hinted_frames_, record.frames_total,
+                hinted_frames_ == 0 ? "; are its times those of the frames' clock, in seconds?" : ""));
+        }
         record.stages.assign(stages_.begin(), stages_.end());
         record.pools = {{"keyframes", statistics.keyframes.high_water, statistics.keyframes.capacity},
                         {"map points", statistics.map_points.high_water, statistics.map_points.capacity}};
@@ -535,6 +551,9 @@ private:
     StoreService store_;
     std::string map_store_, store_note_;
     bool can_wait_ = true;
+    const MotionFile* motion_ = nullptr;
+    std::int64_t last_frame_ns_ = -1;
+    std::uint64_t hinted_frames_ = 0;
     bool is_recording_lost_ = false, is_store_lost_ = false;  // said
     std::string recording_;
     std::unique_ptr<RecordingWriter> writer_;

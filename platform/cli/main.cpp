@@ -108,6 +108,37 @@ int program(int argc, char** argv) {
         ->type_name("SECONDS")
         ->group(kCameraGroup);
     run_app
+        ->add_option(
+            "--odometry", arguments.odometry,
+            "how the camera moved, by wheels or another tracker: 'time x y z qx qy qz qw', poses of the camera "
+            "in any frame; a recording's own odometry.txt if not given; none: without")
+        ->type_name("FILE")
+        ->group(kCameraGroup);
+    run_app
+        ->add_option("--gyro", arguments.gyroscope,
+                     "how it turned: 'time wx wy wz', rad/s in the camera's frame; a recording's own gyro.txt if not "
+                     "given; none: without")
+        ->type_name("FILE")
+        ->group(kCameraGroup);
+    run_app
+        ->add_option_function<double>(
+            "--odometry-error",
+            [&arguments](double percent) {
+                arguments.motion_errors.way_share = arguments.motion_errors.turn_share = percent / 100;
+            },
+            "of the odometry, percent of way and turn (2)")
+        ->check(CLI::Range(0.0, 100.0).description(""))
+        ->type_name("PERCENT")
+        ->group(kCameraGroup);
+    run_app
+        ->add_option_function<double>(
+            "--gyro-error",
+            [&arguments](double degrees) { arguments.motion_errors.gyro_rad_s = degrees * 0.017453292519943295; },
+            "of the gyroscope, degrees per second (.5)")
+        ->check(CLI::Range(0.0, 180.0).description(""))
+        ->type_name("DEGREES")
+        ->group(kCameraGroup);
+    run_app
         ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
         ->type_name("SCENE[:SEED[+DAY]]")
         ->group(kCameraGroup);
@@ -344,6 +375,8 @@ int program(int argc, char** argv) {
         ->check(CLI::Range(64U, 2044U))
         ->type_name("N");
     simulate_command->add_option("--dirt", simulation.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...");
+    simulate_command->add_flag("--motion", simulation.has_motion,
+                               "odometry.txt (2 % off) and gyro.txt (.5 degrees/s) beside the frames");
     simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");
     std::string scenes = "Scenes, at 30 frames/s:\n";
     for (const SimulatedScene& scene : simulated_scenes()) {

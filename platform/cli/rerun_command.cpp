@@ -105,7 +105,7 @@ struct Outcome {
         } else {
             RecordedFrame now;
             now.digest = frame_digest(frame);
-            now.status = engine.submit(frame);
+            now.status = engine.submit(frame, then.has_hint ? &then.hint : nullptr);
             const FrameStatistics& statistics = engine.frame_statistics();
             now.pose_state = static_cast<std::uint8_t>(engine.pose().state);
             now.is_keyframe = statistics.is_keyframe;

@@ -73,8 +73,36 @@ struct Source {
     return 128 + stop_signal();
 }
 
+// How the camera moved, by wheels and gyroscope: the files given, else those of a folder that is replayed. Empty: none.
+[[nodiscard]] int read_motion(const RunArguments& arguments, const std::string& folder,
+                              std::unique_ptr<MotionFile>& motion) {
+    auto read = std::make_unique<MotionFile>();
+    std::string message;
+    bool is_any = false;
+    for (const bool is_odometry : {true, false}) {
+        std::string file = is_odometry ? arguments.odometry : arguments.gyroscope;
+        std::error_code error;
+        if (file.empty() && !folder.empty()) {
+            file = folder + (is_odometry ? "/odometry.txt" : "/gyro.txt");
+            if (!std::filesystem::exists(file, error)) continue;
+        }
+        if (file.empty() || file == "none") continue;
+        if ((is_odometry ? read->read_odometry(file, message) : read->read_gyroscope(file, message)) != Status::kOk) {
+            return refuse(message + fmt::format(" ({} none: without it.)", is_odometry ? "--odometry" : "--gyro"));
+        }
+        is_any = true;
+    }
+    read->set_errors(arguments.motion_errors);
+    if (is_any) motion = std::move(read);
+    return kExitDone;
+}
+
 // Everything that is left once a camera is open. `record` says where the frames come from.
 int track(const Source& source, const RunArguments& arguments, std::int64_t begin_ns, RunRecord& record) {
+    std::unique_ptr<MotionFile> motion;
+    std::string folder = arguments.replay;
+    while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+    if (const int code = read_motion(arguments, folder, motion); code != kExitDone) return code;
     DepthCamera& camera = source.camera;
     std::string message;
     record.limits = arguments.session.limits;
@@ -84,6 +112,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     SessionOptions options = arguments.session;
     const bool is_live = source.times != nullptr;
     const bool is_realtime = arguments.is_realtime && !is_live;  // a live camera is
+    options.motion = motion.get();
     options.can_wait = !is_realtime && !is_live;
     if (create_engine_session(options, camera.info(), session, message) != Status::kOk) return refuse(message);
     if (!arguments.report.empty()) {
@@ -400,7 +429,11 @@ int live(const RunArguments& arguments) {
                                    {"--calibration", arguments.calibration},
                                    {"--vocabulary", session.vocabulary},
                                    {"--replay", arguments.replay}};
-    for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml", "camera.toml"}) {
+    for (const auto& [option, file] : {std::pair{"--odometry", arguments.odometry}, {"--gyro", arguments.gyroscope}}) {
+        if (file != "none") origins.push_back({option, file});
+    }
+    for (const char* const name :
+         {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml", "camera.toml", "odometry.txt", "gyro.txt"}) {
         if (!arguments.replay.empty()) origins.push_back({"--replay", arguments.replay + "/" + name});
     }
     origins.push_back({"--map-in", session.map_in, "--map-out"});  // a run may go on in its own map
@@ -451,6 +484,9 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
     if (!std::isfinite(session.map_every_s)) return refuse("--map-every: give a number of seconds.");
     if (session.map_every_s > 0 && session.map_out.empty()) {
         return refuse("--map-every: needs a file to write the map to: --map-out FILE.");
+    }
+    if (!arguments.live.camera.empty() && !(arguments.odometry.empty() && arguments.gyroscope.empty())) {
+        return refuse("--odometry, --gyro: a file knows no live camera; give --replay DIR or --simulate SCENE.");
     }
     const int cameras = (arguments.replay.empty() ? 0 : 1) + (arguments.simulate.empty() ? 0 : 1) +
                         (arguments.live.camera.empty() ? 0 : 1);

@@ -18,14 +18,17 @@ struct RunArguments {
     double replay_frames_per_s = 0;    // of a recording that numbers its frames; 0: it has times
     double replay_pair_gap_s = 0.02;   // between a colour image and its depth image, at most
     double replay_depth_offset_s = 0;  // that depth's clock is ahead of colour's
-    LiveCameraOptions live;            // its calibration is `calibration`
-    std::string inject;                // a seed for faults; empty: none
-    std::string calibration;           // file or name; empty: the folder's own
-    std::string report;                // folder; empty: none
-    std::string record_frames;         // folder; empty: none
-    std::string map;                   // to go on in if it is there, and to write; empty: none
-    double new_map_when_lost_s = 0;    // 0: never
-    std::string command;               // as it was typed
+    std::string odometry;              // file; empty: the folder's own, if it has one; "none": none
+    std::string gyroscope;             // likewise
+    MotionErrors motion_errors;
+    LiveCameraOptions live;          // its calibration is `calibration`
+    std::string inject;              // a seed for faults; empty: none
+    std::string calibration;         // file or name; empty: the folder's own
+    std::string report;              // folder; empty: none
+    std::string record_frames;       // folder; empty: none
+    std::string map;                 // to go on in if it is there, and to write; empty: none
+    double new_map_when_lost_s = 0;  // 0: never
+    std::string command;             // as it was typed
     SessionOptions session;
     RunLoopOptions loop;
     bool is_json = false;

@@ -15,6 +15,8 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/process.hpp"
+#include "platform/motion/motion_file.hpp"
+#include "platform/motion/simulated_motion.hpp"
 #include "platform/record/png_file.hpp"
 
 namespace stillmesh {
@@ -60,6 +62,38 @@ private:
     return text;
 }
 
+// What wheels and a gyroscope would say of the frames.
+class MotionLists {
+public:
+    explicit MotionLists(std::uint64_t seed) : motion_(seed) {}
+    [[nodiscard]] bool open(const std::string& odometry, const std::string& gyroscope, const std::string& what) {
+        is_open_ =
+            odometry_.open(odometry, what + "# timestamp tx ty tz qx qy qz qw (camera in a frame that drifts)\n") &&
+            gyroscope_.open(gyroscope, what + "# timestamp wx wy wz (rad/s in the camera's frame)\n");
+        return is_open_;
+    }
+    [[nodiscard]] bool add(const TrajectoryPose& truth) {
+        if (!is_open_) return true;
+        if (!motion_.step(truth)) {
+            pose_.time_ns = truth.time_ns;
+            return odometry_.add(pose_line(pose_));
+        }
+        // The rate holds for the whole step: a line at both of its ends.
+        const std::int64_t begin_ns = pose_.time_ns + (is_first_step_ ? 0 : 1);
+        is_first_step_ = false;
+        pose_ = moved_by(pose_, motion_.wheels().last_from_camera, truth.time_ns);
+        return odometry_.add(pose_line(pose_)) && gyroscope_.add(rate_line(begin_ns, motion_.gyroscope_rad_s())) &&
+               gyroscope_.add(rate_line(truth.time_ns, motion_.gyroscope_rad_s()));
+    }
+
+private:
+    SimulatedMotion motion_;
+    List odometry_, gyroscope_;
+    TrajectoryPose pose_;
+    bool is_open_ = false;
+    bool is_first_step_ = true;
+};
+
 }  // namespace
 
 int simulate_command(const SimulateOptions& options) {
@@ -101,6 +135,10 @@ int simulate_command(const SimulateOptions& options) {
         !calibration.open(path_of("camera.yaml"), camera_yaml(camera.info()))) {
         return complain(kExitUsage, options.out + ": cannot be written: " + std::strerror(errno) + ".");
     }
+    MotionLists motion(options.seed);
+    if (options.has_motion && !motion.open(path_of("odometry.txt"), path_of("gyro.txt"), what)) {
+        return complain(kExitUsage, options.out + ": cannot be written: " + std::strerror(errno) + ".");
+    }
 
     catch_stop_signals();
     const bool is_terminal = ::isatty(STDERR_FILENO) == 1;
@@ -133,7 +171,7 @@ int simulate_command(const SimulateOptions& options) {
         }
         if (!problem.empty()) break;
         const SimulatedPose& pose = camera.true_pose();
-        if (!truth_list.add(pose_line({pose.time_ns, pose.t, pose.q})) ||
+        if (!truth_list.add(pose_line({pose.time_ns, pose.t, pose.q})) || !motion.add({pose.time_ns, pose.t, pose.q}) ||
             !mask_list.add(colour_time + " " + mask + "\n") || !depth_list.add(depth_time + " " + depth + "\n") ||
             !rgb_list.add(colour_time + " " + rgb + "\n")) {
             problem = options.out + ": " + std::strerror(errno) + ".";

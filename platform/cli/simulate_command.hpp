@@ -16,6 +16,7 @@ struct SimulateOptions {
     std::uint32_t frames = 0;   // of the camera; 0: the scene's own length
     std::uint32_t width = 640;  // px; the height is three quarters of it
     std::uint32_t every = 1;    // of the camera's frames each so many-th is written: a camera that moves faster
+    bool has_motion = false;    // odometry.txt and gyro.txt, with errors of the seed
     bool is_json = false;       // summary as JSON, no progress
     std::string dirt = {};  // strengths, as shake=1,rolling=.5 (hal/simulated/dirt.hpp); what the scene has if empty
 };

@@ -15,6 +15,7 @@ namespace {
 constexpr std::array<char, 8> kMagic = {'S', 'T', 'I', 'L', 'L', 'R', 'E', 'C'};
 constexpr std::size_t kPrefixBytes = 16;  // magic, version, size of the body
 constexpr std::size_t kCrcBytes = 4;
+constexpr std::size_t kHintBytes = 72;
 
 enum class ValueType : std::uint8_t { kBool = 0, kU32 = 1, kU64 = 2, kF64 = 3 };
 enum class EntryKind : std::uint8_t { kFrame = 1, kEnd = 2 };
@@ -165,6 +166,13 @@ void frame_fields(Bytes& bytes, F& frame) noexcept {
     }
 }
 
+template <typename Bytes, typename Hint>
+void hint_fields(Bytes& bytes, Hint& hint) noexcept {
+    auto& q = hint.last_from_camera.rotation_xyzw;
+    auto& t = hint.last_from_camera.translation_m;
+    bytes.fields(q[0], q[1], q[2], q[3], t[0], t[1], t[2], hint.sigma_m, hint.sigma_rad);
+}
+
 bool read_frame(ByteReader& reader, RecordedFrame& frame) noexcept {
     frame_fields(reader, frame);
     if (frame.grant_runs > kGrantRunsMax) return false;
@@ -173,8 +181,11 @@ bool read_frame(ByteReader& reader, RecordedFrame& frame) noexcept {
         calls += frame.grants[i].calls;
         if (frame.grants[i].calls == 0) return false;
     }
-    frame.has_store = reader.remaining() > 0;
+    // What of a store and of a hint there is shows in what is left: 9 bytes, 72 or both.
+    frame.has_hint = reader.remaining() >= kHintBytes;
+    frame.has_store = reader.remaining() % kHintBytes != 0;
     if (frame.has_store) reader.fields(frame.store_answered, frame.is_store_accepting);
+    if (frame.has_hint) hint_fields(reader, frame.hint);
     return reader.is_ok() && calls <= kGrantCallsMax && frame.status <= Status::kEnd && frame.pose_state <= 3;
 }
 
@@ -248,7 +259,9 @@ Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::
     const std::size_t size = kPrefixBytes + body.position() + kCrcBytes;
     if (!body.is_ok() || out.size() < size || size > kRecordingHeaderBytesMax) return Status::kFull;
     ByteWriter prefix(out.first(kPrefixBytes));
-    prefix.fields(kMagic, kRecordingVersion, static_cast<std::uint32_t>(body.position()));
+    // Without hints it stays what older programs read.
+    prefix.fields(kMagic, header.has_hints ? kRecordingVersion : kRecordingVersionWithout,
+                  static_cast<std::uint32_t>(body.position()));
     write_u32_at(out, size - kCrcBytes, crc32(out.first(size - kCrcBytes)));
     return size;
 }
@@ -259,6 +272,7 @@ Result<std::size_t> encode_frame(const RecordedFrame& frame, std::span<std::byte
     body.fields(EntryKind::kFrame);
     frame_fields(body, frame);
     if (frame.has_store) body.fields(frame.store_answered, frame.is_store_accepting);
+    if (frame.has_hint) hint_fields(body, frame.hint);
     return finish_entry(out, body);
 }
 
@@ -274,7 +288,9 @@ Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHea
     if (!begins_with(bytes, kMagic)) return Status::kNotFound;
     if (bytes.size() < kPrefixBytes) return Status::kEnd;
     ByteReader prefix(bytes.subspan(kMagic.size(), kPrefixBytes - kMagic.size()));
-    if (prefix.u32() != kRecordingVersion) {
+    const std::uint32_t version = prefix.u32();
+    header.has_hints = version == kRecordingVersion;
+    if (!header.has_hints && version != kRecordingVersionWithout) {
         problem.sentence = "has another format version than this program reads";
         return Status::kInvalid;
     }

@@ -15,14 +15,16 @@
 #include "engine/frame/frame.hpp"
 #include "engine/geometry/camera_model.hpp"
 #include "engine/limits.hpp"
+#include "engine/motion_hint.hpp"
 
 namespace stillmesh {
 
-inline constexpr std::uint32_t kRecordingVersion = 2;
+inline constexpr std::uint32_t kRecordingVersion = 3;         // with hints of the motion
+inline constexpr std::uint32_t kRecordingVersionWithout = 2;  // as it is written without
 inline constexpr std::size_t kRecordingHeaderBytesMax = 32 * 1024;
 inline constexpr std::uint32_t kGrantRunsMax = 64;
 inline constexpr std::uint32_t kGrantCallsMax = 65536;  // of Engine::step behind one frame
-inline constexpr std::size_t kRecordingEntryBytesMax = 96 + 8 * kGrantRunsMax;
+inline constexpr std::size_t kRecordingEntryBytesMax = 168 + 8 * kGrantRunsMax;
 
 struct RecordingHeader {
     Limits limits;
@@ -33,6 +35,7 @@ struct RecordingHeader {
     std::uint32_t vocabulary_crc = 0;  // of its bytes; 0: none
     // Of the map store at the begin; only with limits.store_features_max above 0.
     std::uint64_t store_regions = 0, store_sequence = 0, store_checksum = 0;
+    bool has_hints = false;          // frames may have a hint of the motion
     std::uint32_t unknown_keys = 0;  // read, and not of this program; the first is named in the problem
 };
 
@@ -60,6 +63,9 @@ struct RecordedFrame {
     bool has_store = false;            // the two below count
     std::uint64_t store_answered = 0;  // question whose answer could be polled from here on; 0: none
     bool is_store_accepting = true;    // regions were taken until the next frame
+
+    bool has_hint = false;  // the next counts: what submit was given
+    MotionHint hint;
 
     // One call of Engine::step. False: the record has no room for it, and the call must not be made.
     [[nodiscard]] constexpr bool add_grant(std::uint32_t units) noexcept {

@@ -44,7 +44,8 @@ ENGINE_SYSTEM_HEADERS = {
     "initializer_list", "iterator", "limits", "new", "numbers", "numeric", "optional", "span", "tuple", "type_traits",
     "utility", "version", "emmintrin.h", "immintrin.h", "arm_neon.h"}
 # Files directly in engine/ that are plain data, for every room.
-ENGINE_SHARED_HEADERS = {"engine/limits.hpp", "engine/configuration.hpp", "engine/outputs.hpp", "engine/parameters.hpp"}
+ENGINE_SHARED_HEADERS = {"engine/limits.hpp", "engine/configuration.hpp", "engine/motion_hint.hpp", "engine/outputs.hpp",
+                         "engine/parameters.hpp"}
 # Each has a task that works on the world and knows no other task.
 TASK_ROOMS = {"tracking", "loop_closing", "paging"}
 FRAME_BYTES_MAX = 20 * 1024  # the largest is the radix sort of the corners: two histograms of 8 KiB
@@ -55,7 +56,7 @@ FUNCTION_LINES_MAX = 70
 FILE_LINES_MAX = 400
 PARAMETERS_MAX = 5
 EXCEPTIONS = pathlib.Path(__file__).with_name("exceptions.txt")
-EXCEPTIONS_MAX = 34  # lowered with every one that goes, never raised
+EXCEPTIONS_MAX = 33  # lowered with every one that goes, never raised
 WRONG_ON_PURPOSE = ("tests/house/selftest.py", "tests/house/exceptions.txt")  # what names files that are not there
 
 

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -92,6 +93,49 @@ protected:
 private:
     static inline test::TemporaryFolder* folder_ = nullptr;
 };
+
+// Promise: what odometry and gyroscope said is part of a recording: the run is repeated bit by bit without their files.
+// A folder's own files are found and named, `none` leaves them out, and the run is another one then.
+TEST_F(Rerun, HintsOfTheMotionAreRecorded) {
+    const std::string moved = path("moved");
+    ASSERT_EQ(stillmesh_says("simulate trolley_first --seed 5 --frames 12 --width 320 --motion --out " + moved).code,
+              0);
+    const auto hashes_of = [&](const std::string& name, const std::string& more) {
+        const Answer answer = stillmesh_says("run --replay " + moved + " --state-hashes " + path(name) + " " + more);
+        EXPECT_EQ(answer.code, 0) << answer.text;
+        EXPECT_EQ(answer.says("odometry.txt and " + moved + "/gyro.txt: a motion for 11 of 12 frames"),
+                  more.find("none") == std::string::npos)
+            << answer.text;
+        return test::read_text(path(name));
+    };
+    const std::string with = hashes_of("with", "--record " + path("hinted"));
+    EXPECT_NE(hashes_of("without", "--odometry none --gyro none"), with);
+    EXPECT_EQ(hashes_of("again", ""), with);
+    for (const char* const name : {"/odometry.txt", "/gyro.txt"}) std::filesystem::remove(moved + name);
+    const Answer repeated = stillmesh_says("rerun " + path("hinted") + " --replay " + moved);
+    EXPECT_EQ(repeated.code, 0) << repeated.text;
+}
+
+// Promise: a bad file of the motion is named with its line and the way without it, before anything is written; a live
+// camera has none.
+TEST_F(Rerun, BadFilesOfTheMotionEndNoRunHalfway) {
+    { std::ofstream(path("backwards.txt")) << "2.0 0 0 0\n1.0 0 0 0\n"; }
+    const Answer bad = stillmesh_says("run --replay " + path("frames") + " --gyro " + path("backwards.txt") +
+                                      " --trajectory " + path("never.txt"));
+    EXPECT_EQ(bad.code, 2);
+    EXPECT_TRUE(bad.says("backwards.txt, line 2: its time is not after")) << bad.text;
+    EXPECT_TRUE(bad.says("--gyro none")) << bad.text;
+    EXPECT_FALSE(std::filesystem::exists(path("never.txt")));
+    const Answer gone = stillmesh_says("run --replay " + path("frames") + " --odometry " + path("nowhere.txt"));
+    EXPECT_EQ(gone.code, 2);
+    EXPECT_TRUE(gone.says("nowhere.txt")) << gone.text;
+    EXPECT_EQ(stillmesh_says("run --camera auto --odometry " + path("backwards.txt")).code, 2);
+    // Times of another clock: said, and the run is as without.
+    { std::ofstream(path("far.txt")) << "9001.0 0 0 0\n9002.0 0 0 0\n"; }
+    const Answer far = stillmesh_says("run --replay " + path("frames") + " --gyro " + path("far.txt"));
+    EXPECT_EQ(far.code, 0);
+    EXPECT_TRUE(far.says("a motion for 0 of 24 frames; are its times")) << far.text;
+}
 
 // Promise: a run is repeated bit for bit from its recording and its frames, and says how many frames that were.
 TEST_F(Rerun, RepeatsARun) {

@@ -66,6 +66,36 @@ TEST(RecordingFormat, RoundTrip) {
     EXPECT_EQ(entry.end_frames, 8U);
 }
 
+// Promise: a hint of the motion comes back bit by bit, beside what is said of a store or without; a recording that may
+// have hints says so in its version, and one without is as older programs write and read it.
+TEST(RecordingFormat, HintsComeBack) {
+    for (const bool has_store : {false, true}) {
+        RecordedFrame frame = some_frame(3);
+        frame.has_store = has_store;
+        const std::size_t without = test::frame_bytes(frame).size();
+        frame.has_hint = true;
+        frame.hint = {{{0.1, 0.2, 0.3, 0.9}, {1, -2, 3}}, 0.01, -1};
+        const ByteVector bytes = test::frame_bytes(frame);
+        EXPECT_EQ(bytes.size(), without + 72);
+        RecordingEntry entry;
+        ASSERT_TRUE(decode_entry(bytes, entry).is_ok());
+        EXPECT_TRUE(entry.frame.has_hint);
+        EXPECT_EQ(entry.frame.has_store, has_store);
+        EXPECT_EQ(entry.frame.hint.last_from_camera.translation_m[1], -2);
+        EXPECT_EQ(entry.frame.hint.sigma_rad, -1);
+        EXPECT_TRUE(are_equal(entry.frame, frame));
+    }
+    RecordingHeader header = some_header();
+    EXPECT_EQ(test::header_bytes(header)[8], std::byte{2});
+    header.has_hints = true;
+    const ByteVector bytes = test::header_bytes(header);
+    EXPECT_EQ(bytes[8], std::byte{3});
+    RecordingHeader read;
+    RecordingProblem problem;
+    ASSERT_TRUE(decode_header(bytes, read, problem).is_ok());
+    EXPECT_TRUE(read.has_hints);
+}
+
 // Promise: equal grants in a row are one run; more calls than the limit are refused, and nothing is lost of the others.
 TEST(RecordingFormat, GrantsAreRuns) {
     RecordedFrame frame;
