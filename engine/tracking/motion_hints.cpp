@@ -61,6 +61,7 @@ void MotionHints::begin(const SE3& world_from_camera, std::int64_t time_ns) noex
     sigma_m_ = sigma_rad_ = 0;
     anchor_time_ns_ = time_ns_ = time_ns;
     frames_ = 0;
+    clock_m_ = clock_rad_ = 0;
     has_translation_ = has_rotation_ = false;
 }
 
@@ -71,6 +72,7 @@ void MotionHints::follow(const SE3& correction) noexcept {
 
 void MotionHints::take(const MotionHint* hint, std::int64_t time_ns, const HintParameters& parameters) noexcept {
     const bool is_first = frames_++ == 0;
+    const double duration_s = seconds_between(time_ns_, time_ns);
     time_ns_ = time_ns;
     if (hint == nullptr || seconds_between(anchor_time_ns_, time_ns) > parameters.chain_s) {
         has_translation_ = has_rotation_ = false;
@@ -82,6 +84,9 @@ void MotionHints::take(const MotionHint* hint, std::int64_t time_ns, const HintP
     SE3 step = pose_of(hint->last_from_camera);
     if (!has_translation_) step.translation.setZero();
     if (!has_rotation_) step.rotation.setIdentity();
+    const double frames_apart = parameters.clock_s / std::max(duration_s, parameters.clock_s);
+    clock_m_ = frames_apart * std::sqrt(step.translation.squaredNorm());
+    clock_rad_ = frames_apart * rotation_angle(step.rotation);
     anchor_from_camera_ = anchor_from_camera_ * step;
     renormalise(anchor_from_camera_.rotation);
     sigma_m_ += std::max(hint->sigma_m, 0.0);
@@ -93,8 +98,9 @@ MotionHints::Hinted MotionHints::hinted(const SE3& otherwise, const HintParamete
     Hinted out{world_from_anchor_ * anchor_from_camera_, 0, 0};
     if (!has_translation_) out.world_from_camera.translation = otherwise.translation;
     if (!has_rotation_) out.world_from_camera.rotation = otherwise.rotation;
-    out.sigma_m = std::sqrt(scale_m_ * sigma_m_ * sigma_m_ + p.floor_m * p.floor_m);
-    out.sigma_rad = std::sqrt(scale_rad_ * sigma_rad_ * sigma_rad_ + p.floor_rad * p.floor_rad);
+    out.sigma_m = std::sqrt(scale_m_ * sigma_m_ * sigma_m_ + p.floor_m * p.floor_m + clock_m_ * clock_m_);
+    out.sigma_rad =
+        std::sqrt(scale_rad_ * sigma_rad_ * sigma_rad_ + p.floor_rad * p.floor_rad + clock_rad_ * clock_rad_);
     return out;
 }
 

@@ -51,6 +51,7 @@ private:
     SE3 anchor_from_camera_;
     double sigma_m_ = 0, sigma_rad_ = 0;  // of the chain, as claimed
     double scale_m_ = 1, scale_rad_ = 1;
+    double clock_m_ = 0, clock_rad_ = 0;  // that clocks apart would show at the speed of the last step
     std::int64_t anchor_time_ns_ = 0;
     std::int64_t time_ns_ = 0;      // of the frame at hand
     std::uint32_t frames_ = 0;      // of the chain

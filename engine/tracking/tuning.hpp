@@ -66,6 +66,7 @@ struct PredictionParameters : PredictionKeys, PredictionTuning {};
     KEY(hint, bool, is_used, true, 0.0, 1.0, "", "hints that come with frames count") \
     KEY(hint, double, floor_m, 0.006, 1e-6, 1.0, "m", "what poses themselves are off, beside a hint") \
     KEY(hint, double, floor_rad, 0.002, 1e-6, 1.0, "rad", "what poses themselves are off, beside a hint") \
+    KEY(hint, double, clock_s, 0.01, 0.0, 1.0, "s", "how far the clocks of hint and camera may be apart, which shows with the speed") \
     KEY(hint, double, young_s, 1.0, 0.0, 100.0, "s", "from the start; until then hints count from there, and say what is sure") \
     KEY(hint, double, young_sharpness, 2.0, 0.1, 100.0, "", "a deviation from the hint counts so many times until then") \
     KEY(hint, double, turn_sharpness, 4.0, 0.1, 100.0, "", "the same where hints say nothing of the translation: few bodies turn much") \

@@ -37,6 +37,13 @@ RegionContext expectation(const SE3& pose, double sigma_m = 0.006, double sigma_
     return out;
 }
 
+// Clocks that go together.
+Parameters one_clock() {
+    Parameters out;
+    out.hint.clock_s = 0;
+    return out;
+}
+
 double radians_between(const SE3& a, const SE3& b) {
     return rotation_angle(a.rotation.transpose() * b.rotation);
 }
@@ -44,7 +51,7 @@ double radians_between(const SE3& a, const SE3& b) {
 // Promise: in the first second hints are chained from the start and decide alone, however sure the motion of the last
 // frames is; their deviations are added up, beside the floor of the poses.
 TEST(MotionHints, TheFirstSecondCountsFromTheStart) {
-    const Parameters parameters;
+    const Parameters parameters = one_clock();
     const SE3 start = step_of(1, 2, 3, 0.4);
     const SE3 step = step_of(0.01, 0, 0.02, 0.03);
     MotionHints hints;
@@ -66,7 +73,7 @@ TEST(MotionHints, TheFirstSecondCountsFromTheStart) {
 // Promise: later a hint and the camera's own motion meet between them, nearer to the surer one and surer than both; the
 // choice is no sharper than it was.
 TEST(MotionHints, LaterBothHaveASay) {
-    Parameters parameters;
+    Parameters parameters = one_clock();
     parameters.hint.floor_m = parameters.hint.floor_rad = 1e-9;
     MotionHints hints;
     hints.begin(SE3{}, kStart_ns);
@@ -81,6 +88,20 @@ TEST(MotionHints, LaterBothHaveASay) {
     EXPECT_NEAR(expected.prediction_sigma_rad, 0.02 / std::sqrt(5.0), 1e-9);
     EXPECT_DOUBLE_EQ(expected.hint.sharpness_m, 1);
     EXPECT_DOUBLE_EQ(expected.hint.sharpness_rad, 1);
+}
+
+// Promise: clocks that are apart by clock_s are no contradiction: what the camera goes and turns in that time is
+// allowed.
+TEST(MotionHints, ClocksMayBeApart) {
+    const double late_rad = 0.05 * HintParameters{}.clock_s / 0.033;  // at 1.5 rad/s
+    for (const Parameters& parameters : {Parameters{}, one_clock()}) {
+        MotionHints hints;
+        hints.begin(SE3{}, kStart_ns);
+        const MotionHint hint = hint_of(step_of(0, 0, 0, 0.05), 0, 0);
+        hints.take(&hint, kStart_ns + kGap_ns, parameters.hint);
+        const double off = hints.sigmas_off(step_of(0, 0, 0, 0.05 - late_rad), parameters.hint);
+        EXPECT_EQ(off<1, parameters.hint.clock_s> 0) << off;
+    }
 }
 
 // Promise: after a frame that was not sure, hints alone lead on from the last one that was.
@@ -99,7 +120,7 @@ TEST(MotionHints, WhatWasNotSureIsNoMotion) {
 // Promise: a gyroscope says nothing of the translation, which stays where the camera's own motion has it; in the first
 // second that is as unsure as one that nothing is known of, since it may be a body's.
 TEST(MotionHints, ARotationAloneLeavesTheTranslation) {
-    const Parameters parameters;
+    const Parameters parameters = one_clock();
     MotionHints hints;
     hints.begin(SE3{}, kStart_ns);
     const MotionHint hint = hint_of(step_of(5, 5, 5, 0.1), -1, 0.001);
