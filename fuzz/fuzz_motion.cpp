@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "engine/tracking/motion_hints.hpp"
+#include "engine/static_region/motion_hints.hpp"
 #include "fuzz/fuzz.hpp"
 #include "platform/motion/motion_file.hpp"
 

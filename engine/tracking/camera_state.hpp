@@ -7,9 +7,9 @@
 
 #include "engine/geometry/se3.hpp"
 #include "engine/parameters.hpp"
+#include "engine/static_region/motion_hints.hpp"
 #include "engine/static_region/static_region.hpp"
 #include "engine/tracking/camera_reach.hpp"
-#include "engine/tracking/motion_hints.hpp"
 #include "engine/tracking/motion_model.hpp"
 #include "engine/tracking/noise_scale.hpp"
 #include "engine/tracking/odometry.hpp"

@@ -1,4 +1,4 @@
-#include "engine/tracking/motion_hints.hpp"
+#include "engine/static_region/motion_hints.hpp"
 
 #include <algorithm>
 #include <cmath>
