@@ -97,9 +97,8 @@ public:
     // this speed, rad/s.
     void note(const Vector3& off, double measured_variance, const Vector3& speed) noexcept;
     [[nodiscard]] bool is_found() const noexcept;
-    [[nodiscard]] double variance() const noexcept {
-        return variance_;
-    }  // of what frames are off, without that of measuring, rad^2
+    // Of what frames are off, without that of measuring, rad^2.
+    [[nodiscard]] double variance() const noexcept { return variance_; }
 
 private:
     double fading_ = 1.0;

@@ -67,7 +67,6 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     if (shutter_->is_trembling()) carry_coarsely(out);
     const RegionChoice choice = choose_region(out);
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
-    carry_by_rows(region_.chosen(), choice.world_from_camera);
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
     // While hints decide, how far off them a choice is is asked beside how much it explains.
@@ -158,6 +157,7 @@ void FrameEstimator::weigh_by_agreement() noexcept {
 PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& estimate,
                                  const RegionChoice& choice) noexcept {
     observe(Stage::kPose, true);
+    carry_by_rows(region_.chosen(), choice.world_from_camera);
     const PoseParameters& p = world_->parameters.pose;
     const RansacOptions options = ransac_options(world_->parameters, p.final_factor, camera.inlier_ratio);
     const RansacResult final =

@@ -8,6 +8,7 @@
 
 #include "hal/replay/decimal_time.hpp"
 #include "hal/replay/time_unit.hpp"
+#include "platform/evaluation/text_lines.hpp"
 #include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
 
@@ -15,7 +16,6 @@ namespace stillmesh {
 
 namespace {
 
-constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 constexpr std::size_t kColumns = 8;
 constexpr std::size_t kBytesMax = std::size_t{256} << 20U;  // a day at 30 poses a second
 
@@ -34,8 +34,7 @@ std::size_t split(std::string_view line, std::string_view separators, std::array
 // decimal number.
 std::size_t columns_of(std::string_view line, std::array<std::string, kColumns>& words) {
     constexpr std::string_view kBlanks = " \t\r";
-    constexpr std::string_view kBlanksAndCommas = " \t\r,";
-    if (split(line, kBlanks, words) != kColumns) return split(line, kBlanksAndCommas, words);
+    if (split(line, kBlanks, words) != kColumns) return split(line, kTextBlanks, words);
     for (std::string& word : words) {
         if (word.size() > 1 && word.back() == ',') word.pop_back();
         std::replace(word.begin(), word.end(), ',', '.');
@@ -47,15 +46,10 @@ std::size_t columns_of(std::string_view line, std::array<std::string, kColumns>&
 TimeUnit unit_of(std::string_view text) {
     TimeUnitGuess guess;
     std::array<std::string, kColumns> words;
-    for (std::size_t begin = 0; begin < text.size();) {
-        const std::size_t end = std::min(text.find('\n', begin), text.size());
-        const std::string_view line = text.substr(begin, end - begin);
-        begin = end + 1;
-        const std::size_t first = line.find_first_not_of(" \t\r,");
-        if (first == std::string_view::npos || line[first] == '#') continue;
-        if (!guess.wants_more()) break;
-        if (columns_of(line, words) == kColumns) guess.see(words[0]);
-    }
+    for_lines(text, [&](std::size_t, std::string_view line) {
+        if (guess.wants_more() && columns_of(line, words) == kColumns) guess.see(words[0]);
+        return guess.wants_more();
+    });
     return guess.unit();
 }
 
@@ -65,19 +59,12 @@ Status parse_trajectory(std::string_view text, const std::string& file, Trajecto
                         double frames_per_s) {
     trajectory.clear();
     const TimeUnit unit = unit_of(text);
-    if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
-    std::size_t line_number = 0;
-    for (std::size_t begin = 0; begin < text.size();) {
-        const std::size_t end = std::min(text.find('\n', begin), text.size());
-        const std::string_view line = text.substr(begin, end - begin);
-        begin = end + 1;
-        ++line_number;
-        const std::size_t first = line.find_first_not_of(" \t\r,");
-        if (first == std::string_view::npos || line[first] == '#') continue;
+    message.clear();
+    for_lines(text, [&](std::size_t line_number, std::string_view line) {
         const auto fail = [&](const std::string& sentence) {
             message = file + ", line " + std::to_string(line_number) + ": " + sentence +
                       "; a line is 'timestamp tx ty tz qx qy qz qw'.";
-            return Status::kInvalid;
+            return false;
         };
         std::array<std::string, kColumns> words;
         const std::size_t count = columns_of(line, words);
@@ -105,13 +92,15 @@ Status parse_trajectory(std::string_view text, const std::string& file, Trajecto
             is_finite = is_finite && std::isfinite(value);
             (i < 4 ? pose.t[i - 1] : pose.q[i - 4]) = value;
         }
-        if (!is_finite) continue;  // as the TUM tools do: a pose of NaNs is no pose
+        if (!is_finite) return true;  // as the TUM tools do: a pose of NaNs is no pose
         const double length =
             std::sqrt(pose.q[0] * pose.q[0] + pose.q[1] * pose.q[1] + pose.q[2] * pose.q[2] + pose.q[3] * pose.q[3]);
         if (!(length > 1e-6 && length < 1e6)) return fail("the quaternion is zero or far too long");
         for (double& value : pose.q) value /= length;
         trajectory.push_back(pose);
-    }
+        return true;
+    });
+    if (!message.empty()) return Status::kInvalid;
     std::stable_sort(trajectory.begin(), trajectory.end(),
                      [](const TrajectoryPose& a, const TrajectoryPose& b) { return a.time_ns < b.time_ns; });
     return Status::kOk;

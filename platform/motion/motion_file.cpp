@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "hal/replay/decimal_time.hpp"
+#include "platform/evaluation/text_lines.hpp"
 #include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
 
@@ -19,13 +20,12 @@ constexpr std::size_t kColumns = 4;
 
 // The words of a line, up to one more than a line may have.
 std::size_t words_of(std::string_view line, std::array<std::string_view, kColumns + 1>& words) {
-    constexpr std::string_view kBlanks = " \t\r,";
     std::size_t count = 0;
-    std::size_t at = line.find_first_not_of(kBlanks);
+    std::size_t at = line.find_first_not_of(kTextBlanks);
     while (at != std::string_view::npos && count < words.size()) {
-        const std::size_t end = std::min(line.find_first_of(kBlanks, at), line.size());
+        const std::size_t end = std::min(line.find_first_of(kTextBlanks, at), line.size());
         words[count++] = line.substr(at, end - at);
-        at = line.find_first_not_of(kBlanks, end);
+        at = line.find_first_not_of(kTextBlanks, end);
     }
     return count;
 }
@@ -34,26 +34,6 @@ bool parse_number(std::string_view word, double& value) {
     if (word.starts_with('+')) word.remove_prefix(1);
     const auto [rest, error] = std::from_chars(word.data(), word.data() + word.size(), value);
     return error == std::errc() && rest == word.data() + word.size() && std::isfinite(value);
-}
-
-bool is_comment(std::string_view line) {
-    const std::size_t first = line.find_first_not_of(" \t\r,");
-    return first == std::string_view::npos || line[first] == '#';
-}
-
-// Calls line(number, text) for each line that is no comment, until it says false.
-template <typename Line>
-void for_lines(std::string_view text, Line&& line) {
-    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-    if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
-    std::size_t number = 0;
-    for (std::size_t begin = 0; begin < text.size();) {
-        const std::size_t end = std::min(text.find('\n', begin), text.size());
-        const std::string_view one = text.substr(begin, end - begin);
-        begin = end + 1;
-        ++number;
-        if (!is_comment(one) && !line(number, one)) return;
-    }
 }
 
 double share_of(std::int64_t time_ns, std::int64_t from_ns, std::int64_t to_ns) {
@@ -69,14 +49,16 @@ auto first_from(const std::vector<Item>& items, std::int64_t time_ns) {
 }  // namespace
 
 Status MotionFile::read_odometry(const std::string& file, std::string& message) {
-    MemoryBlock block;
-    std::span<const std::byte> bytes;
-    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
-    return parse_odometry({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file, message);
+    STILLMESH_TRY(read_trajectory(file, odometry_, message));
+    return take_odometry(file, message);
 }
 
 Status MotionFile::parse_odometry(std::string_view text, const std::string& file, std::string& message) {
     STILLMESH_TRY(parse_trajectory(text, file, odometry_, message));
+    return take_odometry(file, message);
+}
+
+Status MotionFile::take_odometry(const std::string& file, std::string& message) {
     if (odometry_.size() >= 2) {
         sources_ += (sources_.empty() ? "" : " and ") + file;
         return Status::kOk;

@@ -41,6 +41,7 @@ public:
     [[nodiscard]] std::optional<MotionHint> between_times(std::int64_t from_ns, std::int64_t to_ns) const;
 
 private:
+    [[nodiscard]] Status take_odometry(const std::string& file, std::string& message);
     [[nodiscard]] std::optional<TrajectoryPose> pose_at(std::int64_t time_ns) const;
     [[nodiscard]] std::optional<Quaternion> turn_between(std::int64_t from_ns, std::int64_t to_ns) const;
 
