@@ -156,7 +156,6 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
         bool is_close = false;  // comes to stand before the camera
         Random random{0};
     };
-    constexpr double kKeepFromCamera = 0.7;
     constexpr double kMarginM = 0.5;
     constexpr double kSitsS = 5.0;
     constexpr double kRisesS = 1.2;
@@ -294,12 +293,12 @@ void plan_walks(std::vector<Person>& people, std::span<const Lane> lanes, const 
                 if (j == i || is_rooted) continue;
                 const Vec3 apart = w.p - walkers[j].p;
                 const double gap = length(apart);
-                if (gap < 0.75) wanted = wanted + normalised(apart) * (2.5 * (0.75 - gap));
+                if (gap < w.lane.apart_m) wanted = wanted + normalised(apart) * (2.5 * (w.lane.apart_m - gap));
             }
             Vec3 from_eye = w.p - eye.translation;
             from_eye.z = 0;
             const double distance = length(from_eye);
-            const double keep = w.is_close ? kCloseM - 0.05 : kKeepFromCamera + 0.15;
+            const double keep = w.is_close ? kCloseM - 0.05 : w.lane.from_camera_m + 0.15;
             if (distance < keep) wanted = wanted + normalised(from_eye) * (5 * (keep - distance));
             w.v = w.v + (wanted - w.v) * (4.5 * dt);
             const double speed_wanted = length(w.v);

@@ -45,6 +45,7 @@ struct Obstacle {
 struct Lane {
     double near_m = 1, far_m = 2;
     double left = -0.45, right = 0.45;
+    double from_camera_m = 0.7, apart_m = 0.75;  // kept from the camera, and from each other
 };
 
 // Ways of people who keep crossing before the camera, each in a lane of their own, round the obstacles.

@@ -34,6 +34,9 @@ constexpr Scene kScenes[] = {
     {"walking_loop", CameraMotion::kLoop, Cast::kWalking, 1200},
     {"trolley_xyz", CameraMotion::kXyz, Cast::kTrolley, 300},
     {"trolley_first", CameraMotion::kXyz, Cast::kTrolleyFirst, 300},
+    {"trolley_returns", CameraMotion::kXyz, Cast::kTrolleyReturns, 450},
+    {"crowd_close", CameraMotion::kXyz, Cast::kCrowd, 300},
+    {"lift", CameraMotion::kXyz, Cast::kLift, 420},
     {"rearranged", CameraMotion::kXyz, Cast::kRearranged, 300},
     {"corridor", CameraMotion::kCorridor, Cast::kNobody, 1200},
     {"shaken_xyz", CameraMotion::kXyz, Cast::kNobody, 300, kShaken},
@@ -64,7 +67,7 @@ std::span<const Scene> scenes() noexcept {
 
 DeskPlace desk_place(const Scene& scene, double side) noexcept {
     if (scene.motion == CameraMotion::kLoop) return {0, 0, 0.6, 0.35};
-    if (scene.cast == Cast::kTrolley || scene.cast == Cast::kTrolleyFirst) return {0.5 * side, 0.75, 0.75, 0.4};
+    if (has_trolley(scene.cast)) return {0.5 * side, 0.75, 0.75, 0.4};
     if (scene.cast == Cast::kRearranged) return {1.0 * side, 0.4, 0.6, 0.35};
     if (scene.motion == CameraMotion::kHalfsphere)
         return {kHalfsphereCentre.x * side, kHalfsphereCentre.y + 0.35, 0.55, 0.3};

@@ -10,7 +10,21 @@
 namespace stillmesh::simulated {
 
 enum class CameraMotion : std::uint8_t { kStatic, kXyz, kRpy, kHalfsphere, kLoop, kCorridor };
-enum class Cast : std::uint8_t { kNobody, kSitting, kWalking, kTrolley, kTrolleyFirst, kRearranged };
+enum class Cast : std::uint8_t {
+    kNobody,
+    kSitting,
+    kWalking,
+    kCrowd,  // two people at arm's length
+    kTrolley,
+    kTrolleyFirst,
+    kTrolleyReturns,
+    kRearranged,
+    kLift
+};
+
+[[nodiscard]] constexpr bool has_trolley(Cast cast) noexcept {
+    return cast == Cast::kTrolley || cast == Cast::kTrolleyFirst || cast == Cast::kTrolleyReturns;
+}
 
 struct Scene {
     const char* name;
@@ -49,6 +63,9 @@ struct DeskPlace {
 
 // The corridor runs along x, in sections that look alike; |y| <= 1.2. The camera goes from its begin, never back.
 inline constexpr double kCorridorHalfY = 1.2, kCorridorSection = 4.0, kCorridorPace_m_s = 0.5, kCorridorWay_m = 24.0;
+
+// The lift's doors: when they begin to close, are shut, open again, and stand open. In between it goes to another floor.
+inline constexpr double kLiftCloses_s = 3.0, kLiftShut_s = 5.2, kLiftOpens_s = 8.5, kLiftOpen_s = 10.7;
 
 // The room: |x| <= 3, |y| <= 2.5, 0 <= z <= 2.6.
 inline constexpr double kRoomHalfX = 3.0, kRoomHalfY = 2.5, kRoomHeight = 2.6;

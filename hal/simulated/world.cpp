@@ -2,28 +2,12 @@
 
 #include <algorithm>
 
+#include "hal/simulated/mirror.hpp"
+
 namespace stillmesh::simulated {
 namespace {
 
 constexpr std::size_t kWallBefore = 2;  // of the quads: after floor and ceiling, the wall before the camera
-
-// What stands in the room stands behind the wall before the camera, too.
-class Mirror final : public Canvas {
-public:
-    explicit Mirror(Canvas& canvas) : canvas_(canvas) {}
-    void draw(const Vertex* vertices, std::uint32_t count, const Material& material) override {
-        STILLMESH_CHECK(count <= 8);
-        Vertex reflected[8];
-        for (std::uint32_t i = 0; i < count; ++i) {
-            reflected[i] = vertices[count - 1 - i];  // its other side is the front
-            reflected[i].p.y = 2 * kRoomHalfY - reflected[i].p.y;
-        }
-        canvas_.draw(reflected, count, material);
-    }
-
-private:
-    Canvas& canvas_;
-};
 
 }  // namespace
 
@@ -58,7 +42,9 @@ World::World(const Scene& scene, std::uint64_t seed, std::uint64_t day, double d
     add_desk(desk_place(scene_, side_));
     if (scene.cast == Cast::kWalking) add_people(3);
     if (scene.cast == Cast::kSitting) add_people(2);
-    if (scene.cast == Cast::kTrolley || scene.cast == Cast::kTrolleyFirst) {
+    if (scene.cast == Cast::kCrowd) add_people(2);
+    if (scene.cast == Cast::kLift) add_lift();
+    if (has_trolley(scene.cast)) {
         add_trolley();
         place_trolley();
     }
@@ -362,6 +348,12 @@ void World::add_people(std::uint32_t count) {
             people_[i].manner_scale = dirt_.manners;
         }
     }
+    if (scene_.cast == Cast::kCrowd) {
+        const Lane before_the_camera[] = {{0.6, 0.72, -0.4, 0.1, 0.55, 0.5}, {0.62, 0.8, -0.1, 0.4, 0.55, 0.5}};
+        plan_walks(people_, before_the_camera, camera_, {{desk.x, desk.y, desk.half_x, desk.half_y}}, duration_s_,
+                   seed);
+        return;
+    }
     if (scene_.cast == Cast::kWalking) {
         // The first close enough to hide much of the room, the others where the desk leaves room.
         const double a = side_ > 0 ? -0.42 : -0.08;  // the side without the desk
@@ -388,100 +380,6 @@ void World::add_people(std::uint32_t count) {
         // The chair's back is +y of its own; the person looks along -y of the chair.
         add_chair(seats[i].x, seats[i].y, heading + kPi / 2);
         plan_sitting(people_[i], seats[i].x, seats[i].y, heading, duration_s_, seed + i);
-    }
-}
-
-void World::add_trolley() {
-    trolley_direction_ = random_.uniform() < 0.5 ? -1 : 1;
-    trolley_pace_ = random_.uniform(0.9, 1.15);
-    const Coat dark = coat(Pattern::kDark, 200);
-    const Coat frame = coat(Pattern::kMetal, 300);
-    add_box(trolley_, {0, 0, 0.14}, {0.45, 0.3, 0.025}, 0, frame, frame, true);
-    for (const double x : {-0.38, 0.38}) {
-        for (const double y : {-0.24, 0.24}) add_box(trolley_, {x, y, 0.06}, {0.05, 0.02, 0.06}, 0, dark, dark, true);
-    }
-    // Parcels and pictures in three layers, none quite in line with the others.
-    double bottom = 0.165;
-    for (int layer = 0; layer < 3; ++layer) {
-        const double height = random_.uniform(0.38, 0.44);
-        const double split = random_.uniform(-0.12, 0.12);
-        for (const double s : {-1.0, 1.0}) {
-            const double x0 = s < 0 ? -0.45 : split + 0.005;
-            const double x1 = s < 0 ? split - 0.005 : 0.45;
-            const double h = height - random_.uniform(0.0, 0.04);
-            const double y = random_.uniform(-0.03, 0.03);
-            const Coat cover = coat(random_.uniform() < 0.4 ? Pattern::kPoster : Pattern::kParcel, 0);
-            add_box(trolley_, {(x0 + x1) / 2, y, bottom + h / 2}, {(x1 - x0) / 2, 0.27, h / 2}, 0, cover, cover, true);
-        }
-        bottom += height;
-    }
-}
-
-double World::trolley_peak() const {
-    Pinhole pinhole;
-    pinhole.width = 64;
-    pinhole.height = 48;
-    pinhole.fx = 52.8;
-    pinhole.fy = 52.8;
-    pinhole.cx = 31.5;
-    pinhole.cy = 23.5;
-    Renderer renderer(pinhole);
-    std::size_t peak = 0;
-    for (int frame = 0; frame < 300; frame += 3) {
-        const double time_s = frame / 30.0;
-        renderer.begin(camera_.at(time_s), 0, 0);
-        draw_trolley(renderer, time_s);
-        const auto& ids = renderer.face_ids();
-        peak = std::max(peak, ids.size() - static_cast<std::size_t>(std::count(ids.begin(), ids.end(), kNoFace)));
-    }
-    return static_cast<double>(peak) / (64.0 * 48.0);
-}
-
-void World::place_trolley() {
-    // The camera's own sway decides how near is too near: the seed's nearest lane that leaves some of the room in
-    // sight throughout. Always the first 10 s, so that a shorter run is the beginning of a longer one.
-    constexpr double kMostOfThePicture = 0.80;
-    constexpr double kStepM = 0.02;
-    trolley_distance_m_ = 1.50;
-    while (trolley_distance_m_ > 0.72 && trolley_peak() < kMostOfThePicture) trolley_distance_m_ -= kStepM;
-    if (trolley_peak() >= kMostOfThePicture) trolley_distance_m_ += kStepM;
-}
-
-Rigid World::trolley_at(double time_s) const noexcept {
-    // Across the view, about one metre before the camera, slower in the middle; back again after a rest.
-    const Rigid eye = camera_.base_at(0);
-    const Vec3 forward = normalised({eye.rotation.c.x, eye.rotation.c.y, 0});
-    const Vec3 right{forward.y, -forward.x, 0};
-    constexpr double kOutside = 2.05;  // m to the side: out of view
-    double t = time_s;
-    double s = 0;
-    if (scene_.cast == Cast::kTrolleyFirst) {
-        s = 0.35 * sine(0.55 * trolley_pace_ * t);
-    } else {
-        constexpr double kPassS = 7.5;
-        constexpr double kRestS = 2.0;
-        t = std::max(0.0, t - 3.0) * trolley_pace_;
-        double direction = -1;
-        while (t > kPassS + kRestS) {
-            t -= kPassS + kRestS;
-            direction = -direction;
-        }
-        const double p = clamp01(t / kPassS) * 2 - 1;  // -1..1
-        s = -direction * kOutside * (0.35 * p + 0.65 * p * p * p);
-    }
-    const Vec3 at = eye.translation + forward * trolley_distance_m_ + right * (s * trolley_direction_);
-    return {rotation_z(arc_tangent2(right.y, right.x) + 0.12 * s), {at.x, at.y, 0}};
-}
-
-void World::draw_trolley(Canvas& canvas, double time_s) const {
-    const Rigid pose = trolley_at(time_s);
-    for (const Quad& quad : trolley_) {
-        Vertex corners[4];
-        for (int i = 0; i < 4; ++i) {
-            corners[i] = quad.corners[i];
-            corners[i].p = pose * quad.corners[i].p;
-        }
-        canvas.draw(corners, 4, quad.material);
     }
 }
 
@@ -659,19 +557,21 @@ void World::draw_bodies(Canvas& canvas, double time_s) const {
     for (const Person& person : people_) draw_person(canvas, person, time_s, dirt_.folds);
     if (!trolley_.empty()) draw_trolley(canvas, time_s);
     draw_screens(canvas, time_s);
+    if (!lift_.empty()) draw_lift(canvas, time_s);
 }
 
 void World::draw_moving(Canvas& canvas, double time_s) const {
     draw_bodies(canvas, time_s);
     if (!has_mirror_) return;
-    Mirror mirror(canvas);
+    Mirror mirror(canvas, Mirror::Plane::kWallBefore);
     draw_bodies(mirror, time_s);
 }
 
 void World::draw_still(Canvas& canvas) const {
+    if (!lift_.empty()) return;  // what is seen through its doors changes
     for (const Quad& quad : quads_) canvas.draw(quad.corners, 4, quad.material);
     if (!has_mirror_) return;
-    Mirror mirror(canvas);
+    Mirror mirror(canvas, Mirror::Plane::kWallBefore);
     for (const Quad& quad : quads_) mirror.draw(quad.corners, 4, quad.material);
 }
 

@@ -71,6 +71,9 @@ private:
     void add_trolley();
     void place_trolley();
     void draw_trolley(Canvas& canvas, double time_s) const;
+    // A cabin round the camera, open to the room until its doors close, and after that to the room of another floor.
+    void add_lift();
+    void draw_lift(Canvas& canvas, double time_s) const;
     void add_movables();
     // What goes on in an office beside people: a chair is pushed, a door opens or a mirror shows it all, screens play.
     void add_things();
@@ -94,7 +97,9 @@ private:
     CameraPath camera_;
     std::deque<Texture> textures_;  // addresses stay
     std::vector<Quad> quads_;
-    std::vector<Quad> trolley_;  // in its own frame
+    std::vector<Quad> trolley_;      // in its own frame
+    std::vector<Quad> lift_;         // all that stands still in it
+    std::vector<Quad> lift_door_[2];  // the left one and the right one, as they are when shut
     std::vector<Movable> movables_;
     std::vector<Quad> screens_;  // that play
     double bare_left_m_ = 0;     // where the wall before the camera is bare
