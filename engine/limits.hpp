@@ -22,7 +22,7 @@ struct Limits {
     // A small board: at most 8 MiB.
     [[nodiscard]] static constexpr Limits pocket() noexcept { return {640, 480, 8, 500, 40, 5500, 64, 3000, 10000}; }
     // For tests: every full pool happens within seconds; at most 512 KiB.
-    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 300, 16, 200, 230}; }
+    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 290, 16, 200, 230}; }
 };
 
 // Calls visitor(name, value, min, max, unit, sentence) for every limit, as visit_parameters does for a configuration;

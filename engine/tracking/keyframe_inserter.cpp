@@ -56,6 +56,7 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
     const bool is_mapping = parameters_->mapping.is_enabled;
     if (!is_mapping) cull_points(map, source.posed.number);
     make_room(new_points_possible(frame, matcher), source.posed.number, world);
+    if (is_mapping) free_space_.ask(source.posed, matcher, world);
     const Handle<Keyframe> handle = map.add_keyframe();
     Keyframe& keyframe = *map.keyframes().find(handle);
     keyframe.world_from_camera = source.posed.world_from_camera;
@@ -82,10 +83,10 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
     std::uint32_t added = 0;
     for (std::size_t i = 0; i < frame.size(); ++i) {
         if (!matcher.claim(i).is_free() || !frame[i].has_depth()) continue;
-        const bool is_suspicious = lies_among_moving(source, i);
+        const bool may_move = is_suspicious(source, i);
         const WeightParameters& weights = parameters_->weights;
-        add_point(source, i, handle, is_suspicious ? weights.suspicious : weights.eligible, world);
-        added += is_suspicious ? 0U : 1U;
+        add_point(source, i, handle, may_move ? weights.suspicious : weights.eligible, world);
+        added += may_move ? 0U : 1U;
     }
     frame_ = source.posed.number;
     tracked_ = source.static_count + added / parameters_->keyframes.new_per_tracked;
@@ -94,9 +95,14 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
     return static_cast<double>(added) / static_cast<double>(std::max(source.static_count + added, 1U));
 }
 
+// What moves, more likely than not: it came into the room, or belongs to a body that moves.
+bool KeyframeInserter::is_suspicious(const Source& source, std::size_t feature) const noexcept {
+    if (!parameters_->region.is_enabled) return false;
+    return (parameters_->mapping.is_enabled && free_space_.was_empty(feature)) || lies_among_moving(source, feature);
+}
+
 // A new feature beside moving ones at the same depth belongs to the same body more likely than not (method.md 7).
 bool KeyframeInserter::lies_among_moving(const Source& source, std::size_t feature) const noexcept {
-    if (!parameters_->region.is_enabled) return false;
     const WeightParameters& weights = parameters_->weights;
     const MeasuredFrame& frame = source.posed.frame;
     const Keypoint& keypoint = frame.keypoint(feature);

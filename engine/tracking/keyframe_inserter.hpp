@@ -9,6 +9,7 @@
 
 #include "engine/matching/map_matcher.hpp"
 #include "engine/parameters.hpp"
+#include "engine/tracking/free_space.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/point_judge.hpp"
 #include "engine/tracking/tracked_shutter.hpp"
@@ -27,7 +28,11 @@ public:
         double drift_m = 0;              // that odometry can have gathered
     };
 
-    void create(const Parameters& configuration) noexcept { parameters_ = &configuration; }
+    static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept { FreeSpace::plan(arena, limits); }
+    void create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept {
+        parameters_ = &configuration;
+        free_space_.create(arena, limits, configuration);
+    }
     void reset() noexcept { begin_after(0); }
     // As if the last keyframe had been made in frame `number`, with nothing tracked.
     void begin_after(std::uint64_t number) noexcept;
@@ -44,13 +49,15 @@ public:
 
 private:
     void make_room(std::uint32_t points_wanted, std::uint64_t number, World& world) const noexcept;
+    [[nodiscard]] bool is_suspicious(const Source& source, std::size_t feature) const noexcept;
     [[nodiscard]] bool lies_among_moving(const Source& source, std::size_t feature) const noexcept;
     void add_point(const Source& source, std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths,
                    World& world) const noexcept;
 
     const Parameters* parameters_ = nullptr;  // outlives it
-    std::uint64_t frame_ = 0;                 // of the last keyframe
-    std::uint32_t tracked_ = 0;               // static points right after it
+    FreeSpace free_space_;
+    std::uint64_t frame_ = 0;    // of the last keyframe
+    std::uint32_t tracked_ = 0;  // static points right after it
 };
 
 }  // namespace stillmesh

@@ -30,7 +30,7 @@ void Tracking::create(Arena& arena, World& world, const Kernels& kernels, Featur
     estimator_.create(arena, world, shutter_);
     camera_.create(arena, limits, configuration);
     lost_.create(world, estimator_, empty_places_, relocalisation);
-    keyframe_inserter_.create(configuration);
+    keyframe_inserter_.create(arena, limits, configuration);
     keyframe_average_.create(arena, limits, configuration);
     judge_.create(arena, limits, configuration);
     view_.create(arena, limits);

@@ -29,6 +29,7 @@ public:
         MeasuredFrame::plan(arena, limits);
         FrameEstimator::plan(arena, limits);
         CameraState::plan(arena, limits);
+        KeyframeInserter::plan(arena, limits);
         KeyframeAverage::plan(arena, limits);
         PointJudge::plan(arena, limits);
         FrameView::plan(arena, limits);

@@ -83,7 +83,8 @@ struct HintParameters { STILLMESH_TUNING_hint(STILLMESH_FIELD) };
     KEY(emptiness, std::uint32_t, reach_px, 3, 1.0, 10.0, "px", "around a place, all must be empty") \
     KEY(emptiness, double, sigmas, 5.0, 0.0, 100.0, "", "of depth noise beyond a place that is empty") \
     KEY(emptiness, double, margin_m, 0.06, 0.0, 10.0, "m", "beyond it beside noise") \
-    KEY(emptiness, std::uint32_t, views, 5, 1.0, 255.0, "", "frames that see a place empty before its point goes")
+    KEY(emptiness, std::uint32_t, views, 5, 1.0, 255.0, "", "frames that see a place empty before its point goes") \
+    KEY(emptiness, double, ray_px, 20.0, 0.0, 200.0, "px", "around a new feature, points that keyframes saw behind it say that it came; 0: not asked")
 struct EmptinessParameters { STILLMESH_TUNING_emptiness(STILLMESH_FIELD) };
 
 #define STILLMESH_TUNING_keyframes(KEY) \

@@ -64,7 +64,8 @@ struct DeskPlace {
 // The corridor runs along x, in sections that look alike; |y| <= 1.2. The camera goes from its begin, never back.
 inline constexpr double kCorridorHalfY = 1.2, kCorridorSection = 4.0, kCorridorPace_m_s = 0.5, kCorridorWay_m = 24.0;
 
-// The lift's doors: when they begin to close, are shut, open again, and stand open. In between it goes to another floor.
+// The lift's doors: when they begin to close, are shut, open again, and stand open. In between it goes to another
+// floor.
 inline constexpr double kLiftCloses_s = 3.0, kLiftShut_s = 5.2, kLiftOpens_s = 8.5, kLiftOpen_s = 10.7;
 
 // The room: |x| <= 3, |y| <= 2.5, 0 <= z <= 2.6.

@@ -97,8 +97,8 @@ private:
     CameraPath camera_;
     std::deque<Texture> textures_;  // addresses stay
     std::vector<Quad> quads_;
-    std::vector<Quad> trolley_;      // in its own frame
-    std::vector<Quad> lift_;         // all that stands still in it
+    std::vector<Quad> trolley_;       // in its own frame
+    std::vector<Quad> lift_;          // all that stands still in it
     std::vector<Quad> lift_door_[2];  // the left one and the right one, as they are when shut
     std::vector<Movable> movables_;
     std::vector<Quad> screens_;  // that play

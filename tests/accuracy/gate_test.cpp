@@ -20,7 +20,8 @@ Result good(const std::string& scene, const std::string& variant = "on") {
 std::vector<Result> all_good() {
     std::vector<Result> results = {good("static_xyz"),         good("sitting_rpy"),          good("walking_xyz"),
                                    good("walking_xyz", "off"), good("trolley_xyz"),          good("trolley_first"),
-                                   good("rearranged"),         good("walking_xyz", "alone"), good("fr1_rpy_a")};
+                                   good("rearranged"),         good("walking_xyz", "alone"), good("trolley_returns"),
+                                   good("fr1_rpy_a")};
     results.back().is_recording = true;
     return results;
 }
@@ -33,9 +34,11 @@ TEST(Gate, PassesAtTheBars) {
     results[0].measures.tracked = 980;
     results[0].measures.none = 20;
     results[0].measures.hole_longest = 20;
-    results[1].measures.wrong_tracked = 5;    // of 5000
-    results[1].measures.right_tracked = 400;  // of 6000: the recording's count too
+    results[1].measures.wrong_tracked = 6;    // of 6000
+    results[1].measures.right_tracked = 300;  // of 7000: the recording's count too
     results[0].measures.nees_first_sum = 12000;
+    results[8].measures.none = 300;  // a body hides the room
+    results[8].measures.hole_longest = 100;
     results[5].measures.ate_m = 1;  // trolley_first has no bar
     results[5].measures.wrong_tracked = 1000;
     EXPECT_TRUE(failures_of(results, gate_names()).empty());
@@ -57,6 +60,7 @@ TEST(Gate, FailsBeyondEachBar) {
              m.wrong_tracked = 0;
          }},
         {"trolley", 4, [](Measures& m) { m.ate_m = 0.0501; }},
+        {"minority", 8, [](Measures& m) { m.ate_m = 0.0201; }},
         {"rearranged", 6, [](Measures& m) { m.ate_m = 0.0201; }},
         {"static", 0,
          [](Measures& m) {
@@ -65,8 +69,8 @@ TEST(Gate, FailsBeyondEachBar) {
          }},
         {"sitting", 1, [](Measures& m) { m.hole_longest = 31; }},
         {"trolley", 4, [](Measures& m) { m.ate_m = -1; }},
-        {"tracked", 1, [](Measures& m) { m.wrong_tracked = 6; }},
-        {"right", 1, [](Measures& m) { m.right_tracked = 399; }},
+        {"tracked", 1, [](Measures& m) { m.wrong_tracked = 7; }},
+        {"right", 1, [](Measures& m) { m.right_tracked = 299; }},
         {"nees", 0, [](Measures& m) { m.nees_first_sum = 12001; }},
         {"nees", 0, [](Measures& m) { m.nees_first_sum = 2999; }},
         {"nees", 0, [](Measures& m) { m.covariance_bad = 1; }},
@@ -117,8 +121,8 @@ TEST(Gate, RecordingsHaveTheirOwnBars) {
     EXPECT_EQ(failures_of({result}, {"recordings"}).size(), 1U);
 }
 
-// Promise: mapping is held against tracking alone set by set, a set's seeds together, short runs and trolley_first left
-// out, and by the mean over the sets.
+// Promise: mapping is held against tracking alone set by set, a set's seeds together, short runs and bodies that
+// hide the room left out, and by the mean over the sets.
 TEST(Gate, MappingIsHeldAgainstTrackingAlone) {
     std::vector<Result> results;
     const auto add = [&](const std::string& scene, std::uint64_t seed, double on_m, double alone_m,
@@ -135,6 +139,7 @@ TEST(Gate, MappingIsHeldAgainstTrackingAlone) {
     add("walking_xyz", 1, 0.010, 0.020);
     add("walking_rpy", 1, 9, 0.020, 299);
     add("trolley_first", 1, 9, 0.020);
+    add("trolley_returns", 1, 0.010, 0.3);
     const std::vector<MappingSet> sets = mapping_sets(results);
     ASSERT_EQ(sets.size(), 2U);
     EXPECT_EQ(sets[0].runs, 2U);

@@ -412,6 +412,72 @@ TEST(SimulatedCamera, FurnitureChangesPlace) {
     }
 }
 
+// The share of the picture that moves, frame by frame.
+std::vector<double> moving_shares(const char* scene, std::uint64_t seed) {
+    SimulatedCamera camera({.scene = scene, .seed = seed, .width = 64, .height = 48});
+    EXPECT_EQ(camera.open(), Status::kOk);
+    std::vector<double> out;
+    Frame frame;
+    while (camera.poll(frame) == Status::kOk) out.push_back(camera.dynamic_share());
+    return out;
+}
+
+// Promise: the trolley that returns is out of sight for three seconds, and then covers more than 60 % of the picture
+// again and again, and now and then nearly none of it.
+TEST(SimulatedCamera, TrolleyComesAgainAndAgain) {
+    for (const std::uint64_t seed : {1U, 2U, 5U}) {
+        const std::vector<double> shares = moving_shares("trolley_returns", seed);
+        ASSERT_EQ(shares.size(), 450U);
+        EXPECT_EQ(*std::max_element(shares.begin(), shares.begin() + 90), 0) << seed;
+        int passes = 0;
+        bool is_away = true;
+        for (const double share : shares) {
+            passes += is_away && share > 0.6 ? 1 : 0;
+            if (share > 0.6) is_away = false;
+            if (share < 0.15) is_away = true;
+        }
+        EXPECT_GE(passes, 2) << seed;
+    }
+}
+
+// Promise: two people at arm's length hold more than half of the picture in the mean, and are never out of sight.
+TEST(SimulatedCamera, CrowdIsClose) {
+    for (const std::uint64_t seed : {1U, 2U, 5U}) {
+        const std::vector<double> shares = moving_shares("crowd_close", seed);
+        double sum = 0;
+        for (const double share : shares) sum += share;
+        EXPECT_GT(sum / static_cast<double>(shares.size()), 0.5) << seed;
+        EXPECT_GT(*std::min_element(shares.begin(), shares.end()), 0.1) << seed;
+    }
+}
+
+// Promise: of the lift only its doors move, while they close and while they open; shut, they hide the room: nothing
+// that is seen is more than a lift's depth away. Behind them is another floor in the end.
+TEST(SimulatedCamera, LiftShutsTheRoomOut) {
+    SimulatedCamera camera({.scene = "lift", .seed = 3, .width = 64, .height = 48});
+    ASSERT_EQ(camera.open(), Status::kOk);
+    Frame frame;
+    for (int i = 0; camera.poll(frame) == Status::kOk; ++i) {
+        const double time_s = i / 30.0;
+        const bool is_shut = time_s > 5.3 && time_s < 8.4;
+        const bool is_open = time_s < 2.9 || time_s > 10.8;
+        if (is_shut || is_open) {
+            EXPECT_EQ(camera.dynamic_share(), 0) << i;
+        }
+        double farthest_m = 0;
+        for (std::uint32_t y = 0; y < 48; ++y) {
+            for (std::uint32_t x = 0; x < 64; ++x)
+                farthest_m = std::max(farthest_m, frame.depth.row(y)[x] / frame.depth_units_per_m);
+        }
+        if (is_shut) {
+            EXPECT_LT(farthest_m, 1.8) << i;
+        }
+        if (is_open) {
+            EXPECT_GT(farthest_m, 1.8) << i;
+        }
+    }
+}
+
 // Promise: at its closest the trolley holds most of the picture, never the whole of it.
 TEST(SimulatedCamera, TrolleyLeavesSomeRoomInSight) {
     for (const char* scene : {"trolley_xyz", "trolley_first"}) {

@@ -29,6 +29,7 @@ protected:
         still_.reset();
         correspondences_.reset();
         judge_.reset();
+        inserter_.reset();
         frame_.reset();
         world_ = std::make_unique<test::SmallWorld>(parameters, limits);
         frame_ = std::make_unique<test::SmallFrame>(**world_);
@@ -39,9 +40,8 @@ protected:
         shutter_ = TrackedShutter{};
         shutter_.create(parameters, 120);
         shutter_.reset();
-        inserter_ = KeyframeInserter{};
-        inserter_.create((*world_)->parameters);
-        inserter_.reset();
+        inserter_ = std::make_unique<test::InWorld<KeyframeInserter>>(**world_);
+        (*inserter_)->reset();
         pose_ = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
         points_.clear();
     }
@@ -78,12 +78,13 @@ protected:
     }
     [[nodiscard]] std::uint32_t static_count() { return static_cast<std::uint32_t>((*still_)->size()); }
     double insert(std::uint64_t number = kNumber) {
-        return inserter_.insert({{frame_->measured, shutter_, pose_, number, kNow_ns, 8.5},
-                                 frame_->matcher,
-                                 **judge_,
-                                 static_count(),
-                                 1.25},
-                                **world_);
+        return (*inserter_)
+            ->insert({{frame_->measured, shutter_, pose_, number, kNow_ns, 8.5},
+                      frame_->matcher,
+                      **judge_,
+                      static_count(),
+                      1.25},
+                     **world_);
     }
     [[nodiscard]] Map& map() { return world_->map(); }
     [[nodiscard]] Handle<Keyframe> newest() { return map().recent_keyframe(0); }
@@ -98,7 +99,7 @@ protected:
     std::unique_ptr<test::InMemory<FixedVector<Correspondence>>> correspondences_;
     std::unique_ptr<test::InMemory<FixedVector<std::uint16_t>>> still_;
     TrackedShutter shutter_;
-    KeyframeInserter inserter_;
+    std::unique_ptr<test::InWorld<KeyframeInserter>> inserter_;
     SE3 pose_;
     std::vector<Handle<MapPoint>> points_;  // by feature
 };
@@ -113,15 +114,15 @@ TEST_F(Inserter, WantedAtTheThresholds) {
         p.keyframes.new_points_min = is_other ? 7 : 40;
         p.keyframes.gap_min = is_other ? 3 : 8;
         start(p);
-        inserter_.begin_after(10);
-        inserter_.set_tracked(200);
+        (*inserter_)->begin_after(10);
+        (*inserter_)->set_tracked(200);
         const std::uint64_t due = 10 + p.keyframes.gap_min;
         const std::uint32_t enough = is_other ? 100 : 150, possible = p.keyframes.new_points_min;
-        EXPECT_TRUE(inserter_.wants(due, enough - 1, possible));
-        EXPECT_TRUE(inserter_.wants(due + 1000, 0, possible + 1000));
-        EXPECT_FALSE(inserter_.wants(due - 1, enough - 1, possible)) << "too soon";
-        EXPECT_FALSE(inserter_.wants(due, enough, possible)) << "enough is tracked";
-        EXPECT_FALSE(inserter_.wants(due, enough - 1, possible - 1)) << "nothing new to see";
+        EXPECT_TRUE((*inserter_)->wants(due, enough - 1, possible));
+        EXPECT_TRUE((*inserter_)->wants(due + 1000, 0, possible + 1000));
+        EXPECT_FALSE((*inserter_)->wants(due - 1, enough - 1, possible)) << "too soon";
+        EXPECT_FALSE((*inserter_)->wants(due, enough, possible)) << "enough is tracked";
+        EXPECT_FALSE((*inserter_)->wants(due, enough - 1, possible - 1)) << "nothing new to see";
     }
 }
 
@@ -139,18 +140,18 @@ TEST_F(Inserter, UrgentlyWantedSooner) {
         const std::uint64_t due = 10 + p.keyframes.gap_min / 4;
         const std::uint32_t share = is_other ? 50 : 100, count = is_other ? 10 : 12;
         const std::uint32_t possible = p.keyframes.new_points_min;
-        inserter_.begin_after(10);
-        EXPECT_TRUE(inserter_.wants(due, 1000, possible)) << "nothing is known";
-        EXPECT_FALSE(inserter_.wants(due - 1, 1000, possible));
-        inserter_.set_tracked(200);
-        EXPECT_TRUE(inserter_.wants(due, share - 1, possible));
-        EXPECT_FALSE(inserter_.wants(due - 1, share - 1, possible));
-        EXPECT_FALSE(inserter_.wants(due, share, possible)) << "waits for gap_min";
-        EXPECT_TRUE(inserter_.wants(10 + p.keyframes.gap_min, share, possible));
-        EXPECT_FALSE(inserter_.wants(due, share - 1, possible - 1)) << "urgent or not";
-        inserter_.set_tracked(count + 1);  // of which nearly all is tracked, and yet it is little
-        EXPECT_TRUE(inserter_.wants(due, count - 1, possible));
-        EXPECT_FALSE(inserter_.wants(due, count, possible));
+        (*inserter_)->begin_after(10);
+        EXPECT_TRUE((*inserter_)->wants(due, 1000, possible)) << "nothing is known";
+        EXPECT_FALSE((*inserter_)->wants(due - 1, 1000, possible));
+        (*inserter_)->set_tracked(200);
+        EXPECT_TRUE((*inserter_)->wants(due, share - 1, possible));
+        EXPECT_FALSE((*inserter_)->wants(due - 1, share - 1, possible));
+        EXPECT_FALSE((*inserter_)->wants(due, share, possible)) << "waits for gap_min";
+        EXPECT_TRUE((*inserter_)->wants(10 + p.keyframes.gap_min, share, possible));
+        EXPECT_FALSE((*inserter_)->wants(due, share - 1, possible - 1)) << "urgent or not";
+        (*inserter_)->set_tracked(count + 1);  // of which nearly all is tracked, and yet it is little
+        EXPECT_TRUE((*inserter_)->wants(due, count - 1, possible));
+        EXPECT_FALSE((*inserter_)->wants(due, count, possible));
     }
 }
 
@@ -289,9 +290,9 @@ TEST_F(Inserter, SharesAndWhatIsComparedWith) {
         match();
         EXPECT_NEAR(insert(), 30.0 / 50.0, 1e-12);
         const std::uint32_t compared = 20 + 30 / new_per_tracked;
-        EXPECT_TRUE(inserter_.wants(kNumber + 1, compared - 1, 1));
-        EXPECT_FALSE(inserter_.wants(kNumber + 1, compared, 1));
-        EXPECT_FALSE(inserter_.wants(kNumber, 0, 1)) << "the gap begins anew";
+        EXPECT_TRUE((*inserter_)->wants(kNumber + 1, compared - 1, 1));
+        EXPECT_FALSE((*inserter_)->wants(kNumber + 1, compared, 1));
+        EXPECT_FALSE((*inserter_)->wants(kNumber, 0, 1)) << "the gap begins anew";
     }
     start(test::small_parameters());
     frame_->measure();
@@ -524,9 +525,59 @@ TEST_F(Inserter, KeyframesWaitForMapping) {
         const EngineStatistics& statistics = (*world_)->statistics;
         EXPECT_EQ(statistics.keyframes_made, World::kKeyframeQueueMax + 2);
         EXPECT_EQ(statistics.keyframes_refused, is_mapping ? 2U : 0U);
-        inserter_.reset();
-        EXPECT_TRUE(inserter_.wants(2, 1000, parameters.keyframes.new_points_min)) << "nothing is known of before";
-        EXPECT_FALSE(inserter_.wants(1, 1000, parameters.keyframes.new_points_min));
+        (*inserter_)->reset();
+        EXPECT_TRUE((*inserter_)->wants(2, 1000, parameters.keyframes.new_points_min)) << "nothing is known of before";
+        EXPECT_FALSE((*inserter_)->wants(1, 1000, parameters.keyframes.new_points_min));
+    }
+}
+
+// Promise: a new feature where a keyframe saw through, to a point behind it that is known to stand still, is
+// suspicious. It is not where points were seen at its own depth, or before it; where what was behind may move, or is
+// not known for long, or had no depth; where the keyframe stood elsewhere, so that only now something is hidden; and
+// when nobody asks.
+TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
+    struct Story {
+        const char* name;
+        double seen_z_m;
+        bool is_came;
+        bool is_suspect = false, is_young = false, has_depth = true;
+        double aside_m = 0, ray_px = 20;
+    };
+    const Story stories[] = {{"behind", 3, true},
+                             {"there", 1.5, false},
+                             {"before", 1, false},
+                             {"moves", 3, false, true},
+                             {"young", 3, false, false, true},
+                             {"no depth", 3, false, false, false, false},
+                             {"hidden only now", 3, false, false, false, true, 0.8},
+                             {"not asked", 3, false, false, false, true, 0, 0}};
+    for (const Story& story : stories) {
+        Parameters parameters = test::small_parameters();
+        parameters.emptiness.ray_px = story.ray_px;
+        start(parameters);
+        for (int i = 0; i < 6; ++i) add(10 + 12 * static_cast<std::uint32_t>(i), 10, Shows::kStill, 3);
+        const std::size_t feature = add(100, 80, Shows::kNew, 1.5);
+        match();
+        SE3 then = pose_;
+        then.translation = pose_ * Vector3(story.aside_m, 0, 0);
+        const Handle<Keyframe> keyframe = world_->add_keyframe(then, 90);
+        const Vector3 p = pose_ * test::point_at_pixel(100, 80, story.seen_z_m);
+        Observation seen;
+        seen.point = world_->add_point(p, test::descriptor_of(50));
+        const Vector3 q = then.inverse() * p;
+        seen.x = static_cast<float>(q.x() / q.z() * test::small_camera().fx + test::small_camera().cx);
+        seen.y = static_cast<float>(q.y() / q.z() * test::small_camera().fy + test::small_camera().cy);
+        seen.z_m = static_cast<float>(q.z());
+        seen.var_z = story.has_depth ? 1e-4F : -1.0F;
+        MapPoint& point = (*world_)[seen.point];
+        point.created_ns = kNow_ns - (story.is_young ? 100'000'000 : 10'000'000'000);
+        point.is_suspect = story.is_suspect;
+        map().add_observation(keyframe, seen);
+        (*world_)->local_map.build((*world_)->map, pose_);
+        ASSERT_EQ((*world_)->local_map.keyframes()[keyframe.slot()], 1) << story.name;
+        insert();
+        ASSERT_NE(shown(feature), nullptr) << story.name;
+        EXPECT_EQ(shown(feature)->is_suspect, story.is_came) << story.name;
     }
 }
 

@@ -16,6 +16,7 @@
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/frames.hpp"
 #include "tests/support/memory.hpp"
+#include "tests/support/small_world.hpp"
 
 namespace stillmesh {
 namespace {
@@ -117,8 +118,9 @@ TEST(PaperMethod, WeightsAreThoseOfAlgorithmTwo) {
 // and more than 40 are new, in whatever frame.
 TEST(PaperMethod, KeyframeRule) {
     const Parameters parameters = as_in_paper(paper());
-    KeyframeInserter inserter;
-    inserter.create(parameters);
+    test::SmallWorld world(parameters);
+    test::InWorld<KeyframeInserter> room(*world);
+    KeyframeInserter& inserter = *room;
     inserter.reset();
     inserter.begin_after(7);
     inserter.set_tracked(100);

@@ -59,8 +59,7 @@ TEST_F(Turn, WhatStaysIsNotCarried) {
 TEST_F(Turn, AQuietCameraIsBelieved) {
     start_given();
     Random random(5);
-    for (int frame = 0; frame < 320; ++frame)
-        ASSERT_LT(turned(Vector3::Zero(), random).norm(), kNothing) << frame;
+    for (int frame = 0; frame < 320; ++frame) ASSERT_LT(turned(Vector3::Zero(), random).norm(), kNothing) << frame;
     EXPECT_LT(turned(Vector3(0, 0, 0.01), random).norm(), kNothing);
 }
 
