@@ -134,7 +134,8 @@ Status ReplayCamera::find_calibration() {
     }
     calibration_source_ = options_.calibration;
     if (calibration_source_.empty()) {
-        for (const char* name : {"camera.toml", "camera.yaml", "camera.yml"}) {
+        for (const char* name : {"camera.toml", "camera.yaml", "camera.yml", "camera.json", "camera_info.yaml",
+                                 "calibration.yaml", "calibration.txt", "intrinsics.json"}) {
             const std::string file = options_.folder + "/" + name;
             std::error_code error;
             if (std::filesystem::exists(file, error)) {
@@ -151,7 +152,14 @@ Status ReplayCamera::find_calibration() {
         message_ += ").";
         return Status::kInvalid;
     }
-    return load_calibration(calibration_source_, info_, message_);
+    STILLMESH_TRY(load_calibration(calibration_source_, info_, message_));
+    if (options_.depth_units_per_m > 0) info_.depth_units_per_m = options_.depth_units_per_m;
+    if (info_.depth_units_per_m > 0) return Status::kOk;
+    message_ =
+        calibration_source_ +
+        ": does not say how many depth units make a metre; give --depth-units N (1000 for millimetres, 5000 in TUM "
+        "recordings), or a camera file with a key 'depth_units_per_m'.";
+    return Status::kInvalid;
 }
 
 Status ReplayCamera::find_pairs() {

@@ -23,6 +23,7 @@ struct ReplayOptions {
     std::string folder;
     std::string calibration;                           // file or built-in name; empty: the folder's own
     std::optional<CameraInfo> camera = std::nullopt;   // known from elsewhere: nothing is read
+    double depth_units_per_m = 0;                      // instead of the camera file's; 0: as it says
     std::uint32_t width_max = 640;                     // px; larger images are refused
     std::uint32_t height_max = 480;                    // px
     std::int64_t association_gap_max_ns = 20'000'000;  // between a colour image and its depth image

@@ -304,6 +304,7 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     ReplayCamera camera({.folder = folder,
                          .calibration = arguments.calibration,
+                         .depth_units_per_m = arguments.depth_units_per_m,
                          .width_max = sizes.width_max,
                          .height_max = sizes.height_max,
                          .association_gap_max_ns = nanoseconds(arguments.replay_pair_gap_s),

@@ -169,7 +169,7 @@ INSTANTIATE_TEST_SUITE_P(
                   write_text(f + "/camera.yaml",
                              "Camera.fx: 52\nCamera.fy: 52\nCamera.cx: 31\nCamera.cy: 23\nDepthMapFactor: 0\n");
               },
-              Status::kInvalid, "camera.yaml: key 'DepthMapFactor' is 0"},
+              Status::kInvalid, "key 'DepthMapFactor' is 0"},
         Fault{"calibration_of_another_size", [](const std::string&) {}, Status::kInvalid,
               "tum-fr1: is for 640x480 pixels, the images are 64x48", "tum-fr1"},
         Fault{"images_missing", [](const std::string& f) { std::filesystem::remove_all(f + "/rgb"); },
