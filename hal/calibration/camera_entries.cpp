@@ -11,7 +11,7 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::size_t kWordsMax = 20000;  // of a file: aliases make many of few bytes
+constexpr std::size_t kLettersMax = 1024 * 1024;  // of a file's keys and words: aliases make many of few bytes
 constexpr int kDepthMax = 8;
 
 Status fail(std::string& message, const std::string& file, std::size_t line, const std::string& sentence) {
@@ -94,9 +94,10 @@ private:
         return node.Mark().line < 0 ? 0 : static_cast<std::size_t>(node.Mark().line) + 1;
     }
     [[nodiscard]] Status value(const YAML::Node& node, const std::string& key, std::size_t line, int depth) {
-        if (depth > kDepthMax || ++words_ > kWordsMax) return too_much(line);
+        if (depth > kDepthMax || !count(key.size())) return too_much(line);
         if (node.IsMap()) return map(node, key + ".", depth + 1);
         CameraEntry entry{key, {}, line};
+        if (node.IsScalar() && !count(node.Scalar().size())) return too_much(line);
         if (node.IsScalar()) entry.words.push_back(node.Scalar());
         if (node.IsSequence()) STILLMESH_TRY(list(node, key, entry, depth + 1));
         entries_.push_back(std::move(entry));
@@ -105,7 +106,7 @@ private:
     [[nodiscard]] Status list(const YAML::Node& node, const std::string& key, CameraEntry& entry, int depth) {
         std::size_t place = 0;
         for (const auto& item : node) {
-            if (depth > kDepthMax || ++words_ > kWordsMax) return too_much(entry.line);
+            if (depth > kDepthMax || !count(item.IsScalar() ? item.Scalar().size() : 0)) return too_much(entry.line);
             if (item.IsScalar()) entry.words.push_back(item.Scalar());
             if (item.IsSequence()) STILLMESH_TRY(list(item, key, entry, depth + 1));
             if (item.IsMap()) STILLMESH_TRY(map(item, key + "." + std::to_string(place) + ".", depth + 1));
@@ -113,6 +114,8 @@ private:
         }
         return Status::kOk;
     }
+    // What an entry or a word takes, more or less. False: too much.
+    [[nodiscard]] bool count(std::size_t letters) { return (letters_ += letters + 32) <= kLettersMax; }
     [[nodiscard]] Status too_much(std::size_t line) {
         return fail(message_, file_, line, "this is no camera file: it nests too deeply, or holds too much.");
     }
@@ -120,7 +123,7 @@ private:
     const std::string& file_;
     std::vector<CameraEntry>& entries_;
     std::string& message_;
-    std::size_t words_ = 0;
+    std::size_t letters_ = 0;
 };
 
 // The words of a file that holds nothing but numbers; empty: it holds something else.

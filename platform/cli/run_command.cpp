@@ -278,7 +278,8 @@ int track_maybe_faulty(const Source& source, bool is_open, const RunArguments& a
 }
 
 // What is not as every recording has it is said, so that a wrong guess does not go unseen.
-void note_what_was_read(const ReplayCounts& counts, double pair_gap_s, RunRecord& record) {
+void note_what_was_read(const ReplayCamera& camera, double pair_gap_s, RunRecord& record) {
+    const ReplayCounts& counts = camera.counts();
     if (counts.colour_images > counts.frames) {
         record.notes.push_back(fmt::format("{} of {} colour images have no depth image within {:.0f} ms: skipped.",
                                            counts.colour_images - counts.frames, counts.colour_images,
@@ -288,6 +289,13 @@ void note_what_was_read(const ReplayCounts& counts, double pair_gap_s, RunRecord
         record.notes.push_back(fmt::format("the times of the recording are taken for {}: they go up by {:g}.",
                                            time_unit_name(counts.unit), counts.step));
     }
+    const CameraModel& model = camera.info().model;
+    if (counts.depth_width != model.width) {
+        record.notes.push_back(
+            fmt::format("depth is {}x{}, colour {}x{}: taken for the same view, the nearest pixel counts.",
+                        counts.depth_width, counts.depth_height, model.width, model.height));
+    }
+    if (counts.is_colour_wide) record.notes.push_back("colour is 16-bit grey: its high byte is tracked.");
     constexpr std::int64_t kUsual_ns = 20'000'000;
     if (counts.pair_gap_longest_ns > kUsual_ns) {
         record.notes.push_back(fmt::format(
@@ -322,7 +330,7 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
         return refuse(message);
     }
     const ReplayCounts& counts = camera.counts();
-    note_what_was_read(counts, arguments.replay_pair_gap_s, record);
+    note_what_was_read(camera, arguments.replay_pair_gap_s, record);
     return track_maybe_faulty(
         {.camera = camera, .message = [&camera] { return camera.message(); }, .frames = counts.frames}, true, arguments,
         begin_ns, record);

@@ -184,8 +184,9 @@ TEST(Calibration, MissingNanAndRange) {
     EXPECT_NE(error_of(replaced(kOrbSlam, "517.306408", ".nan"), CalibrationFormat::kYaml)
                   .find("'Camera.fx' is not a finite"),
               std::string::npos);
-    EXPECT_NE(error_of(replaced(kRos, "516.469215", "inf"), CalibrationFormat::kYaml).find("'camera_matrix.data' is not a"),
-              std::string::npos);
+    EXPECT_NE(
+        error_of(replaced(kRos, "516.469215", "inf"), CalibrationFormat::kYaml).find("'camera_matrix.data' is not a"),
+        std::string::npos);
     EXPECT_NE(error_of(replaced(kOrbSlam, "5000.0", "0"), CalibrationFormat::kYaml)
                   .find("key 'DepthMapFactor' is 0; it must lie between 100 and"),
               std::string::npos);
@@ -232,6 +233,10 @@ TEST(Calibration, AnyBytesAreSafe) {
     std::string nested;
     for (int i = 0; i < 300; ++i) nested += std::string(static_cast<std::size_t>(i), ' ') + "a:\n";
     static_cast<void>(error_of(nested, CalibrationFormat::kYaml));
+    // Aliases that make much of little: of a long word, of a long key, of lists of lists.
+    std::string aliases = "a: &a " + std::string(30000, 'x') + "\nfx: [";
+    for (int i = 0; i < 10000; ++i) aliases += "*a,";
+    static_cast<void>(error_of(aliases + "*a]\n", CalibrationFormat::kYaml));
     std::string dashes;
     for (int i = 0; i < 20000; ++i) dashes += "- ";
     static_cast<void>(error_of(dashes, CalibrationFormat::kYaml));
