@@ -11,8 +11,9 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::size_t kLettersMax = 1024 * 1024;  // of a file's keys and words: aliases make many of few bytes
+constexpr std::size_t kLettersMax = 256 * 1024;  // of a file's keys and words: aliases make many of few bytes
 constexpr int kDepthMax = 8;
+constexpr std::size_t kDocumentsMax = 16;
 
 Status fail(std::string& message, const std::string& file, std::size_t line, const std::string& sentence) {
     message = camera_file_message(file, line, sentence);
@@ -49,21 +50,29 @@ Status fail(std::string& message, const std::string& file, std::size_t line, con
            c == '-';
 }
 
-// What OpenCV takes for YAML, as YAML of the same lines: its first line is none, and it wants no blank behind a colon.
-[[nodiscard]] std::string as_yaml(std::string_view text) {
-    std::string body;
-    body.reserve(text.size() + 64);
+// What OpenCV takes for YAML, as YAML of the same lines, a document each: its first line is none, and it wants no blank
+// behind a colon.
+[[nodiscard]] std::vector<std::string> as_yaml(std::string_view text) {
+    // yaml-cpp's own way to read several documents does not end on some broken ones.
+    std::vector<std::string> documents(1);
+    std::size_t lines = 0;
     for (std::size_t begin = 0; begin < text.size();) {
         const std::size_t end = std::min(text.find('\n', begin), text.size());
         const std::string_view line = text.substr(begin, end - begin);
         begin = end + 1;
+        ++lines;
+        std::string& body = documents.back();
+        if (line.substr(0, line.find_last_not_of(" \t\r") + 1) == "---" && documents.size() < kDocumentsMax) {
+            documents.emplace_back(lines, '\n');  // its lines keep their numbers
+            continue;
+        }
         const std::size_t first = std::min(line.find_first_not_of(" \t"), line.size());
         std::size_t colon = first;
         while (colon < line.size() && is_key_letter(line[colon])) ++colon;
         const bool is_bare_key = colon > first && colon + 1 < line.size() && line[colon] == ':' &&
                                  (line[first] < '0' || line[first] > '9') && line[colon + 1] != ' ' &&
                                  line[colon + 1] != '\t' && line[colon + 1] != '\r';
-        if (line.starts_with("%YAML:")) {
+        if (line.starts_with("%YAML")) {
         } else if (is_bare_key) {
             body.append(line.substr(0, colon + 1)).append(" ").append(line.substr(colon + 1));
         } else {
@@ -71,7 +80,7 @@ Status fail(std::string& message, const std::string& file, std::size_t line, con
         }
         body += '\n';
     }
-    return body;
+    return documents;
 }
 
 // Walks the nodes of a document.
@@ -115,7 +124,7 @@ private:
         return Status::kOk;
     }
     // What an entry or a word takes, more or less. False: too much.
-    [[nodiscard]] bool count(std::size_t letters) { return (letters_ += letters + 32) <= kLettersMax; }
+    [[nodiscard]] bool count(std::size_t letters) { return (letters_ += letters + 64) <= kLettersMax; }
     [[nodiscard]] Status too_much(std::size_t line) {
         return fail(message_, file_, line, "this is no camera file: it nests too deeply, or holds too much.");
     }
@@ -177,12 +186,12 @@ Status read_yaml_entries(std::string_view text, const std::string& file, std::ve
     if (std::vector<std::string> numbers = only_numbers(text); !numbers.empty()) {
         return entries_of_numbers(std::move(numbers), file, entries, message);
     }
-    const std::string body = as_yaml(text);
-    if (nests_deeply(body)) return fail(message, file, 0, "this is no camera file: it nests too deeply.");
     try {
         Flattener flattener(file, entries, message);
         // What `rostopic echo` prints ends with a "---", and keys may have been added behind it: read together.
-        for (const YAML::Node& document : YAML::LoadAll(body)) {
+        for (const std::string& body : as_yaml(text)) {
+            if (nests_deeply(body)) return fail(message, file, 0, "this is no camera file: it nests too deeply.");
+            const YAML::Node document = YAML::Load(body);
             if (document.IsNull()) continue;
             if (!document.IsMap()) {
                 return fail(message, file, 0, "this is no camera file: expected lines like 'Camera.fx: 525'.");

@@ -35,7 +35,7 @@ enum Number : std::size_t {
     kNumbersCount
 };
 
-constexpr double kSizeMax = 2047;        // the exact mesh predicates end there
+constexpr double kSizeMax = 4096;        // what may be halved; the engine takes less
 constexpr double kFocalMax = 20000;      // px
 constexpr double kReadoutMax_s = 0.1;    // three frames of a usual camera
 constexpr double kDistortionMax = 1000;  // a real lens stays far below; the engine checks the shape itself

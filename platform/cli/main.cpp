@@ -158,6 +158,10 @@ int program(int argc, char** argv) {
         ->type_name("FILE|NAME")
         ->group(kCameraGroup);
     add_depth_units_option(*run_app, arguments.depth_units_per_m, kCameraGroup);
+    run_app
+        ->add_flag("--half", arguments.is_half,
+                   "track images at half their width and height, lens and all: 1280x720 as 640x360")
+        ->group(kCameraGroup);
     run_app->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
         ->type_name("N")
@@ -343,6 +347,7 @@ int program(int argc, char** argv) {
         ->add_option("--map-store", rerun.map_store, "the map store that the run used, if it held regions before it")
         ->type_name("DIR");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
+    rerun_command->add_flag("--half", rerun.is_half, "if the run had this switch, and the folder is what was replayed");
     rerun_command
         ->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with, if not the default one")
         ->type_name("FILE");

@@ -34,6 +34,7 @@ struct RunArguments {
     RunLoopOptions loop;
     bool is_json = false;
     bool is_realtime = false;
+    bool is_half = false;    // images are halved before they are tracked
     bool does_wait = false;  // for a live camera at the start
     bool print_config = false;
     bool is_camera_check = false;  // nothing but what the camera check found is written
