@@ -6,14 +6,16 @@
 namespace stillmesh {
 namespace {
 
-// Of up to four depths the lower middle one of those that are any; 0: none is.
+// Of four depths the lower middle one of those that are any; 0: none is. Without branches: depth is as good as random
+// to them. One less than each, none is the largest; then the smallest of one or two, or the second of three or four.
 [[nodiscard]] std::uint16_t middle(std::uint16_t a, std::uint16_t b, std::uint16_t c, std::uint16_t d) noexcept {
-    std::uint16_t sorted[] = {a, b, c, d};
-    std::sort(std::begin(sorted), std::end(sorted));
-    const auto* const first =
-        std::find_if(std::begin(sorted), std::end(sorted), [](std::uint16_t v) { return v != 0; });
-    const auto count = std::end(sorted) - first;
-    return count == 0 ? std::uint16_t{0} : first[(count - 1) / 2];
+    const auto less = [](std::uint16_t value) { return static_cast<std::uint16_t>(value - 1); };
+    const std::uint16_t low_ab = std::min(less(a), less(b)), high_ab = std::max(less(a), less(b));
+    const std::uint16_t low_cd = std::min(less(c), less(d)), high_cd = std::max(less(c), less(d));
+    const std::uint16_t first = std::min(low_ab, low_cd);
+    const std::uint16_t second = std::min(std::max(low_ab, low_cd), std::min(high_ab, high_cd));
+    const int count = (a != 0) + (b != 0) + (c != 0) + (d != 0);
+    return static_cast<std::uint16_t>((count >= 3 ? second : first) + 1);
 }
 
 }  // namespace
