@@ -1,4 +1,4 @@
-// Camera files in TOML, ROS YAML and ORB-SLAM YAML: any bytes give either a sentence, or a calibration that makes sense
+// Camera files of all kinds, in TOML, YAML, JSON and text: any bytes give either a sentence, or a calibration that makes sense
 // and survives being written and read again.
 #include <algorithm>
 #include <string>

@@ -45,13 +45,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     using namespace stillmesh;
     constexpr std::uint32_t kSideMax = 256;  // a limit as replay has one
     const std::span<const std::uint8_t> bytes(data, size_bytes);
-    PngHeader header;
+    ImageHeader header;
     std::string message;
     const Status status = decode_png_header(bytes, "file", header, message);
     fuzz::expect((status == Status::kOk) == message.empty(), "a sentence for an error, and only for an error");
     fuzz::expect(status == Status::kOk || status == Status::kCorrupt || status == Status::kInvalid,
                  "a bad header is kCorrupt or kInvalid");
-    if (status != Status::kOk) header = {8, 6, PngKind::kGrey8};
+    if (status != Status::kOk) header = {8, 6, ImageKind::kGrey8};
     if (header.width > kSideMax || header.height > kSideMax) return 0;
     fuzz::expect(header.width > 0 && header.height > 0, "an image has pixels");
 
@@ -62,14 +62,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
 
     // Another size, kind or buffer than expected is refused, and the buffer is left alone.
     std::fill(pixels.begin(), pixels.end(), std::uint8_t{0xa5});
-    PngHeader other = header;
+    ImageHeader other = header;
     other.width += 1;
     fuzz::expect(decode_png(bytes, "file", other, pixels, message) != Status::kOk, "the width is compared");
     other = header;
     other.height += 1;
     fuzz::expect(decode_png(bytes, "file", other, pixels, message) != Status::kOk, "the height is compared");
     other = header;
-    other.kind = header.kind == PngKind::kGrey8 ? PngKind::kGrey16 : PngKind::kGrey8;
+    other.kind = header.kind == ImageKind::kGrey8 ? ImageKind::kGrey16 : ImageKind::kGrey8;
     fuzz::expect(decode_png(bytes, "file", other, pixels, message) != Status::kOk, "the kind is compared");
     const std::span<std::uint8_t> short_buffer = std::span(pixels).first(pixels.size() - 1);
     fuzz::expect(decode_png(bytes, "file", header, short_buffer, message) != Status::kOk, "the buffer is compared");

@@ -118,11 +118,11 @@ bool add_recorded(const std::string& folder, std::uint32_t step, std::vector<Pla
         view.camera = camera.info().model;
         view.world_from_camera = pose_of(pose.t, pose.q);
         mask.clear();
-        PngHeader header;
+        ImageHeader header;
         // Masks are named after the colour images' times.
         const std::string mask_file = folder + "/masks/" + time_text(frame.time_ns).substr(0, 17) + ".png";
         ImageView<std::uint8_t> mask_view;
-        if (read_png_header(mask_file, header, message) == Status::kOk && header.kind == PngKind::kGrey8) {
+        if (read_png_header(mask_file, header, message) == Status::kOk && header.kind == ImageKind::kGrey8) {
             mask.resize(std::size_t{header.width} * header.height);
             if (read_png(mask_file, header, mask, message) == Status::kOk) {
                 mask_view = {mask.data(), header.width, header.height, header.width};

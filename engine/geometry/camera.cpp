@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/base/numbers.hpp"
+#include "engine/geometry/trig.hpp"
 
 namespace stillmesh {
 namespace {
@@ -24,12 +25,42 @@ struct Distorted {
     double xx, xy, yy;  // the Jacobian; it is symmetric: the distortion is the gradient of a potential
 };
 
+struct Radial {
+    double factor;
+    double slope;  // d factor / d r2, times 2
+};
+
+Radial brown(const CameraModel& m, double r2) noexcept {
+    return {1.0 + r2 * (m.k1 + r2 * (m.k2 + r2 * m.k3)), 2.0 * (m.k1 + r2 * (2.0 * m.k2 + r2 * (3.0 * m.k3)))};
+}
+
+Radial rational(const CameraModel& m, double r2) noexcept {
+    constexpr double kLeast = 1e-6;  // at its pole a lens ends
+    const Radial above = brown(m, r2);
+    const double below = std::max(1.0 + r2 * (m.k4 + r2 * (m.k5 + r2 * m.k6)), kLeast);
+    const double below_slope = 2.0 * (m.k4 + r2 * (2.0 * m.k5 + r2 * (3.0 * m.k6)));
+    const double factor = above.factor / below;
+    return {factor, (above.slope - factor * below_slope) / below};
+}
+
+Radial fisheye(const CameraModel& m, double r2) noexcept {
+    // Near the axis both would be differences of equal numbers: there theta is r - r^3 / 3.
+    if (r2 < 1e-6) return {1.0 + r2 * (m.k1 - 1.0 / 3.0), 2.0 * (m.k1 - 1.0 / 3.0)};
+    const double r = std::sqrt(r2);
+    const double theta = arc_tan2(r, 1.0);
+    const double t2 = theta * theta;
+    const double factor = theta * polynomial(t2, m.k4, m.k3, m.k2, m.k1, 1.0) / r;
+    const double by_theta = polynomial(t2, 9.0 * m.k4, 7.0 * m.k3, 5.0 * m.k2, 3.0 * m.k1, 1.0);
+    return {factor, (by_theta / (1.0 + r2) - factor) / r2};
+}
+
 Distorted distort(const CameraModel& m, const Vector2& n) noexcept {
     const double x = n.x();
     const double y = n.y();
     const double r2 = x * x + y * y;
-    const double radial = 1.0 + r2 * (m.k1 + r2 * (m.k2 + r2 * m.k3));
-    const double slope = 2.0 * (m.k1 + r2 * (2.0 * m.k2 + r2 * (3.0 * m.k3)));  // d radial / d r2, times 2
+    const auto [radial, slope] = m.is_plain_brown()         ? brown(m, r2)
+                                 : m.lens == Lens::kFisheye ? fisheye(m, r2)
+                                                            : rational(m, r2);
     Distorted d;
     d.position.x() = x * radial + 2.0 * m.p1 * x * y + m.p2 * (r2 + 2.0 * x * x);
     d.position.y() = y * radial + m.p1 * (r2 + 2.0 * y * y) + 2.0 * m.p2 * x * y;
@@ -40,7 +71,7 @@ Distorted distort(const CameraModel& m, const Vector2& n) noexcept {
 }
 
 bool has_distortion(const CameraModel& m) noexcept {
-    return m.k1 != 0.0 || m.k2 != 0.0 || m.p1 != 0.0 || m.p2 != 0.0 || m.k3 != 0.0;
+    return m.k1 != 0.0 || m.k2 != 0.0 || m.p1 != 0.0 || m.p2 != 0.0 || m.k3 != 0.0 || !m.is_plain_brown();
 }
 
 Vector2 pixel_to_distorted(const CameraModel& m, const Vector2& pixel) noexcept {
@@ -93,10 +124,13 @@ bool is_monotonic_along_ray(const CameraModel& m, const Vector2& pixel) noexcept
 
 Status validate(const CameraModel& model) noexcept {
     if (model.width == 0 || model.height == 0) return Status::kInvalid;
-    for (const double value :
-         {model.fx, model.fy, model.cx, model.cy, model.k1, model.k2, model.p1, model.p2, model.k3}) {
+    for (const double value : {model.fx, model.fy, model.cx, model.cy, model.k1, model.k2, model.p1, model.p2, model.k3,
+                               model.k4, model.k5, model.k6}) {
         if (!is_finite(value)) return Status::kInvalid;
     }
+    if (model.lens != Lens::kBrown && model.lens != Lens::kFisheye) return Status::kInvalid;
+    const bool has_others = model.p1 != 0.0 || model.p2 != 0.0 || model.k5 != 0.0 || model.k6 != 0.0;
+    if (model.lens == Lens::kFisheye && has_others) return Status::kInvalid;
     if (!(model.fx > 0.0 && model.fy > 0.0)) return Status::kInvalid;
     if (!has_distortion(model)) return Status::kOk;
     // Rays to the border, every 8 px: about 7000 solutions for VGA, once per camera.
@@ -127,8 +161,18 @@ bool project(const CameraModel& model, const Vector3& q, double z_min_m, Vector2
     const Vector2 n(q.x() / q.z(), q.y() / q.z());
     const double out_x = kReachFactor * std::max(model.cx, model.width - model.cx) + kReach * model.fx;
     const double out_y = kReachFactor * std::max(model.cy, model.height - model.cy) + kReach * model.fy;
-    if (std::abs(n.x()) * model.fx > out_x || std::abs(n.y()) * model.fy > out_y) return false;
-    pixel = distort_to_pixel(model, n);
+    if (model.is_plain_brown()) {
+        if (std::abs(n.x()) * model.fx > out_x || std::abs(n.y()) * model.fy > out_y) return false;
+        pixel = distort_to_pixel(model, n);
+        return true;
+    }
+    // A wide lens bends much in from far out: what it truly sees there comes back when the bend is taken off again.
+    constexpr double kBackMax = 1e-4;  // of 1 + r^2, as the tangent of an angle grows
+    const Vector2 d = distort(model, n).position;
+    if (!(std::abs(d.x()) * model.fx <= out_x && std::abs(d.y()) * model.fy <= out_y)) return false;
+    const double far = kBackMax * (1.0 + n.squaredNorm());
+    if (!(distance2(undistort_from(model, d, d), n) < far * far)) return false;
+    pixel = {model.fx * d.x() + model.cx, model.fy * d.y() + model.cy};
     return true;
 }
 

@@ -1,5 +1,5 @@
-// Pinhole projection and distortion. Features are undistorted once, when they enter; everything behind works on
-// undistorted, normalised coordinates (x/z, y/z).
+// Pinhole projection and distortion (camera_model.hpp has the formulas). Features are undistorted once, when they
+// enter; everything behind works on undistorted, normalised coordinates (x/z, y/z).
 #pragma once
 
 #include "engine/base/status.hpp"
@@ -8,8 +8,9 @@
 
 namespace stillmesh {
 
-// kInvalid: a size of 0, a focal length that is not positive, a value that is not finite, or a distortion that folds
-// the image (not monotonic inside the image).
+// kInvalid: a size of 0, a focal length that is not positive, a value that is not finite, a fisheye with other
+// coefficients than its four, or a distortion that folds the image (not monotonic inside the image; a fisheye ends 84
+// degrees off its axis).
 [[nodiscard]] Status validate(const CameraModel& model) noexcept;
 
 // Normalised (x/z, y/z) to raw (distorted) pixels.

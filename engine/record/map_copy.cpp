@@ -133,6 +133,7 @@ Status MapCopy::begin(std::span<std::byte> workspace, const Limits& limits, cons
     head.info.pyramid_levels = origin.pyramid_levels;
     head.info.scale_factor = origin.scale_factor;
     head.info.extractor = origin.extractor;
+    head.info.lens_crc = lens_crc_of(origin.camera);
     for (StagedKeyframe& staged : parts_.keyframes) staged.handle = {};
     stage_ = Stage::kFeatures;
     cursor_ = 0;

@@ -35,6 +35,7 @@ struct MapFileInfo {
     std::uint32_t features_of_keyframe = 0;  // of the one with most
     std::uint32_t pyramid_levels = 0;
     double scale_factor = 0;     // of the pyramid
+    std::uint32_t lens_crc = 0;  // of what camera records have no place for (lens_crc_of); 0: nothing
     std::uint8_t extractor = 0;  // 0: the engine's own, 1: cv::ORB; others are for whoever brings one
     std::int64_t time_ns = 0;    // of the last frame
     std::uint64_t frames = 0;    // tracked so far

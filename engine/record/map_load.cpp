@@ -112,6 +112,9 @@ Status check_camera(const MapFile& file, const CameraModel& ours, MapFileProblem
         if (number.value == number.ours) continue;
         return fail(problem, MapFault::kOtherCamera, number.name, number.value, number.ours);
     }
+    const std::uint32_t lens_crc = lens_crc_of(ours);
+    if (file.info.lens_crc != lens_crc)
+        return fail(problem, MapFault::kOtherCamera, "checksum of the lens model", file.info.lens_crc, lens_crc);
     return Status::kOk;
 }
 

@@ -8,7 +8,9 @@
 #include <span>
 
 #include "engine/base/bytes.hpp"
+#include "engine/base/crc.hpp"
 #include "engine/base/hash.hpp"
+#include "engine/geometry/camera_model.hpp"
 #include "engine/map/map.hpp"
 #include "engine/record/map_file.hpp"
 
@@ -63,8 +65,18 @@ void header_fields(Bytes& bytes, Info& info) noexcept {
     bytes.fields(info.size_bytes, info.keyframes, info.points, info.features, info.features_of_keyframe);
     bytes.fields(info.pyramid_levels);
     bytes.template field_as<std::uint32_t>(info.extractor);
-    bytes.fields(info.scale_factor, info.time_ns, info.frames, info.hash);
-    bytes.zeros(12);
+    bytes.fields(info.scale_factor, info.time_ns, info.frames, info.hash, info.lens_crc);
+    bytes.zeros(8);
+}
+
+// Lenses came after the camera's record, which has no place for them. 0: Brown's without k4 to k6.
+[[nodiscard]] inline std::uint32_t lens_crc_of(const CameraModel& c) noexcept {
+    if (c.is_plain_brown()) return 0;
+    std::array<std::byte, 25> bytes{};
+    ByteWriter writer(bytes);
+    writer.u8(static_cast<std::uint8_t>(c.lens));
+    writer.fields(c.k4, c.k5, c.k6);
+    return crc32(writer.written());
 }
 
 template <typename Bytes, typename Camera>

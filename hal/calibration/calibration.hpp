@@ -1,6 +1,6 @@
-// Camera files: what turns pixels into rays and depth units into metres. Reads our own TOML, ROS camera_info YAML and
-// ORB-SLAM style YAML, and knows the cameras of the TUM benchmark by name. A key that is unknown, misspelt, missing,
-// not a number or out of its range is an error that names file and key: nothing silently becomes 0.
+// Camera files: what turns pixels into rays and depth units into metres. Reads our own TOML, the YAML, JSON and text
+// files of others (camera_keys.hpp names them), and knows the cameras of the TUM benchmark by name. A key that is
+// misspelt, missing, not a number or out of its range is an error that names file and key: nothing silently becomes 0.
 // Limits: files of at most kCalibrationBytesMax. Cost: some hundred microseconds, once.
 #pragma once
 
@@ -16,10 +16,12 @@ namespace stillmesh {
 
 inline constexpr std::size_t kCalibrationBytesMax = 64 * 1024;
 
+// kYaml: JSON and files of nothing but numbers, too; which of them is told by the content.
 enum class CalibrationFormat { kToml, kYaml };
 
-// `name_or_file` is one of calibration_names() or a file (.toml, .yaml, .yml). Width and height stay 0 when the file
-// does not give them: whoever sees the first image fills them in.
+// `name_or_file` is one of calibration_names() or a file (.toml, .yaml, .yml, .json, .txt). Width and height are 0 when
+// the file does not give them: whoever sees the first image fills them in. So are the depth units: whoever plays knows
+// them, or asks.
 //   kOk    kUnavailable: no such file    kInvalid: its content; `message` is a sentence for the user
 [[nodiscard]] Status load_calibration(const std::string& name_or_file, CameraInfo& info, std::string& message);
 

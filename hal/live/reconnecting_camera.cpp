@@ -50,11 +50,7 @@ void ReconnectingCamera::close() noexcept {
 
 bool ReconnectingCamera::is_same_camera() const noexcept {
     const CameraInfo& now = source_.info();
-    const CameraModel& a = now.model;
-    const CameraModel& b = info_.model;
-    return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
-           a.k1 == b.k1 && a.k2 == b.k2 && a.p1 == b.p1 && a.p2 == b.p2 && a.k3 == b.k3 &&
-           now.depth_units_per_m == info_.depth_units_per_m;
+    return now.model == info_.model && now.depth_units_per_m == info_.depth_units_per_m;
 }
 
 void ReconnectingCamera::tell(std::string sentence) {

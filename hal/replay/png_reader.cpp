@@ -100,15 +100,6 @@ constexpr std::uint32_t kSideMax = 16384;
 // Text and colour profiles in a PNG are nothing to us; libspng may hold this much of them.
 constexpr std::size_t kChunkBytesMax = 1024 * 1024;
 
-[[nodiscard]] const char* kind_text(PngKind kind) noexcept {
-    switch (kind) {
-        case PngKind::kGrey8: return "8-bit grey";
-        case PngKind::kRgb8: return "8-bit RGB";
-        case PngKind::kGrey16: return "16-bit grey";
-    }
-    return "unknown";
-}
-
 Status spng_failure(const std::string& name, int error, std::string& message) {
     const bool is_short = error == SPNG_IO_EOF || error == SPNG_EOI;
     message = name + ": " +
@@ -133,25 +124,20 @@ Status open_context(Context& context, const std::string& name, std::string& mess
     return Status::kOk;
 }
 
-Status header_of(spng_ctx* context, const std::string& name, PngHeader& header, std::string& message) {
+Status header_of(spng_ctx* context, const std::string& name, ImageHeader& header, std::string& message) {
     spng_ihdr ihdr{};
     if (const int error = spng_get_ihdr(context, &ihdr); error != 0) return spng_failure(name, error, message);
     const bool is_grey = ihdr.color_type == SPNG_COLOR_TYPE_GRAYSCALE;
-    const bool is_rgb = ihdr.color_type == SPNG_COLOR_TYPE_TRUECOLOR;
-    if (!(is_grey && (ihdr.bit_depth == 8 || ihdr.bit_depth == 16)) && !(is_rgb && ihdr.bit_depth == 8)) {
-        message = name + ": this kind of PNG (" + std::to_string(ihdr.bit_depth) + " bit, colour type " +
-                  std::to_string(ihdr.color_type) +
-                  ") is not supported; convert colour to 8-bit grey or RGB and depth to 16-bit grey.";
-        return Status::kInvalid;
-    }
     header = {ihdr.width, ihdr.height,
-              is_rgb ? PngKind::kRgb8 : (ihdr.bit_depth == 16 ? PngKind::kGrey16 : PngKind::kGrey8)};
+              is_grey && ihdr.bit_depth == 16  ? ImageKind::kGrey16
+              : is_grey && ihdr.bit_depth == 8 ? ImageKind::kGrey8
+                                               : ImageKind::kRgb8};
     return Status::kOk;
 }
 
-Status pixels_of(spng_ctx* context, const std::string& name, const PngHeader& expected, std::span<std::uint8_t> pixels,
-                 std::string& message) {
-    PngHeader header;
+Status pixels_of(spng_ctx* context, const std::string& name, const ImageHeader& expected,
+                 std::span<std::uint8_t> pixels, std::string& message) {
+    ImageHeader header;
     STILLMESH_TRY(header_of(context, name, header, message));
     if (header.width != expected.width || header.height != expected.height) {
         message = name + ": the image is " + std::to_string(header.width) + "x" + std::to_string(header.height) +
@@ -164,16 +150,17 @@ Status pixels_of(spng_ctx* context, const std::string& name, const PngHeader& ex
                   "; convert it.";
         return Status::kCorrupt;
     }
-    // SPNG_FMT_PNG: as stored, 16-bit samples in the processor's byte order.
+    // SPNG_FMT_PNG: as stored, 16-bit samples in the processor's byte order; SPNG_FMT_RGB8: their high bytes.
+    const int format = header.kind == ImageKind::kRgb8 ? SPNG_FMT_RGB8 : SPNG_FMT_PNG;
     std::size_t size_bytes = 0;
-    if (const int error = spng_decoded_image_size(context, SPNG_FMT_PNG, &size_bytes); error != 0) {
+    if (const int error = spng_decoded_image_size(context, format, &size_bytes); error != 0) {
         return spng_failure(name, error, message);
     }
     if (size_bytes != pixels.size()) {
         message = name + ": the image does not fit its buffer.";
         return Status::kCorrupt;
     }
-    if (const int error = spng_decode_image(context, pixels.data(), pixels.size(), SPNG_FMT_PNG, 0); error != 0) {
+    if (const int error = spng_decode_image(context, pixels.data(), pixels.size(), format, 0); error != 0) {
         return spng_failure(name, error, message);
     }
     return Status::kOk;
@@ -213,7 +200,7 @@ int File::read(spng_ctx* /*context*/, void* user, void* destination, std::size_t
 
 }  // namespace
 
-Status read_png_header(const std::string& file, PngHeader& header, std::string& message) {
+Status read_png_header(const std::string& file, ImageHeader& header, std::string& message) {
     File stream;
     STILLMESH_TRY(stream.open(file, message));
     Context context;
@@ -224,7 +211,7 @@ Status read_png_header(const std::string& file, PngHeader& header, std::string& 
     return header_of(context.get(), file, header, message);
 }
 
-Status read_png(const std::string& file, const PngHeader& expected, std::span<std::uint8_t> pixels,
+Status read_png(const std::string& file, const ImageHeader& expected, std::span<std::uint8_t> pixels,
                 std::string& message) {
     File stream;
     STILLMESH_TRY(stream.open(file, message));
@@ -236,7 +223,7 @@ Status read_png(const std::string& file, const PngHeader& expected, std::span<st
     return pixels_of(context.get(), file, expected, pixels, message);
 }
 
-Status decode_png_header(std::span<const std::uint8_t> bytes, const std::string& name, PngHeader& header,
+Status decode_png_header(std::span<const std::uint8_t> bytes, const std::string& name, ImageHeader& header,
                          std::string& message) {
     Context context;
     STILLMESH_TRY(open_context(context, name, message));
@@ -246,7 +233,7 @@ Status decode_png_header(std::span<const std::uint8_t> bytes, const std::string&
     return header_of(context.get(), name, header, message);
 }
 
-Status decode_png(std::span<const std::uint8_t> bytes, const std::string& name, const PngHeader& expected,
+Status decode_png(std::span<const std::uint8_t> bytes, const std::string& name, const ImageHeader& expected,
                   std::span<std::uint8_t> pixels, std::string& message) {
     Context context;
     STILLMESH_TRY(open_context(context, name, message));

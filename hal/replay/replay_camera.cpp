@@ -24,7 +24,7 @@ namespace {
 constexpr int kColour = 0;
 constexpr int kDepth = 1;
 
-[[nodiscard]] std::string size_text(const PngHeader& header) {
+[[nodiscard]] std::string size_text(const ImageHeader& header) {
     return std::to_string(header.width) + "x" + std::to_string(header.height);
 }
 
@@ -134,7 +134,8 @@ Status ReplayCamera::find_calibration() {
     }
     calibration_source_ = options_.calibration;
     if (calibration_source_.empty()) {
-        for (const char* name : {"camera.toml", "camera.yaml", "camera.yml"}) {
+        for (const char* name : {"camera.toml", "camera.yaml", "camera.yml", "camera.json", "camera_info.yaml",
+                                 "calibration.yaml", "calibration.txt", "intrinsics.json"}) {
             const std::string file = options_.folder + "/" + name;
             std::error_code error;
             if (std::filesystem::exists(file, error)) {
@@ -151,7 +152,14 @@ Status ReplayCamera::find_calibration() {
         message_ += ").";
         return Status::kInvalid;
     }
-    return load_calibration(calibration_source_, info_, message_);
+    STILLMESH_TRY(load_calibration(calibration_source_, info_, message_));
+    if (options_.depth_units_per_m > 0) info_.depth_units_per_m = options_.depth_units_per_m;
+    if (info_.depth_units_per_m > 0) return Status::kOk;
+    message_ =
+        calibration_source_ +
+        ": does not say how many depth units make a metre; give --depth-units N (1000 for millimetres, 5000 in TUM "
+        "recordings), or a camera file with a key 'depth_units_per_m'.";
+    return Status::kInvalid;
 }
 
 Status ReplayCamera::find_pairs() {
@@ -269,8 +277,8 @@ Status ReplayCamera::find_first_images() {
     for (std::size_t i = 0; i < std::min(pairs_.size(), kTriedMax); ++i) {
         STILLMESH_TRY(image_path(kColour, pairs_[i].colour, colour_file_));
         STILLMESH_TRY(image_path(kDepth, pairs_[i].depth, depth_file_));
-        Status status = read_png_header(colour_file_, colour_header_, message_);
-        if (status == Status::kOk) status = read_png_header(depth_file_, depth_header_, message_);
+        Status status = read_image_header(colour_file_, colour_header_, message_);
+        if (status == Status::kOk) status = read_image_header(depth_file_, depth_header_, message_);
         if (status == Status::kOk || status == Status::kInvalid) return status;
         if (i == 0) {
             first = status;
@@ -282,55 +290,103 @@ Status ReplayCamera::find_first_images() {
 }
 
 Status ReplayCamera::check_images() {
-    if (colour_header_.kind == PngKind::kGrey16) {
-        message_ =
-            colour_file_ + ": colour must be 8-bit grey or RGB, this is 16-bit; are rgb.txt and depth.txt swapped?";
+    const auto names_depth = [](const std::string& file) {
+        return file.find("depth", file.find_last_of('/', file.find_last_of('/') - 1)) != std::string::npos;
+    };
+    const bool is_depth = depth_header_.kind == ImageKind::kGrey16;
+    if (colour_header_.kind == ImageKind::kGrey16 &&
+        (!is_depth || (names_depth(colour_file_) && !names_depth(depth_file_)))) {
+        message_ = colour_file_ +
+                   ": colour is 16-bit grey here and depth is not as it should be; are rgb.txt and depth.txt "
+                   "swapped?";
         return Status::kInvalid;
     }
-    if (depth_header_.kind != PngKind::kGrey16) {
-        message_ = depth_file_ + ": depth must be a 16-bit grey PNG; save it with its full depth.";
+    if (!is_depth) {
+        message_ = depth_file_ + ": depth must be 16-bit grey, this is " + kind_text(depth_header_.kind) +
+                   "; save it with its full depth.";
         return Status::kInvalid;
     }
-    if (colour_header_.width != depth_header_.width || colour_header_.height != depth_header_.height) {
-        message_ = depth_file_ + ": depth is " + size_text(depth_header_) + " but colour is " +
-                   size_text(colour_header_) + "; register depth to colour when recording.";
-        return Status::kInvalid;
-    }
-    if (colour_header_.width > options_.width_max || colour_header_.height > options_.height_max) {
-        message_ = colour_file_ + ": the images are " + size_text(colour_header_) + ", the limits allow " +
+    STILLMESH_TRY(check_sizes());
+    const std::size_t pixels = std::size_t{info_.model.width} * info_.model.height;
+    counts_.depth_width = depth_header_.width;
+    counts_.depth_height = depth_header_.height;
+    counts_.is_colour_wide = colour_header_.kind == ImageKind::kGrey16;
+    colour_wide_.assign(counts_.is_colour_wide ? pixels : 0, 0);
+    colour_pixels_.assign(pixels * (colour_header_.kind == ImageKind::kRgb8 ? 3 : 1), 0);
+    depth_pixels_.assign(pixels, 0);
+    const bool is_of_one_size = depth_header_.width == colour_header_.width;
+    depth_read_.assign(is_of_one_size ? 0 : std::size_t{depth_header_.width} * depth_header_.height, 0);
+    return Status::kOk;
+}
+
+Status ReplayCamera::check_sizes() {
+    const ImageHeader& colour = colour_header_;
+    const ImageHeader& depth = depth_header_;
+    if (colour.width > options_.width_max || colour.height > options_.height_max) {
+        message_ = colour_file_ + ": the images are " + size_text(colour) + ", at most " +
                    std::to_string(options_.width_max) + "x" + std::to_string(options_.height_max) +
-                   "; scale the recording and its calibration down.";
+                   " are taken; scale the recording and its calibration down.";
+        return Status::kInvalid;
+    }
+    // The same view in larger or smaller pixels: a whole number of them lies in each of the others.
+    constexpr std::uint32_t kRatioMax = 8;
+    const auto is_multiple = [](const ImageHeader& large, const ImageHeader& small) {
+        const std::uint32_t ratio = small.width == 0 ? 0 : large.width / small.width;
+        return ratio >= 1 && ratio <= kRatioMax && small.width * ratio == large.width &&
+               small.height * ratio == large.height;
+    };
+    if (!is_multiple(colour, depth) && !is_multiple(depth, colour)) {
+        message_ = depth_file_ + ": depth is " + size_text(depth) + " but colour is " + size_text(colour) +
+                   "; register depth to colour when recording.";
         return Status::kInvalid;
     }
     CameraModel& model = info_.model;
     if (model.width == 0) {
-        model.width = colour_header_.width;
-        model.height = colour_header_.height;
+        model.width = colour.width;
+        model.height = colour.height;
     }
-    if (model.width != colour_header_.width || model.height != colour_header_.height) {
+    if (model.width != colour.width || model.height != colour.height) {
         message_ = calibration_source_ + ": is for " + std::to_string(model.width) + "x" +
-                   std::to_string(model.height) + " pixels, the images are " + size_text(colour_header_) +
+                   std::to_string(model.height) + " pixels, the images are " + size_text(colour) +
                    "; give the calibration of these images.";
         return Status::kInvalid;
     }
-    const std::size_t pixels = std::size_t{model.width} * model.height;
-    colour_pixels_.assign(pixels * bytes_per_pixel(colour_header_.kind), 0);
-    depth_pixels_.assign(pixels, 0);
     return Status::kOk;
+}
+
+// Of smaller images each pixel is there several times, of larger ones the middle of each square counts.
+void ReplayCamera::resize_depth() {
+    const std::uint32_t width = info_.model.width, height = info_.model.height;
+    const bool is_smaller = depth_header_.width < width;
+    const std::uint32_t ratio = is_smaller ? width / depth_header_.width : depth_header_.width / width;
+    for (std::uint32_t y = 0; y < height; ++y) {
+        const std::uint32_t row = is_smaller ? y / ratio : y * ratio + (ratio - 1) / 2;
+        const std::uint16_t* const from = &depth_read_[std::size_t{row} * depth_header_.width];
+        std::uint16_t* const to = &depth_pixels_[std::size_t{y} * width];
+        for (std::uint32_t x = 0; x < width; ++x) to[x] = from[is_smaller ? x / ratio : x * ratio + (ratio - 1) / 2];
+    }
 }
 
 Status ReplayCamera::read_pair(const ImagePair& pair, Frame& frame) {
     STILLMESH_TRY(image_path(kColour, pair.colour, path_));
-    STILLMESH_TRY(read_png(path_, colour_header_, colour_pixels_, message_));
+    const auto bytes_of = [](std::vector<std::uint16_t>& pixels) {
+        return std::span(reinterpret_cast<std::uint8_t*>(pixels.data()), pixels.size() * 2);
+    };
+    STILLMESH_TRY(read_image(path_, colour_header_,
+                             colour_wide_.empty() ? std::span<std::uint8_t>(colour_pixels_) : bytes_of(colour_wide_),
+                             message_));
+    for (std::size_t i = 0; i < colour_wide_.size(); ++i) {
+        colour_pixels_[i] = static_cast<std::uint8_t>(colour_wide_[i] >> 8U);
+    }
     STILLMESH_TRY(image_path(kDepth, pair.depth, path_));
-    STILLMESH_TRY(read_png(path_, depth_header_,
-                           {reinterpret_cast<std::uint8_t*>(depth_pixels_.data()), depth_pixels_.size() * 2},
-                           message_));
+    STILLMESH_TRY(
+        read_image(path_, depth_header_, bytes_of(depth_read_.empty() ? depth_pixels_ : depth_read_), message_));
+    if (!depth_read_.empty()) resize_depth();
     const std::uint32_t width = info_.model.width;
     const std::uint32_t height = info_.model.height;
     frame.time_ns = pair.colour.time_ns;
     frame.depth_time_ns = pair.depth.time_ns;
-    frame.format = colour_header_.kind == PngKind::kRgb8 ? PixelFormat::kRgb8 : PixelFormat::kGrey8;
+    frame.format = colour_header_.kind == ImageKind::kRgb8 ? PixelFormat::kRgb8 : PixelFormat::kGrey8;
     frame.colour = {colour_pixels_.data(), width, height, std::size_t{width} * channels_of(frame.format)};
     frame.depth = {depth_pixels_.data(), width, height, width};
     frame.depth_units_per_m = info_.depth_units_per_m;

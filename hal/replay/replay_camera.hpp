@@ -1,9 +1,10 @@
 // A recording in the layout of the TUM RGB-D benchmark, played as a depth camera: rgb.txt and depth.txt list "seconds
-// file", colour is 8-bit grey or RGB PNG, depth 16-bit PNG. Frames come as fast as they are polled; nothing is skipped
-// but colour images without a depth image within 20 ms. Without those lists associations.txt is read, which has both.
-// The calibration is a file or name given by the caller, else camera.toml or camera.yaml in the folder; with none,
-// open() refuses rather than guesses. Memory: two image buffers and 32 bytes per frame, all taken in open(). Every
-// failure leaves a sentence in message().
+// file", colour is PNG, JPEG or what else image_reader.hpp reads (of 16-bit grey the high byte), depth 16-bit PNG, PGM
+// or NumPy, of colour's size or a whole multiple or fraction of it: then the nearest pixel counts. Frames come as fast
+// as they are polled; nothing is skipped but colour images without a depth image within 20 ms. Without those lists
+// associations.txt is read, which has both. The calibration is a file or name given by the caller, else camera.toml or
+// camera.yaml in the folder; with none, open() refuses rather than guesses. Memory: two image buffers and 32 bytes per
+// frame, all taken in open(). Every failure leaves a sentence in message().
 #pragma once
 
 #include <cstdint>
@@ -15,7 +16,7 @@
 
 #include "hal/depth_camera.hpp"
 #include "hal/replay/frame_list.hpp"
-#include "hal/replay/png_reader.hpp"
+#include "hal/replay/image_reader.hpp"
 
 namespace stillmesh {
 
@@ -23,6 +24,7 @@ struct ReplayOptions {
     std::string folder;
     std::string calibration;                           // file or built-in name; empty: the folder's own
     std::optional<CameraInfo> camera = std::nullopt;   // known from elsewhere: nothing is read
+    double depth_units_per_m = 0;                      // instead of the camera file's; 0: as it says
     std::uint32_t width_max = 640;                     // px; larger images are refused
     std::uint32_t height_max = 480;                    // px
     std::int64_t association_gap_max_ns = 20'000'000;  // between a colour image and its depth image
@@ -43,6 +45,9 @@ struct ReplayCounts {
     std::int64_t pair_gap_longest_ns = 0;  // between the images of a pair
     TimeUnit unit = TimeUnit::kSeconds;    // of the times in the colour list
     double step = 0;                       // of these times, in that unit
+    std::uint32_t depth_width = 0;         // px, of the depth images as they are
+    std::uint32_t depth_height = 0;
+    bool is_colour_wide = false;  // 16-bit grey
 };
 
 class ReplayCamera final : public DepthCamera {
@@ -80,6 +85,8 @@ private:
                                            std::span<const ListedImage> depth) const;
     [[nodiscard]] Status find_first_images();
     [[nodiscard]] Status check_images();
+    [[nodiscard]] Status check_sizes();
+    void resize_depth();
     [[nodiscard]] Status read_pair(const ImagePair& pair, Frame& frame);
     [[nodiscard]] Status image_path(int list, const ListedImage& image, std::string& path);
 
@@ -92,9 +99,11 @@ private:
     ReplayCounts counts_;
     std::vector<ImagePair> pairs_;
     std::size_t next_ = 0;
-    PngHeader colour_header_;
-    PngHeader depth_header_;
+    ImageHeader colour_header_;
+    ImageHeader depth_header_;
     std::vector<std::uint8_t> colour_pixels_;
+    std::vector<std::uint16_t> colour_wide_;  // of 16-bit grey; else empty
+    std::vector<std::uint16_t> depth_read_;   // of another size than colour; else empty
     std::vector<std::uint16_t> depth_pixels_;
     int lists_[2] = {-1, -1};  // rgb.txt and depth.txt stay open: names are read from them when needed
     std::string list_names_[2];

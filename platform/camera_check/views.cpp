@@ -15,14 +15,36 @@ constexpr std::int32_t kColumns = 52, kRows = 52;  // of pictures up to 2047 px
 constexpr int kDistanceMax = 60;
 constexpr int kFar = 257;
 
+// How far off the axis a fisheye sees what it draws at `rd`, both as tangents: Newton's steps, rd being near theta.
+double fisheye_tangent(const CameraModel& m, double rd) {
+    constexpr double kWidest = 1.5;  // rad
+    double theta = std::min(rd, kWidest);
+    for (int i = 0; i < 8; ++i) {
+        const double t2 = theta * theta;
+        const double value = theta * (1.0 + t2 * (m.k1 + t2 * (m.k2 + t2 * (m.k3 + t2 * m.k4))));
+        const double slope = 1.0 + t2 * (3 * m.k1 + t2 * (5 * m.k2 + t2 * (7 * m.k3 + t2 * 9 * m.k4)));
+        if (!(slope > 0.1)) break;
+        theta = std::clamp(theta + (rd - value) / slope, 0.0, kWidest);
+    }
+    return std::tan(theta);
+}
+
 // The fixed point x = distorted / factor(x): lenses of depth cameras need five rounds to 1e-4.
 void undistort(const CameraModel& m, float u, float v, float& x_out, float& y_out) {
     const double xd = (u - m.cx) / m.fx, yd = (v - m.cy) / m.fy;
     double x = xd, y = yd;
+    if (m.lens == Lens::kFisheye) {
+        const double rd = std::sqrt(xd * xd + yd * yd);
+        const double factor = rd > 1e-6 ? fisheye_tangent(m, rd) / rd : 1.0;
+        x_out = static_cast<float>(xd * factor);
+        y_out = static_cast<float>(yd * factor);
+        return;
+    }
     for (int i = 0; i < 8; ++i) {
         const double r2 = x * x + y * y;
-        const double radial = 1.0 + r2 * (m.k1 + r2 * (m.k2 + r2 * m.k3));
-        if (!(radial > 0.2)) break;
+        const double below = 1.0 + r2 * (m.k4 + r2 * (m.k5 + r2 * m.k6));
+        const double radial = (1.0 + r2 * (m.k1 + r2 * (m.k2 + r2 * m.k3))) / below;
+        if (!(radial > 0.2 && below > 0.2)) break;
         const double dx = 2 * m.p1 * x * y + m.p2 * (r2 + 2 * x * x);
         const double dy = m.p1 * (r2 + 2 * y * y) + 2 * m.p2 * x * y;
         x = (xd - dx) / radial;

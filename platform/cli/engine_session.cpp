@@ -13,6 +13,7 @@
 
 #include "engine/engine.hpp"
 #include "hal/calibration/toml_document.hpp"
+#include "platform/cli/complaint.hpp"
 #include "platform/cli/configuration_file.hpp"
 #include "platform/cli/place_probe.hpp"
 #include "platform/cli/step_pacer.hpp"
@@ -32,6 +33,7 @@ namespace stillmesh {
 namespace {
 
 constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
+constexpr std::uint32_t kSideMax = 2047;  // px, of limits.image_width_max and _height_max
 
 [[nodiscard]] Limits limits_of(const std::string& name) {
     return name == "pocket" ? Limits::pocket() : Limits::room();
@@ -54,6 +56,9 @@ constexpr std::size_t kConfigurationBytesMax = 64 * 1024;
                                       Configuration& configuration, std::string& message) {
     message.clear();
     limits = limits_of(options.limits);
+    // Images larger than a preset has them: the limits follow, unless the file or an assignment says otherwise.
+    limits.image_width_max = std::max(limits.image_width_max, std::min(camera.model.width, kSideMax));
+    limits.image_height_max = std::max(limits.image_height_max, std::min(camera.model.height, kSideMax));
     configuration = options.scene == "outdoor" ? Configuration::outdoor() : Configuration::indoor();
     if (options.method == "paper") configuration.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
     configuration.camera.readout_s = camera.readout_s;
@@ -153,6 +158,7 @@ public:
         if (!vocabulary_.open(options.vocabulary, limits_.vocabulary_words_max, message)) return Status::kInvalid;
         has_vocabulary_ = configuration.loop.is_enabled && !vocabulary_.bytes().empty();
         const std::size_t size_bytes = bytes_needed(limits_);
+        if (!check_size(options, size_bytes, message)) return Status::kInvalid;
         if (!block_.allocate(size_bytes)) {
             message = fmt::format("the system has no {:.1f} MiB of memory left for the engine; try --limits pocket.",
                                   static_cast<double>(size_bytes) / (1024.0 * 1024.0));
@@ -420,6 +426,35 @@ public:
     }
 
 private:
+    // Images that the limits do not hold are refused with what helps; images for which they grew are said, with the
+    // block that they take, before it is taken.
+    [[nodiscard]] bool check_size(const SessionOptions& options, std::size_t block_bytes, std::string& message) const {
+        const std::uint32_t width = camera_.width, height = camera_.height;
+        if (width > kSideMax || height > kSideMax) {
+            message = fmt::format("the images are {}x{} pixels, at most {}x{} are tracked; halve them with --half.",
+                                  width, height, kSideMax, kSideMax);
+            return false;
+        }
+        if (width > limits_.image_width_max || height > limits_.image_height_max) {
+            message = fmt::format(
+                "the images are {}x{} pixels, and limits.image_width_max = {} and limits.image_height_max = {} were "
+                "given; "
+                "leave these out, or give --set limits.image_width_max={} --set limits.image_height_max={}, or --half.",
+                width, height, limits_.image_width_max, limits_.image_height_max, width, height);
+            return false;
+        }
+        const Limits usual = limits_of(options.limits);
+        if (width > usual.image_width_max || height > usual.image_height_max) {
+            complain(
+                fmt::format("images of {}x{} are larger than the limits '{}' have them: the limits follow, and the "
+                            "engine's block is {:.1f} MiB instead of {:.1f} (--half: tracked at half their size).",
+                            width, height, options.limits, static_cast<double>(block_bytes) / (1024.0 * 1024.0),
+                            static_cast<double>(bytes_needed(usual)) / (1024.0 * 1024.0)),
+                LogLevel::kNotice);
+        }
+        return true;
+    }
+
     // The first of FILE.1, FILE.2, ... that is not there: none that was kept before is lost.
     [[nodiscard]] static std::string free_name(const std::string& file) {
         std::error_code error;

@@ -73,6 +73,14 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
         ->group(group);
 }
 
+void add_depth_units_option(CLI::App& app, double& depth_units_per_m, const char* group) {
+    app.add_option("--depth-units", depth_units_per_m,
+                   "of a recording: so many make a metre (millimetres: 1000; TUM: 5000), whatever its camera file says")
+        ->check(CLI::Range(100.0, 100000.0).description(""))
+        ->type_name("N")
+        ->group(group);
+}
+
 int program(int argc, char** argv) {
     const std::int64_t begin_ns = monotonic_ns();
     CLI::App app("Stillmesh tells where a depth camera is, in rooms full of moving people.", "stillmesh");
@@ -145,8 +153,14 @@ int program(int argc, char** argv) {
     run_app->add_option("--dirt", arguments.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...")->group(kCameraGroup);
     run_app
         ->add_option("--calibration", arguments.calibration,
-                     "camera file, or tum-fr1, tum-fr2, tum-fr3, kinect; the recording's own if not given")
+                     "camera file (TOML; YAML, JSON or text of other programs), or tum-fr1, tum-fr2, tum-fr3, kinect; "
+                     "the recording's own if not given")
         ->type_name("FILE|NAME")
+        ->group(kCameraGroup);
+    add_depth_units_option(*run_app, arguments.depth_units_per_m, kCameraGroup);
+    run_app
+        ->add_flag("--half", arguments.is_half,
+                   "track images at half their width and height, lens and all: 1280x720 as 640x360")
         ->group(kCameraGroup);
     run_app->add_option("--frames", arguments.loop.frames_max, "stop after so many frames")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
@@ -305,6 +319,7 @@ int program(int argc, char** argv) {
                      "the one to check; the camera's or recording's own if not given")
         ->type_name("FILE|NAME")
         ->group(kCameraGroup);
+    add_depth_units_option(*check_app, check.depth_units_per_m, kCameraGroup);
     check_app->add_option("--frames", check.loop.frames_max, "how many are looked at (300)")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40U).description(""))
         ->type_name("N")
@@ -332,6 +347,7 @@ int program(int argc, char** argv) {
         ->add_option("--map-store", rerun.map_store, "the map store that the run used, if it held regions before it")
         ->type_name("DIR");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
+    rerun_command->add_flag("--half", rerun.is_half, "if the run had this switch, and the folder is what was replayed");
     rerun_command
         ->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with, if not the default one")
         ->type_name("FILE");

@@ -6,9 +6,11 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <system_error>
 
 #include "engine/engine.hpp"
+#include "hal/live/half_camera.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
@@ -35,7 +37,7 @@ struct Outcome {
 };
 
 // The frame of this time, from where the camera is on. kNotFound: the folder has none; kEnd: nor any behind it.
-[[nodiscard]] Status find_frame(ReplayCamera& camera, std::int64_t time_ns, Frame& frame, std::uint64_t& skipped) {
+[[nodiscard]] Status find_frame(DepthCamera& camera, std::int64_t time_ns, Frame& frame, std::uint64_t& skipped) {
     for (;;) {
         const Status status = camera.poll(frame);
         if (status == Status::kEnd) return Status::kEnd;
@@ -80,7 +82,13 @@ struct Outcome {
     return {};
 }
 
-[[nodiscard]] Status repeat(Engine& engine, ReplayCamera& camera, RecordingReader& reader, StoreService& store,
+// What is repeated from.
+struct Frames {
+    DepthCamera& camera;
+    const std::string& message;  // why its last call failed
+};
+
+[[nodiscard]] Status repeat(Engine& engine, const Frames& frames, RecordingReader& reader, StoreService& store,
                             Outcome& outcome) {
     RecordedFrame then;
     for (;; ++outcome.frames) {
@@ -89,7 +97,7 @@ struct Outcome {
         if (status != Status::kOk) return status;
         if (stop_signal() != 0) return Status::kEnd;
         Frame frame;
-        const Status found = find_frame(camera, then.time_ns, frame, outcome.skipped);
+        const Status found = find_frame(frames.camera, then.time_ns, frame, outcome.skipped);
         if (found == Status::kEnd) {
             ++outcome.frames_without_picture;
             while (reader.next(then) == Status::kOk) ++outcome.frames_without_picture;
@@ -101,7 +109,7 @@ struct Outcome {
         }
         if (found != Status::kOk) {
             outcome.difference = "the folder has no usable frame of this time";
-            if (!camera.message().empty()) outcome.difference += ": " + camera.message();
+            if (!frames.message.empty()) outcome.difference += ": " + frames.message;
         } else {
             RecordedFrame now;
             now.digest = frame_digest(frame);
@@ -160,12 +168,23 @@ int rerun_command(const RerunOptions& options) {
     }
     std::string folder = options.folder;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
-    ReplayCamera camera({.folder = folder,
-                         .calibration = "",
-                         .camera = CameraInfo{header.camera, header.depth_units_per_m},
-                         .width_max = header.limits.image_width_max,
-                         .height_max = header.limits.image_height_max});
-    if (camera.open() != Status::kOk) return refuse(camera.message());
+    const std::uint32_t halves = options.is_half ? 2 : 1;
+    CameraInfo of_images{header.camera, header.depth_units_per_m};
+    if (options.is_half) of_images.model.width = of_images.model.height = 0;  // as they are
+    ReplayCamera whole({.folder = folder,
+                        .calibration = "",
+                        .camera = of_images,
+                        .width_max = halves * header.limits.image_width_max + halves - 1,
+                        .height_max = halves * header.limits.image_height_max + halves - 1});
+    if (whole.open() != Status::kOk) return refuse(whole.message());
+    std::optional<HalfCamera> half;
+    if (options.is_half) half.emplace(whole);
+    DepthCamera& camera = options.is_half ? static_cast<DepthCamera&>(*half) : whole;
+    const CameraModel& size = camera.info().model;
+    if (size.width != header.camera.width || size.height != header.camera.height) {
+        return refuse(fmt::format("{}: the run had images of {}x{}, these are halved to {}x{}.", options.recording,
+                                  header.camera.width, header.camera.height, size.width, size.height));
+    }
     FeatureExtractor* extractor = nullptr;
 #ifdef STILLMESH_HAS_OPENCV
     std::unique_ptr<CvOrbExtractor> orb;
@@ -238,7 +257,8 @@ int rerun_command(const RerunOptions& options) {
     }
     catch_stop_signals();
     Outcome outcome;
-    if (const Status status = repeat(*engine.value(), camera, reader, store, outcome); status != Status::kOk) {
+    if (const Status status = repeat(*engine.value(), {camera, whole.message()}, reader, store, outcome);
+        status != Status::kOk) {
         if (status != Status::kEnd) return refuse(reader.message());
         complain(fmt::format("stopped; {} frames were repeated bit for bit until then.", outcome.frames));
         return 128 + stop_signal();

@@ -9,10 +9,12 @@
 #include <filesystem>
 #include <memory>
 #include <new>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "hal/faulty/faulty_camera.hpp"
+#include "hal/live/half_camera.hpp"
 #include "hal/live/reconnecting_camera.hpp"
 #include "hal/realtime/realtime_camera.hpp"
 #include "hal/replay/replay_camera.hpp"
@@ -28,7 +30,8 @@
 namespace stillmesh {
 namespace {
 
-constexpr double kMapEvery_s = 60;  // of --map, where --map-every does not say
+constexpr std::uint32_t kImageSideMax = 4096;  // px, of images that may be halved
+constexpr double kMapEvery_s = 60;             // of --map, where --map-every does not say
 
 [[nodiscard]] std::int64_t nanoseconds(double seconds) {
     return static_cast<std::int64_t>(std::llround(seconds * 1e9));
@@ -103,7 +106,9 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     if (const int code = read_motion(arguments, folder, motion); code != kExitDone) return code;
-    DepthCamera& camera = source.camera;
+    std::optional<HalfCamera> half;
+    if (arguments.is_half) half.emplace(source.camera);
+    DepthCamera& camera = arguments.is_half ? static_cast<DepthCamera&>(*half) : source.camera;
     std::string message;
     record.limits = arguments.session.limits;
     record.features = arguments.session.features;
@@ -278,7 +283,8 @@ int track_maybe_faulty(const Source& source, bool is_open, const RunArguments& a
 }
 
 // What is not as every recording has it is said, so that a wrong guess does not go unseen.
-void note_what_was_read(const ReplayCounts& counts, double pair_gap_s, RunRecord& record) {
+void note_what_was_read(const ReplayCamera& camera, double pair_gap_s, RunRecord& record) {
+    const ReplayCounts& counts = camera.counts();
     if (counts.colour_images > counts.frames) {
         record.notes.push_back(fmt::format("{} of {} colour images have no depth image within {:.0f} ms: skipped.",
                                            counts.colour_images - counts.frames, counts.colour_images,
@@ -288,6 +294,13 @@ void note_what_was_read(const ReplayCounts& counts, double pair_gap_s, RunRecord
         record.notes.push_back(fmt::format("the times of the recording are taken for {}: they go up by {:g}.",
                                            time_unit_name(counts.unit), counts.step));
     }
+    const CameraModel& model = camera.info().model;
+    if (counts.depth_width != model.width) {
+        record.notes.push_back(
+            fmt::format("depth is {}x{}, colour {}x{}: taken for the same view, the nearest pixel counts.",
+                        counts.depth_width, counts.depth_height, model.width, model.height));
+    }
+    if (counts.is_colour_wide) record.notes.push_back("colour is 16-bit grey: its high byte is tracked.");
     constexpr std::int64_t kUsual_ns = 20'000'000;
     if (counts.pair_gap_longest_ns > kUsual_ns) {
         record.notes.push_back(fmt::format(
@@ -297,15 +310,14 @@ void note_what_was_read(const ReplayCounts& counts, double pair_gap_s, RunRecord
 }
 
 int replay(const RunArguments& arguments, std::int64_t begin_ns) {
-    SessionSizes sizes;
     std::string message;
-    if (session_sizes(arguments.session, sizes, message) != Status::kOk) return refuse(message);
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     ReplayCamera camera({.folder = folder,
                          .calibration = arguments.calibration,
-                         .width_max = sizes.width_max,
-                         .height_max = sizes.height_max,
+                         .depth_units_per_m = arguments.depth_units_per_m,
+                         .width_max = kImageSideMax,  // the limits follow the camera, or say what is too large
+                         .height_max = kImageSideMax,
                          .association_gap_max_ns = nanoseconds(arguments.replay_pair_gap_s),
                          .depth_offset_ns = nanoseconds(arguments.replay_depth_offset_s),
                          .frames_per_s = arguments.replay_frames_per_s});
@@ -321,7 +333,7 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
         return refuse(message);
     }
     const ReplayCounts& counts = camera.counts();
-    note_what_was_read(counts, arguments.replay_pair_gap_s, record);
+    note_what_was_read(camera, arguments.replay_pair_gap_s, record);
     return track_maybe_faulty(
         {.camera = camera, .message = [&camera] { return camera.message(); }, .frames = counts.frames}, true, arguments,
         begin_ns, record);

@@ -17,6 +17,7 @@ struct RunArguments {
     std::string dirt;                  // of the simulation, as shake=1,rolling=.5; what the scene has if empty
     double replay_frames_per_s = 0;    // of a recording that numbers its frames; 0: it has times
     double replay_pair_gap_s = 0.02;   // between a colour image and its depth image, at most
+    double depth_units_per_m = 0;      // of a recording, instead of its camera file's; 0: as that says
     double replay_depth_offset_s = 0;  // that depth's clock is ahead of colour's
     std::string odometry;              // file; empty: the folder's own, if it has one; "none": none
     std::string gyroscope;             // likewise
@@ -33,6 +34,7 @@ struct RunArguments {
     RunLoopOptions loop;
     bool is_json = false;
     bool is_realtime = false;
+    bool is_half = false;    // images are halved before they are tracked
     bool does_wait = false;  // for a live camera at the start
     bool print_config = false;
     bool is_camera_check = false;  // nothing but what the camera check found is written

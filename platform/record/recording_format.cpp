@@ -151,8 +151,15 @@ void header_fields(Bytes& bytes, Header& header) noexcept {
     auto& c = header.camera;
     bytes.fields(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3);
     bytes.fields(header.depth_units_per_m, header.extractor, header.vocabulary_crc);
-    if (header.limits.store_features_max == 0) return;
-    bytes.fields(header.store_regions, header.store_sequence, header.store_checksum);
+    if (header.limits.store_features_max != 0)
+        bytes.fields(header.store_regions, header.store_sequence, header.store_checksum);
+}
+
+// Behind the header of a camera that needs it: older recordings end before it.
+template <typename Bytes, typename Camera>
+void lens_fields(Bytes& bytes, Camera& camera) noexcept {
+    bytes.template field_as<std::uint8_t>(camera.lens);
+    bytes.fields(camera.k4, camera.k5, camera.k6);
 }
 
 // A frame up to what it says of a store, likewise. Of more grants than there is room for only those.
@@ -256,6 +263,7 @@ Result<std::size_t> encode_header(const RecordingHeader& header, std::span<std::
     Configuration configuration = header.configuration;
     write_values(body, [&configuration](auto&& visitor) { visit_parameters(configuration, visitor); });
     header_fields(body, header);
+    if (!header.camera.is_plain_brown()) lens_fields(body, header.camera);
     const std::size_t size = kPrefixBytes + body.position() + kCrcBytes;
     if (!body.is_ok() || out.size() < size || size > kRecordingHeaderBytesMax) return Status::kFull;
     ByteWriter prefix(out.first(kPrefixBytes));
@@ -308,6 +316,12 @@ Result<std::size_t> decode_header(std::span<const std::byte> bytes, RecordingHea
                               [&header](auto&& visitor) { visit_parameters(header.configuration, visitor); }));
     header.store_regions = header.store_sequence = header.store_checksum = 0;
     header_fields(body, header);
+    header.camera.lens = Lens::kBrown;
+    header.camera.k4 = header.camera.k5 = header.camera.k6 = 0;
+    if (body.remaining() != 0) {
+        lens_fields(body, header.camera);
+        if (header.camera.is_plain_brown() || header.camera.lens > Lens::kFisheye) return Status::kCorrupt;
+    }
     if (!body.is_ok() || body.remaining() != 0) return Status::kCorrupt;
     return size;
 }

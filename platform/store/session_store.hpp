@@ -28,6 +28,10 @@ namespace stillmesh {
     camera.u32(c.width);
     camera.u32(c.height);
     for (const double number : {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3}) camera.f64(number);
+    if (!c.is_plain_brown()) {
+        camera.u8(static_cast<std::uint8_t>(c.lens));
+        for (const double number : {c.k4, c.k5, c.k6}) camera.f64(number);
+    }
     out.origin.camera_crc = crc32(camera.written());
     ByteWriter features(bytes);
     features.u8(extractor);

@@ -135,9 +135,9 @@ bool collect_descriptors(const ImageSources& sources, TrainingSet& set, std::uin
     std::vector<std::uint8_t> pixels;
     std::vector<std::uint8_t> grey;
     for (std::size_t i = 0; i < files.size(); ++i) {
-        PngHeader header;
+        ImageHeader header;
         const Status status = read_png_header(files[i], header, message);
-        const bool is_fit = status == Status::kOk && header.kind != PngKind::kGrey16 && header.width >= kSideMin &&
+        const bool is_fit = status == Status::kOk && header.kind != ImageKind::kGrey16 && header.width >= kSideMin &&
                             header.height >= kSideMin && header.width <= kSideMax && header.height <= kSideMax;
         if (!is_fit && (status == Status::kOk || status == Status::kInvalid)) {
             ++left_out;
@@ -148,7 +148,7 @@ bool collect_descriptors(const ImageSources& sources, TrainingSet& set, std::uin
         pixels.resize(count * bytes_per_pixel(header.kind));
         if (read_png(files[i], header, pixels, message) != Status::kOk) return false;
         grey = pixels;
-        if (header.kind == PngKind::kRgb8) {
+        if (header.kind == ImageKind::kRgb8) {
             grey.resize(count);
             // Alone on its row: kernels read and write beyond the ends of rows.
             std::vector<std::uint8_t> row(std::size_t{3} * header.width + kKernelSlackBytes);

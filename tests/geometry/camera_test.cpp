@@ -30,6 +30,31 @@ CameraModel euroc() {
     return {752, 480, 458.654, 457.296, 367.215, 248.375, -0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0};
 }
 
+// A Kinect for Azure's colour camera (eight coefficients, as its factory writes them, at 1280x720) and wide fisheyes: a
+// T265's with published coefficients, and one without any, 150 degrees across the diagonal.
+CameraModel azure() {
+    CameraModel m{1280, 720, 607.0, 606.8, 638.5, 366.4, 0.51, -2.65, 0.0009, -0.0001, 1.52};
+    m.k4 = 0.39;
+    m.k5 = -2.48;
+    m.k6 = 1.45;
+    return m;
+}
+CameraModel t265() {
+    CameraModel m{848, 800, 286.2, 286.1, 425.0, 402.0, -0.0069, 0.0424, 0, 0, -0.0397};
+    m.k4 = 0.0063;
+    m.lens = Lens::kFisheye;
+    m.width = 560;  // its middle: the whole sees behind itself
+    m.height = 420;
+    m.cx -= 144;
+    m.cy -= 190;
+    return m;
+}
+CameraModel plain_fisheye() {
+    CameraModel m{640, 480, 305.6, 305.6, 319.5, 239.5};
+    m.lens = Lens::kFisheye;
+    return m;
+}
+
 double residual_px(const CameraModel& model, const Vector2& pixel) {
     return (distort_to_pixel(model, undistort_to_normalised(model, pixel)) - pixel).norm();
 }
@@ -62,9 +87,38 @@ TEST(Camera, DistortionIsBrowns) {
     EXPECT_NEAR(distort_to_pixel(simple, {0.5, 0.0}).y(), 0.5, 1e-12);
 }
 
+// Promise: the rational lens is OpenCV's quotient of two polynomials, the fisheye its polynomial of the angle, written
+// out once more with libm; a rational lens with zeros is Brown's to the bit, and near its axis a fisheye has no step.
+TEST(Camera, OtherLensesAreOpenCvs) {
+    Random random(3);
+    for (int i = 0; i < 5000; ++i) {
+        const double x = random.uniform(-0.9, 0.9), y = random.uniform(-0.6, 0.6);
+        CameraModel m = azure();
+        const long double r2 = static_cast<long double>(x) * x + static_cast<long double>(y) * y;
+        const long double quotient = (1 + m.k1 * r2 + m.k2 * r2 * r2 + m.k3 * r2 * r2 * r2) /
+                                     (1 + m.k4 * r2 + m.k5 * r2 * r2 + m.k6 * r2 * r2 * r2);
+        const long double dx = x * quotient + 2 * m.p1 * x * y + m.p2 * (r2 + 2.0L * x * x);
+        ASSERT_NEAR(distort_to_pixel(m, {x, y}).x(), static_cast<double>(m.fx * dx + m.cx), 1e-9);
+        m = t265();
+        const double theta = std::atan(std::hypot(x, y));
+        const double bent = theta + m.k1 * std::pow(theta, 3) + m.k2 * std::pow(theta, 5) + m.k3 * std::pow(theta, 7) +
+                            m.k4 * std::pow(theta, 9);
+        const double factor = bent / std::hypot(x, y);
+        ASSERT_NEAR(distort_to_pixel(m, {x, y}).x(), m.fx * x * factor + m.cx, 1e-9);
+        ASSERT_NEAR(distort_to_pixel(m, {x, y}).y(), m.fy * y * factor + m.cy, 1e-9);
+    }
+    // A worked value: theta = 45 degrees, no coefficients: 100 px a radian.
+    const CameraModel simple{640, 480, 100, 100, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, Lens::kFisheye};
+    EXPECT_NEAR(distort_to_pixel(simple, {1.0, 0.0}).x(), 78.5398163397448, 1e-10);
+    const double inside = distort_to_pixel(simple, {0.9999e-3, 0.0}).x(),
+                 outside = distort_to_pixel(simple, {1.0001e-3, 0.0}).x();
+    EXPECT_NEAR(outside - inside, 2e-7 * 100, 1e-10);
+}
+
 // Promise: undistortion undoes distortion at every pixel of the known cameras, far below the promised 0.01 px.
 TEST(Camera, UndistortsEveryPixel) {
-    for (const CameraModel& model : {freiburg1(), freiburg2(), freiburg3(), euroc()}) {
+    for (const CameraModel& model :
+         {freiburg1(), freiburg2(), freiburg3(), euroc(), azure(), t265(), plain_fisheye()}) {
         ASSERT_EQ(validate(model), Status::kOk);
         double worst = 0;
         for (std::uint32_t y = 0; y < model.height; ++y) {
@@ -129,7 +183,8 @@ TEST(Camera, EveryPixelIsVisible) {
     CameraModel off_centre = freiburg3();
     off_centre.cx = 160.0;
     off_centre.cy = 400.0;
-    for (const CameraModel& model : {freiburg1(), freiburg2(), freiburg3(), euroc(), off_centre}) {
+    for (const CameraModel& model :
+         {freiburg1(), freiburg2(), freiburg3(), euroc(), off_centre, azure(), t265(), plain_fisheye()}) {
         for (std::uint32_t y = 0; y < model.height; y += 4) {
             for (std::uint32_t x = 0; x < model.width; x += 4) {
                 const Vector2 n = undistort_to_normalised(model, Vector2(x + 0.25, y + 0.25));
@@ -166,6 +221,16 @@ TEST(Camera, NothingElseIsVisible) {
     }
     EXPECT_GT(visible, 10000);
     EXPECT_GT(outside, 10000);
+    // Of a fisheye: what lies before it, up to 84 degrees off its axis, and is drawn inside the picture.
+    for (int i = 0; i < 20000; ++i) {
+        const CameraModel m = plain_fisheye();
+        const Vector3 q(random.uniform(-4, 4), random.uniform(-3, 3), random.uniform(0.5, 1));
+        const double r = std::hypot(q.x(), q.y());
+        const double factor = m.fx * std::atan2(r, q.z()) / r;
+        const Vector2 at(q.x() * factor + m.cx, q.y() * factor + m.cy);
+        Vector2 pixel;
+        ASSERT_EQ(visible_pixel(m, q, 0.2, pixel), is_in_picture(m, at)) << q.x() << " " << q.y() << " " << q.z();
+    }
     const CameraModel plain{640, 480, 500, 500, 320, 240};
     Vector2 pixel;
     EXPECT_TRUE(visible_pixel(plain, {-0.64, -0.48, 1.0}, 0.2, pixel));
@@ -210,11 +275,19 @@ TEST(Camera, RefusesNonsense) {
     EXPECT_TRUE(refuses([](CameraModel& m) { m.k3 = -20.0; }));
     EXPECT_TRUE(refuses([](CameraModel& m) { m.k2 = 1e300; }));
     EXPECT_TRUE(refuses([](CameraModel& m) { m.p1 = 2.0; }));
+    // A denominator with a pole in the picture, a fisheye with tangential coefficients, one that sees behind itself.
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.k4 = -20.0; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.k6 = std::numeric_limits<double>::quiet_NaN(); }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.lens = Lens::kFisheye; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.fx = m.fy = 200; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.k1 = -0.5; }));
+    EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.k5 = 0.1; }));
+    EXPECT_FALSE(refuses([](CameraModel& m) { m = plain_fisheye(); }));
 }
 
 // Promise: pixels far outside the image still give finite numbers.
 TEST(Camera, StaysFiniteOutside) {
-    for (const CameraModel& model : {freiburg1(), freiburg2(), euroc()}) {
+    for (const CameraModel& model : {freiburg1(), freiburg2(), euroc(), azure(), t265(), plain_fisheye()}) {
         for (double x = -3000; x <= 3000; x += 150) {
             for (double y = -3000; y <= 3000; y += 150) {
                 const Vector2 n = undistort_to_normalised(model, {x, y});

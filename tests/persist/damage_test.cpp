@@ -148,6 +148,12 @@ TEST_F(Damage, MadeByOthers) {
     problem = refused(other, status);
     EXPECT_EQ(problem.fault, MapFault::kOtherCamera);
     EXPECT_STREQ(problem.part, "fx");
+    other = file;
+    test::put(other, 80, 1, 4);  // of a lens that Brown's five numbers do not tell
+    test::mend(other);
+    problem = refused(other, status);
+    EXPECT_EQ(problem.fault, MapFault::kOtherCamera);
+    EXPECT_STREQ(problem.part, "checksum of the lens model");
 }
 
 // Promise: contents that cannot be are refused although every CRC is right.
@@ -175,7 +181,7 @@ TEST_F(Damage, ImpossibleContents) {
         {"time below zero", 56, ~std::uint64_t{0}, 8},
         {"frames beyond all time", 64, std::uint64_t{1} << 60U, 8},
         {"fewer frames than keyframes know", 64, 1, 8},
-        {"reserved", 80, 1, 8},
+        {"reserved", 84, 1, 8},
         {"readout of the camera", at(Section::kCamera, 0) + 80, bits(kNan), 8},
         {"a rotation that is none", keyframe, bits(0.5), 8},
         {"NaN in a rotation", keyframe + 8, bits(kNan), 8},

@@ -276,14 +276,14 @@ TEST(EndToEnd, RefusesBadInput) {
          },
          "rgb/0.png"},
         {"missing PNGs", [](const Recording& r) { std::filesystem::remove_all(r.path("depth")); }, "depth/0.png"},
-        {"depth of another size", [](const Recording& r) { test::write_depth(r.path("depth/0.png"), 64, 48, 0); },
-         "depth is 64x48 but colour is 320x240"},
-        {"larger than the limits",
+        {"depth of another size", [](const Recording& r) { test::write_depth(r.path("depth/0.png"), 60, 48, 0); },
+         "depth is 60x48 but colour is 320x240"},
+        {"larger than the camera",
          [](const Recording& r) {
              test::write_colour(r.path("rgb/0.png"), 700, 500, false, 0);
              test::write_depth(r.path("depth/0.png"), 700, 500, 0);
          },
-         "the images are 700x500, the limits allow 640x480"},
+         "is for 320x240 pixels, the images are 700x500"},
         {"smaller than the engine takes",
          [](const Recording& r) {
              test::write_colour(r.path("rgb/0.png"), 32, 32, false, 0);

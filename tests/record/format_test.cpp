@@ -246,6 +246,29 @@ TEST(RecordingFormat, KeysAreReadByName) {
     EXPECT_STREQ(problem.key.data(), "limits.image_width_max");
 }
 
+// Promise: a lens beyond Brown's five numbers comes back to the bit; without one a header is what it was before there
+// were others, and a tail that says nothing is refused.
+TEST(RecordingFormat, Lenses) {
+    const RecordingHeader plain = some_header();
+    RecordingHeader read, wide = plain;
+    RecordingProblem problem;
+    for (const Lens lens : {Lens::kBrown, Lens::kFisheye}) {
+        wide.camera.lens = lens;
+        wide.camera.k4 = 0.25;
+        wide.camera.k6 = lens == Lens::kBrown ? -1.5 : 0;
+        ByteVector bytes = test::header_bytes(wide);
+        EXPECT_EQ(bytes.size(), test::header_bytes(plain).size() + 25);
+        ASSERT_TRUE(decode_header(bytes, read, problem).is_ok());
+        EXPECT_EQ(read.camera, wide.camera);
+        EXPECT_EQ(test::header_bytes(read), bytes);
+        bytes[bytes.size() - 29] = std::byte{2};
+        set_crc(bytes);
+        EXPECT_EQ(decode_header(bytes, read, problem).status(), Status::kCorrupt) << "no such lens";
+    }
+    ASSERT_TRUE(decode_header(test::header_bytes(plain), read, problem).is_ok());
+    EXPECT_EQ(read.camera, plain.camera) << "nothing is left of the header read before";
+}
+
 // Promise: the order of keys does not matter.
 TEST(RecordingFormat, KeysAreInAnyOrder) {
     RecordingHeader written = some_header();

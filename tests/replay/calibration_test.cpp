@@ -29,12 +29,9 @@ constexpr const char* kRos =
     "depth_units_per_m: 5000\n";
 
 void expect_equal(const CameraInfo& a, const CameraInfo& b) {
-    EXPECT_EQ(a.model.width, b.model.width);
-    EXPECT_EQ(a.model.height, b.model.height);
+    EXPECT_EQ(a.model, b.model);
     const auto numbers = [](const CameraInfo& i) {
-        const CameraModel& m = i.model;
-        return std::array<double, 12>{
-            m.fx, m.fy, m.cx, m.cy, m.k1, m.k2, m.p1, m.p2, m.k3, i.depth_units_per_m, i.frames_per_s, i.readout_s};
+        return std::array<double, 3>{i.depth_units_per_m, i.frames_per_s, i.readout_s};
     };
     EXPECT_EQ(numbers(a), numbers(b));
 }
@@ -111,6 +108,10 @@ TEST(Calibration, TomlRoundTrip) {
         info.model.cx = random.uniform(0, info.model.width);
         info.model.cy = random.uniform(0, info.model.height);
         info.depth_units_per_m = random.uniform(100, 100000);
+        if (i % 4 == 1)
+            info.model.k4 = random.normal(), info.model.k5 = random.normal(), info.model.k6 = random.normal();
+        if (i % 4 == 2)
+            info.model.lens = Lens::kFisheye, info.model.p1 = info.model.p2 = 0, info.model.k4 = random.normal();
         if (i % 3 != 0) info.readout_s = i % 3 == 1 ? 0.0 : random.uniform(0, 0.1);
         CameraInfo read;
         std::string message;
@@ -169,7 +170,7 @@ TEST(Calibration, MisspeltKeysAreErrors) {
 
 // Promise: every missing key, every NaN, every value outside its range is refused by name: nothing defaults to 0.
 TEST(Calibration, MissingNanAndRange) {
-    const std::array<const char*, 7> required = {"width", "height", "fx", "fy", "cx", "cy", "depth_units_per_m"};
+    const std::array<const char*, 6> required = {"width", "height", "fx", "fy", "cx", "cy"};
     for (const char* key : required) {
         std::string text = kToml;
         const std::size_t begin = text.find("\n" + std::string(key) + " =") + 1;
@@ -183,8 +184,9 @@ TEST(Calibration, MissingNanAndRange) {
     EXPECT_NE(error_of(replaced(kOrbSlam, "517.306408", ".nan"), CalibrationFormat::kYaml)
                   .find("'Camera.fx' is not a finite"),
               std::string::npos);
-    EXPECT_NE(error_of(replaced(kRos, "516.469215", "inf"), CalibrationFormat::kYaml).find("'fy' is not a finite"),
-              std::string::npos);
+    EXPECT_NE(
+        error_of(replaced(kRos, "516.469215", "inf"), CalibrationFormat::kYaml).find("'camera_matrix.data' is not a"),
+        std::string::npos);
     EXPECT_NE(error_of(replaced(kOrbSlam, "5000.0", "0"), CalibrationFormat::kYaml)
                   .find("key 'DepthMapFactor' is 0; it must lie between 100 and"),
               std::string::npos);
@@ -198,14 +200,18 @@ TEST(Calibration, MissingNanAndRange) {
     EXPECT_NE(error_of(replaced(kToml, "318.643040", "1318"), CalibrationFormat::kToml).find("outside the image"),
               std::string::npos);
     EXPECT_NE(error_of(replaced(kToml, "640", "640.5"), CalibrationFormat::kToml).find("whole"), std::string::npos);
-    EXPECT_NE(error_of(replaced(kRos, "plumb_bob", "equidistant"), CalibrationFormat::kYaml).find("plumb_bob"),
+    EXPECT_NE(error_of(replaced(kRos, "plumb_bob", "omnidirectional"), CalibrationFormat::kYaml).find("plumb_bob"),
               std::string::npos);
     EXPECT_NE(error_of(std::string(kOrbSlam) + "Camera.fx: 500\n", CalibrationFormat::kYaml).find("given twice"),
               std::string::npos);
-    // ROS knows no depth factor, and it is not guessed.
-    EXPECT_NE(error_of(replaced(kRos, "depth_units_per_m: 5000\n", ""), CalibrationFormat::kYaml)
-                  .find("'depth_units_per_m' is missing"),
-              std::string::npos);
+    // ROS knows no depth factor, and it is not guessed: 0, for whoever knows it.
+    CameraInfo info;
+    std::string message;
+    ASSERT_EQ(parse_calibration(replaced(kRos, "depth_units_per_m: 5000\n", ""), CalibrationFormat::kYaml, "f", info,
+                                message),
+              Status::kOk)
+        << message;
+    EXPECT_EQ(info.depth_units_per_m, 0);
 }
 
 // Promise: any bytes are refused with a sentence or accepted, and deep nesting does not exhaust the stack.
@@ -227,11 +233,165 @@ TEST(Calibration, AnyBytesAreSafe) {
     std::string nested;
     for (int i = 0; i < 300; ++i) nested += std::string(static_cast<std::size_t>(i), ' ') + "a:\n";
     static_cast<void>(error_of(nested, CalibrationFormat::kYaml));
+    // Aliases that make much of little: of a long word, of a long key, of lists of lists.
+    std::string aliases = "a: &a " + std::string(30000, 'x') + "\nfx: [";
+    for (int i = 0; i < 10000; ++i) aliases += "*a,";
+    static_cast<void>(error_of(aliases + "*a]\n", CalibrationFormat::kYaml));
     std::string dashes;
     for (int i = 0; i < 20000; ++i) dashes += "- ";
     static_cast<void>(error_of(dashes, CalibrationFormat::kYaml));
     static_cast<void>(error_of(std::string(100000, ' '), CalibrationFormat::kYaml));
     static_cast<void>(error_of("", CalibrationFormat::kYaml));
+}
+
+[[nodiscard]] CameraInfo read_of(const std::string& text) {
+    CameraInfo info;
+    std::string message;
+    EXPECT_EQ(parse_calibration(text, CalibrationFormat::kYaml, "f", info, message), Status::kOk) << message << text;
+    return info;
+}
+
+// Promise: what OpenCV reads is read: keys and lists without a blank behind the colon, wherever they stand, and keys
+// that are given twice with one value. With two values both are named with their lines.
+TEST(Calibration, SpelledAsOpenCvReadsIt) {
+    const CameraInfo expected = read_of(kOrbSlam);
+    for (const std::string& text :
+         {std::string(kOrbSlam) + "Viewer.PointSize:2\nViewer.ViewpointX: 0\n",
+          replaced(replaced(kOrbSlam, "Camera.fy: ", "Camera.fy:"), "DepthMapFactor: ", "DepthMapFactor:"),
+          std::string(kOrbSlam) + "LEFT.D: !!opencv-matrix\n   rows:1\n   cols: 2\n   dt:d\n   data:[0.1, -0.2]\n",
+          std::string("\xef\xbb\xbf") + kOrbSlam,
+          std::string(kOrbSlam) + "Camera.width: 640.0\nCamera.fx: 517.306408\n",
+          replaced(replaced(kOrbSlam, "Camera.width", "Camera.cols"), "Camera.height", "Camera.rows")}) {
+        expect_equal(read_of(text), expected);
+    }
+    const std::string twice = error_of(std::string(kOrbSlam) + "Camera.width: 848\n", CalibrationFormat::kYaml);
+    EXPECT_NE(twice.find(", line 22: key 'Camera.width' is given twice: 640 in line 13 as 'Camera.width', then 848"),
+              std::string::npos)
+        << twice;
+    const std::string comma = error_of(replaced(kOrbSlam, "517.306408", "517,306408"), CalibrationFormat::kYaml);
+    EXPECT_NE(comma.find(", line 4: key 'Camera.fx' must be a number: with a point, as in 517.306408"),
+              std::string::npos)
+        << comma;
+}
+
+// Promise: a key that would change the lens or the picture, and cannot be followed, is named with what to do.
+TEST(Calibration, KeysThatScale) {
+    const auto error = [](const char* line) {
+        return error_of(std::string(kOrbSlam) + line + "\n", CalibrationFormat::kYaml);
+    };
+    for (const char* const line : {"Camera.newWidth: 600", "Camera.newHeight: 450", "Camera.imageScale: 0.5"}) {
+        EXPECT_NE(error(line).find("scales images, and they are not scaled here: remove it"), std::string::npos);
+    }
+    static_cast<void>(read_of(std::string(kOrbSlam) + "Camera.newWidth: 640\nCamera.imageScale: 1\n"));
+    for (const char* const line : {"binning_x: 2", "roi:\n  x_offset: 8\n  width: 640"}) {
+        const std::string message = error_of(std::string(kRos) + line + "\n", CalibrationFormat::kYaml);
+        EXPECT_NE(message.find("K is of the whole picture"), std::string::npos) << message;
+    }
+    static_cast<void>(read_of(std::string(kRos) + "binning_x: 1\nroi:\n  x_offset: 0\n  do_rectify: false\n"));
+    EXPECT_NE(error("Camera.k4: 0.1").find("'Camera.k4' is 0.1: a coefficient that this lens"), std::string::npos);
+    static_cast<void>(read_of(std::string(kOrbSlam) + "Camera.k4: 0\n"));
+    EXPECT_EQ(read_of(std::string(kOrbSlam) + "Camera.k4: 0.1\nCamera.k5: 0\nCamera.k6: -1\n").model.k6, -1);
+}
+
+// Promise: the lens is what its name says, in each program's spelling; coefficients beyond it must be 0 or are named.
+TEST(Calibration, Lenses) {
+    const auto ros = [](const std::string& model, const std::string& d) {
+        return "height: 480\nwidth: 640\ndistortion_model: " + model + "\nD: [" + d +
+               "]\nK: [525, 0, 319.5, 0, 525, 239.5, 0, 0, 1]\n";
+    };
+    const CameraInfo plain = read_of(ros("plumb_bob", "0.1, 0.2, 0.3, 0.4, 0.5"));
+    EXPECT_EQ(plain.model.k3, 0.5);
+    for (const auto& [model, d] : {std::pair{"rational_polynomial", "0.1, 0.2, 0.3, 0.4, 0.5"},
+                                   {"rational_polynomial", "0.1, 0.2, 0.3, 0.4, 0.5, 0, 0, 0"},
+                                   {"plumb_bob", "0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0, 0"},
+                                   {"radtan", "0.1, 0.2, 0.3, 0.4, 0.5"},
+                                   {"\"Brown Conrady\"", "0.1, 0.2, 0.3, 0.4, 0.5"},
+                                   {"''", "0.1, 0.2, 0.3, 0.4, 0.5"}}) {
+        expect_equal(read_of(ros(model, d)), plain);
+    }
+    const CameraModel rational = read_of(ros("rational_polynomial", "1, 2, 3, 4, 5, 6, 7, 8")).model;
+    EXPECT_EQ((std::array{rational.k3, rational.k4, rational.k5, rational.k6}), (std::array<double, 4>{5, 6, 7, 8}));
+    for (const char* const name : {"equidistant", "equi", "fisheye", "KannalaBrandt8", "kannala_brandt4"}) {
+        const CameraModel m = read_of(ros(name, "1, 2, 3, 4")).model;
+        EXPECT_EQ(m.lens, Lens::kFisheye) << name;
+        EXPECT_EQ((std::array{m.k1, m.k2, m.k3, m.k4, m.p1, m.p2}), (std::array<double, 6>{1, 2, 3, 4, 0, 0}));
+    }
+    const auto error = [&ros](const char* model, const char* d) {
+        return error_of(ros(model, d), CalibrationFormat::kYaml);
+    };
+    EXPECT_NE(error("plumb_bob", "1, 2, 3, 4, 5, .6, 0, 0").find("number 6 is 0.6, but this lens (plumb_bob) has 5"),
+              std::string::npos);
+    EXPECT_NE(error("equidistant", "1, 2, 3, 4, 5").find("number 5 is 5"), std::string::npos);
+    EXPECT_NE(error("plumb_bob", "1, 2").find("has 2 numbers"), std::string::npos);
+    EXPECT_NE(error("inverse_brown_conrady", "0, 0, 0, 0, 1").find("distorts otherwise than plumb_bob"),
+              std::string::npos);
+    EXPECT_EQ(read_of(ros("inverse_brown_conrady", "0, 0, 0, 0, 0")).model.k1, 0);
+    EXPECT_NE(error("omni-radtan", "1, 2, 3, 4").find("'omni-radtan', a lens that is unknown here (known: plumb_bob"),
+              std::string::npos);
+    const std::string never = error_of(
+        replaced(ros("plumb_bob", "0, 0, 0, 0"), "525, 0, 319.5, 0, 525, 239.5, 0, 0, 1", "0, 0, 0, 0, 0, 0, 0, 0, 0"),
+        CalibrationFormat::kYaml);
+    EXPECT_NE(never.find(", line 5: key 'K' is all zero: this camera was never calibrated"), std::string::npos)
+        << never;
+    // A separator of `rostopic echo`, with a key added behind it.
+    EXPECT_EQ(read_of(ros("plumb_bob", "0, 0, 0, 0") + "---\ndepth_units_per_m: 1000\n").depth_units_per_m, 1000);
+}
+
+// Promise: the camera files of Kalibr, EuRoC, stella_vslam, OpenLORIS, ETH3D, ScanNet, Open3D, Replica and RealSense
+// give one camera, whatever they call its numbers and in which order; a lens other than it would be is refused.
+TEST(Calibration, CameraFilesOfOthers) {
+    const std::string openloris =
+        "   width: 640\n   height: 480\n   model: pinhole\n   intrinsics: !!opencv-matrix\n      rows: 1\n      cols: "
+        "4\n"
+        "      dt: d\n      data: ";
+    const std::string realsense =
+        "\"width\": 640, \"height\": 480, \"fx\": 528.0, \"fy\": 530, \"ppx\": 319.5, \"ppy\": 240, ";
+    const std::string kalibr =
+        "cam0:\n  camera_model: pinhole\n  intrinsics: [528.0, 530.0, 319.5, 240]\n  distortion_model: radtan\n"
+        "  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n  resolution: [640, 480]\n  rostopic: /rgb/image\n";
+    const std::string texts[] = {
+        kalibr,
+        kalibr + "cam1:\n  camera_model: pinhole\n  intrinsics: [400, 400, 300, 200]\n  rostopic: /infra1/image\n",
+        "sensor_type: camera\nrate_hz: 30\nresolution: [640, 480]\ncamera_model: pinhole\n"
+        "intrinsics: [528, 530, 319.5, 240] #fu, fv, cu, cv\ndistortion_model: radial-tangential\n"
+        "distortion_coefficients: [0, 0, 0, 0]\n",
+        "Camera:\n  name: kinect\n  setup: RGBD\n  model: perspective\n  fx: 528.0\n  fy: 530.0\n  cx: 319.5\n  cy: "
+        "240\n"
+        "  k1: 0.0\n  k2: 0.0\n  p1: 0.0\n  p2: 0.0\n  k3: 0.0\n  fps: 30.0\n  cols: 640\n  rows: 480\n"
+        "  color_order: Gray\nFeature:\n  name: default\n  num_levels: 8\n",
+        "%YAML:1.0\nd400_color_optical_frame:\n" + openloris + "[528, 319.5, 530, 240]\nd400_depth_optical_frame:\n" +
+            openloris + "[580, 321, 581, 238]\n",
+        "528.0 530 319.5 240\n",
+        "# ScanNet\n528 0 319.5 0\n0 530 240 0\n0 0 1 0\n0 0 0 1\n",
+        "{\"width\": 640, \"height\": 480, \"intrinsic_matrix\": [528, 0, 0, 0, 530, 0, 319.5, 240, 1]}",
+        "{\n\t\"intrinsic\": {\n\t\t\"width\": 640, \"height\": 480,\n\t\t\"intrinsic_matrix\": [[528, 0, 319.5], [0, "
+        "530, "
+        "240],\n\t\t [0, 0, 1]]\n\t},\n\t\"extrinsic\": [1, 0, 0, 0]\n}\n",
+        "{" + realsense + "\"model\": \"Brown Conrady\", \"coeffs\": [0.0, 0, 0, 0, 0]}",
+        "{\"color\": {" + realsense +
+            "\"model\": 2, \"coeffs\": [0, 0, 0, 0, 0]}, \"depth\": {\"width\": 848, \"fx\": 425}}",
+        "{\"camera\": {\"w\": 640, \"h\": 480, \"fx\": 528, \"fy\": 530, \"cx\": 319.5, \"cy\": 240}}"};
+    for (const std::string& text : texts) {
+        const CameraInfo info = read_of(text);
+        CameraModel m = info.model;
+        if (m.width == 0) m.width = 640, m.height = 480;  // files of nothing but numbers do not say it
+        EXPECT_EQ(m, (CameraModel{640, 480, 528, 530, 319.5, 240})) << text;
+        EXPECT_EQ(info.depth_units_per_m, 0) << text;
+    }
+    EXPECT_EQ(read_of("{" + realsense + "\"depth_scale\": 0.0010000000474974513}").depth_units_per_m, 1000);
+    EXPECT_EQ(read_of("{" + realsense + "\"depth_scale\": 0.0002}").depth_units_per_m, 5000);
+    EXPECT_EQ(read_of("{" + realsense + "\"depth_scale\": 1000.0}").depth_units_per_m, 1000);
+    EXPECT_EQ(read_of(texts[3] + "depthmap_factor: 5000.0\n").depth_units_per_m, 5000);
+    EXPECT_EQ(read_of(replaced(texts[0], "radtan", "equidistant")).model.lens, Lens::kFisheye);
+    const auto error = [](const std::string& text) { return error_of(text, CalibrationFormat::kYaml); };
+    EXPECT_NE(error(replaced(texts[1], "/rgb/image", "/infra0/image")).find("holds 2 cameras (cam0, cam1)"),
+              std::string::npos);
+    EXPECT_NE(
+        error(replaced(kalibr, "528.0, 530.0, 319.5", "528.0, 319.5, 530.0")).find("read as fx fy cx cy; is that"),
+        std::string::npos);
+    EXPECT_NE(error(replaced(kalibr, "distortion_coeffs", "distortion_coefs")).find("did you mean"), std::string::npos);
+    EXPECT_NE(error("1 2 3 4 5\n").find("it holds 5 numbers"), std::string::npos);
+    EXPECT_NE(error("name: kinect\n").find("neither fx, fy, cx, cy nor"), std::string::npos);
 }
 
 // Promise: load_calibration takes names and files, and says which names it knows.
