@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "hal/replay/decimal_time.hpp"
+#include "hal/replay/image_reader.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 
@@ -251,7 +252,7 @@ public:
         const auto mask = masks_.find(out.frame.time_ns);
         if (mask == masks_.end()) return Status::kOk;
         const Status read =
-            read_png(mask->second, {model().width, model().height, ImageKind::kGrey8}, pixels_, message);
+            read_image(mask->second, {model().width, model().height, ImageKind::kGrey8}, pixels_, message);
         // Recordings number the bodies, from 100 on; lower numbers are the blur round them.
         for (std::uint8_t& pixel : pixels_) pixel = pixel >= 100 ? std::uint8_t{255} : pixel;
         if (read == Status::kOk) out.mask = {pixels_.data(), model().width, model().height, model().width};
