@@ -8,6 +8,10 @@
 namespace stillmesh {
 namespace {
 
+// A point not seen for so long a way (a radian counts as a metre) may be off by more than a body is deep: at the end of
+// a lap that drifted, the room itself would come into the free space of its beginning.
+constexpr double kWayMax_m = 5;
+
 constexpr double kNearest_m = 0.1;  // nearer is behind the keyframe's camera, or in its glass
 
 void count(std::uint8_t& votes) noexcept {
@@ -30,14 +34,17 @@ void FreeSpace::ask(const PosedFrame& posed, const MapMatcher& matcher, const Wo
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
         if (!keyframes.is_taken(slot) || world.local_map.keyframes()[slot] == 0) continue;
         ask_keyframe(posed, matcher, world, keyframes.at(slot));
-        // Of points that are known to stand still: one that may move says nothing of what was there.
         for (const Observation& observation : world.map.observations(keyframes.handle_of(slot))) {
             const MapPoint* const point = world.map.points().find(observation.point);
-            if (observation.var_z < 0 || point == nullptr || point->is_suspect) continue;
-            if (seconds_between(point->created_ns, posed.time_ns) >= parameters_->weights.proven_s)
-                vote(observation, posed.frame);
+            if (observation.var_z >= 0 && point != nullptr && is_witness(*point, posed)) vote(observation, posed.frame);
         }
     }
+}
+
+// A point that is known to stand still, where it is: one that may move says nothing of what was there.
+bool FreeSpace::is_witness(const MapPoint& point, const PosedFrame& posed) const noexcept {
+    return !point.is_suspect && seconds_between(point.created_ns, posed.time_ns) >= parameters_->weights.proven_s &&
+           posed.travelled - static_cast<double>(point.agreed_travelled) <= kWayMax_m;
 }
 
 // Where the keyframe would have seen the new features.

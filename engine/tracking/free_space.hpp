@@ -40,6 +40,7 @@ private:
     struct Votes {
         std::uint8_t behind = 0, there = 0;
     };
+    [[nodiscard]] bool is_witness(const MapPoint& point, const PosedFrame& posed) const noexcept;
     void ask_keyframe(const PosedFrame& posed, const MapMatcher& matcher, const World& world,
                       const Keyframe& keyframe) noexcept;
     void vote(const Observation& observation, const MeasuredFrame& frame) noexcept;

@@ -533,15 +533,15 @@ TEST_F(Inserter, KeyframesWaitForMapping) {
 
 // Promise: a new feature where a keyframe saw through, to a point behind it that is known to stand still, is
 // suspicious. It is not where points were seen at its own depth, or before it; where what was behind may move, or is
-// not known for long, or had no depth; where the keyframe stood elsewhere, so that only now something is hidden; and
-// when nobody asks.
+// not known for long, was not seen for a long way, or had no depth; where the keyframe stood elsewhere, so that only
+// now something is hidden; and when nobody asks.
 TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
     struct Story {
         const char* name;
         double seen_z_m;
         bool is_came;
         bool is_suspect = false, is_young = false, has_depth = true;
-        double aside_m = 0, ray_px = 20;
+        double aside_m = 0, ray_px = 20, agreed_travelled = 8;
     };
     const Story stories[] = {{"behind", 3, true},
                              {"there", 1.5, false},
@@ -550,6 +550,8 @@ TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
                              {"young", 3, false, false, true},
                              {"no depth", 3, false, false, false, false},
                              {"hidden only now", 3, false, false, false, true, 0.8},
+                             {"not seen for long", 3, false, false, false, true, 0, 20, 3.4},
+                             {"seen a while ago", 3, true, false, false, true, 0, 20, 3.6},
                              {"not asked", 3, false, false, false, true, 0, 0}};
     for (const Story& story : stories) {
         Parameters parameters = test::small_parameters();
@@ -572,6 +574,7 @@ TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
         MapPoint& point = (*world_)[seen.point];
         point.created_ns = kNow_ns - (story.is_young ? 100'000'000 : 10'000'000'000);
         point.is_suspect = story.is_suspect;
+        point.agreed_travelled = static_cast<float>(story.agreed_travelled);
         map().add_observation(keyframe, seen);
         (*world_)->local_map.build((*world_)->map, pose_);
         ASSERT_EQ((*world_)->local_map.keyframes()[keyframe.slot()], 1) << story.name;
