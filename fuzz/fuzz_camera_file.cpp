@@ -1,5 +1,5 @@
-// Camera files of all kinds, in TOML, YAML, JSON and text: any bytes give either a sentence, or a calibration that makes sense
-// and survives being written and read again.
+// Camera files of all kinds, in TOML, YAML, JSON and text: any bytes give either a sentence, or a calibration that
+// makes sense and survives being written and read again.
 #include <algorithm>
 #include <string>
 #include <string_view>

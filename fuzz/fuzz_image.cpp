@@ -1,5 +1,5 @@
-// Images that are no PNG (JPEG, PNM, NumPy): any bytes give a sentence or a whole image; never one of another size or kind,
-// never a byte outside the buffer.
+// Images that are no PNG (JPEG, PNM, NumPy): any bytes give a sentence or a whole image; never one of another size or
+// kind, never a byte outside the buffer.
 #include <algorithm>
 #include <span>
 #include <string>

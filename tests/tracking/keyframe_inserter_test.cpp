@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "engine/tracking/free_space.hpp"
 #include "engine/tracking/gather_correspondences.hpp"
 #include "tests/support/map_fault.hpp"
 #include "tests/support/small_world.hpp"
