@@ -30,7 +30,6 @@ constexpr std::array kRules = {
     Rule{"new points hardly count", "7", "weights.unproven=1"},
     Rule{"new points beside moving ones are suspicious", "7", "weights.suspicious=10"},
     Rule{"what came into free space has no say", "7", "emptiness.ray_px=0"},
-    Rule{"an unsure pose far off the track is none", "6", "recovery.plausible_min=0"},
     Rule{"what moves loses its say", "7", "weights.suspect_steps=200"},
     Rule{"what was out of sight may be off", "7", "weights.drift_share=0"},
     Rule{"places seen to be empty", "7", "emptiness.places_per_frame=0"},

@@ -74,7 +74,6 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     out.choice = !(choice.margin >= 0)            ? UnsureReason::kRival
                  : !(score >= c.region.score_min) ? UnsureReason::kUnclear
                                                   : UnsureReason::kNone;
-    out.plausibility = choice.plausibility;
     out.unsure = doubt_of(out);
     return out;
 }

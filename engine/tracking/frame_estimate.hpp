@@ -25,7 +25,6 @@ struct Estimate {
     PoseFit fit;
     RegionContext expected;                        // around which the map was searched
     NoiseScale noise;                              // as the frame had to take it
-    double plausibility = 1;                       // of the choice's motion, beside the expected one
     bool is_valid = false;                         // a pose was found, by at least inliers_min matches
     UnsureReason choice = UnsureReason::kUnclear;  // why it is not clear which region stands still
     UnsureReason unsure = UnsureReason::kUnclear;  // that, or too few matches say so

@@ -25,10 +25,9 @@ public:
 
     // Asks the keyframes of the local map about the frame's features that show no point yet.
     void ask(const PosedFrame& posed, const MapMatcher& matcher, const World& world) noexcept;
-    // More points were seen behind this feature's place than at it.
-    [[nodiscard]] bool was_empty(std::size_t feature) const noexcept {
-        return votes_[feature].behind > votes_[feature].there;
-    }
+    // More points were seen behind this feature's place than at it, and so it is with a fifth of all: a few are the
+    // edges of things that stand.
+    [[nodiscard]] bool came(std::size_t feature) const noexcept { return has_come_ && was_empty(feature); }
 
 private:
     // Of a feature, as a keyframe would see it.
@@ -40,6 +39,9 @@ private:
     struct Votes {
         std::uint8_t behind = 0, there = 0;
     };
+    [[nodiscard]] bool was_empty(std::size_t feature) const noexcept {
+        return votes_[feature].behind > votes_[feature].there;
+    }
     [[nodiscard]] bool is_witness(const MapPoint& point, const PosedFrame& posed) const noexcept;
     void ask_keyframe(const PosedFrame& posed, const MapMatcher& matcher, const World& world,
                       const Keyframe& keyframe) noexcept;
@@ -49,6 +51,7 @@ private:
     FeatureGrid grid_;
     std::span<Place> places_;
     std::span<Votes> votes_;  // by feature
+    bool has_come_ = false;   // a body, by the share of what is new
 };
 
 }  // namespace stillmesh

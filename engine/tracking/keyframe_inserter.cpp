@@ -98,7 +98,7 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
 // What moves, more likely than not: it came into the room, or belongs to a body that moves.
 bool KeyframeInserter::is_suspicious(const Source& source, std::size_t feature) const noexcept {
     if (!parameters_->region.is_enabled) return false;
-    return (parameters_->mapping.is_enabled && free_space_.was_empty(feature)) || lies_among_moving(source, feature);
+    return (parameters_->mapping.is_enabled && free_space_.came(feature)) || lies_among_moving(source, feature);
 }
 
 // A new feature beside moving ones at the same depth belongs to the same body more likely than not (method.md 7).

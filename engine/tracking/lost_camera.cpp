@@ -51,8 +51,7 @@ bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) no
     if (!estimate.is_valid) return false;
     const SE3& found = estimate.fit.world_from_camera;
     if (!estimate.is_sure() &&
-        (estimate.plausibility < world_->parameters.recovery.plausible_min || is_out_of_touch(camera) ||
-         !camera.reach.holds(found, estimator_->time_ns(), world_->parameters))) {
+        (is_out_of_touch(camera) || !camera.reach.holds(found, estimator_->time_ns(), world_->parameters))) {
         return false;
     }
     if (!is_on_probation_) return true;

@@ -38,8 +38,8 @@ public:
     [[nodiscard]] bool begin_frame(CameraState& camera) noexcept;
     // The map under a camera on probation moved: where it was before moves along.
     void follow(const CameraMove& move) noexcept { before_.follow(move); }
-    // Whether an estimate around what the motion foretold is the camera's pose. What is not sure and lies far off what
-    // was expected, or where the camera cannot be, or follows from nothing, is the motion of a body.
+    // Whether an estimate around what the motion foretold is the camera's pose. What is not sure and lies where the
+    // camera cannot be, or follows from nothing, is the motion of a body.
     [[nodiscard]] bool accepts(const Estimate& estimate, const CameraState& camera) noexcept;
     // The frame of a probation was `measured` or not. False: the probation failed, and the camera is where it was
     // before.

@@ -183,7 +183,7 @@ TEST(SimulatedCamera, SeeksAnyFrame) {
 
 // Promise: every name in the list opens; what is not in the list, or out of range, is refused with a sentence.
 TEST(SimulatedCamera, RefusesWithASentence) {
-    EXPECT_EQ(simulated_scenes().size(), 29U);
+    EXPECT_EQ(simulated_scenes().size(), 32U);
     for (const SimulatedScene& scene : simulated_scenes()) {
         SimulatedCamera camera({.scene = scene.name, .width = 64, .height = 48});
         EXPECT_EQ(camera.open(), Status::kOk) << scene.name;

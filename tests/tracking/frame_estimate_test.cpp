@@ -4,7 +4,6 @@
 
 #include <cstdint>
 
-#include "engine/tracking/lost_camera.hpp"
 #include "engine/tracking/tracking.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/frames.hpp"
@@ -74,36 +73,6 @@ Parameters fitting() {
     out.features.count = kLimits.features_max;
     out.features.levels = kLimits.pyramid_levels_max;
     return out;
-}
-
-// Promise: how plausible an estimate's motion is says how far it lies from what was expected: next to 1 where it was,
-// 0.2 at ten deviations. A camera that was tracked takes an estimate that is not sure unless it is less plausible than
-// recovery.plausible_min; a sure one is a jerk, however implausible.
-TEST(FrameEstimator, ImplausibleAndUnsureIsNoPose) {
-    EstimatorRig rig(fitting());
-    const CameraState camera = rig.camera();
-    EmptyPlaces empty_places;
-    LostCamera lost;
-    lost.create(rig.world(), rig.estimator(), empty_places, nullptr);
-    lost.reset();
-    Estimate estimate = rig.estimate(camera);
-    ASSERT_TRUE(estimate.is_sure());
-    EXPECT_GT(estimate.plausibility, 0.95);
-    RegionContext elsewhere = camera.expect(rig.frame().time_ns, 0, rig.world().parameters.prediction);
-    elsewhere.world_from_camera_predicted = estimate.fit.world_from_camera;
-    elsewhere.world_from_camera_predicted.translation.x() += 10 * elsewhere.prediction_sigma_m;
-    EXPECT_NEAR(rig.estimator().estimate(camera, elsewhere).plausibility, 0.2, 0.02);
-
-    const double least = rig.world().parameters.recovery.plausible_min;
-    for (const bool is_sure : {true, false}) {
-        for (const double plausibility : {1.0, least + 0.01, least - 0.01, 0.0}) {
-            estimate.unsure = is_sure ? UnsureReason::kNone : UnsureReason::kUnclear;
-            estimate.plausibility = plausibility;
-            EXPECT_EQ(lost.accepts(estimate, camera), is_sure || plausibility >= least) << is_sure << plausibility;
-        }
-    }
-    rig.world().parameters.recovery.plausible_min = 0;
-    EXPECT_TRUE(lost.accepts(estimate, camera)) << "switched off";
 }
 
 // Promise: an estimate is a value. It finds the camera, and neither the map nor the camera's state nor a second

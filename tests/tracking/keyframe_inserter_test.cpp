@@ -543,6 +543,7 @@ TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
         bool is_came;
         bool is_suspect = false, is_young = false, has_depth = true;
         double aside_m = 0, ray_px = 20, agreed_travelled = 8;
+        int new_beside = 0;
     };
     const Story stories[] = {{"behind", 3, true},
                              {"there", 1.5, false},
@@ -553,6 +554,8 @@ TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
                              {"hidden only now", 3, false, false, false, true, 0.8},
                              {"not seen for long", 3, false, false, false, true, 0, 20, 3.4},
                              {"seen a while ago", 3, true, false, false, true, 0, 20, 3.6},
+                             {"a quarter", 3, true, false, false, true, 0, 20, 8, 3},
+                             {"a sixth", 3, false, false, false, true, 0, 20, 8, 5},
                              {"not asked", 3, false, false, false, true, 0, 0}};
     for (const Story& story : stories) {
         Parameters parameters = test::small_parameters();
@@ -560,6 +563,7 @@ TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
         start(parameters);
         for (int i = 0; i < 6; ++i) add(10 + 12 * static_cast<std::uint32_t>(i), 10, Shows::kStill, 3);
         const std::size_t feature = add(100, 80, Shows::kNew, 1.5);
+        for (int i = 0; i < story.new_beside; ++i) add(10 + 12 * static_cast<std::uint32_t>(i), 40, Shows::kNew);
         match();
         SE3 then = pose_;
         then.translation = pose_ * Vector3(story.aside_m, 0, 0);
