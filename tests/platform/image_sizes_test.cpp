@@ -1,32 +1,18 @@
 // Images of any size through the program: the limits follow, or what was given is named; halved on purpose; lens files
 // without depth units.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <cstdio>
 #include <string>
 
 #include "tests/replay/recording_folder.hpp"
+#include "tests/support/answer.hpp"
 
 namespace stillmesh {
 namespace {
 
-struct Answer {
-    int code = -1;
-    std::string text;  // standard output and error
-    [[nodiscard]] bool says(const std::string& words) const { return text.find(words) != std::string::npos; }
-};
-
-[[nodiscard]] Answer stillmesh_says(const std::string& arguments) {
-    Answer answer;
-    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
-    if (pipe == nullptr) return answer;
-    char buffer[512];
-    while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) answer.text += buffer;
-    const int status = ::pclose(pipe);
-    if (WIFEXITED(status)) answer.code = WEXITSTATUS(status);
-    return answer;
-}
+using test::Answer;
+using test::stillmesh_says;
 
 // One frame without a room in it: enough to be opened and looked at.
 [[nodiscard]] std::string folder_of(const test::TemporaryFolder& folder, std::uint32_t width, std::uint32_t height) {

@@ -1,6 +1,5 @@
 // Recording and repeating runs, as a user does it, and as robots do it: killed in the middle.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -19,26 +18,13 @@
 #include "platform/record/frame_folder_writer.hpp"
 #include "platform/record/recording_reader.hpp"
 #include "tests/replay/recording_folder.hpp"
+#include "tests/support/answer.hpp"
 
 namespace stillmesh {
 namespace {
 
-struct Answer {
-    int code = -1;
-    std::string text;  // standard output and error
-    [[nodiscard]] bool says(const std::string& words) const { return text.find(words) != std::string::npos; }
-};
-
-[[nodiscard]] Answer stillmesh_says(const std::string& arguments) {
-    Answer answer;
-    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
-    if (pipe == nullptr) return answer;
-    char buffer[512];
-    while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) answer.text += buffer;
-    const int status = ::pclose(pipe);
-    if (WIFEXITED(status)) answer.code = WEXITSTATUS(status);
-    return answer;
-}
+using test::Answer;
+using test::stillmesh_says;
 
 // A small scene in a folder, rendered once for all tests; and a recording of a run over it.
 class Rerun : public ::testing::Test {
