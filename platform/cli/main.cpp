@@ -186,7 +186,17 @@ int program(int argc, char** argv) {
             "each pose as it was given out, TUM format; - is standard output, and the summary goes to standard error")
         ->type_name("FILE")
         ->group("What comes out");
-    run_app->add_flag("--append", arguments.loop.adds_to_trajectory, "with --trajectory: added to what is there")
+    run_app
+        ->add_option("--poses", arguments.loop.poses,
+                     "each pose with its state, covariance, velocity and more, a line of JSON a frame, to a file, - "
+                     "(standard output), a named pipe, readers that connect (unix:PATH, tcp:[HOST:]PORT) or "
+                     "udp:HOST:PORT; may be repeated (docs/poses.md)")
+        ->type_name("DEST")
+        ->allow_extra_args(false)
+        ->group("What comes out");
+    run_app
+        ->add_flag("--append", arguments.loop.adds_to_trajectory,
+                   "with --trajectory and --poses: added to what is there")
         ->group("What comes out");
     run_app
         ->add_option_function<double>(
@@ -194,7 +204,7 @@ int program(int argc, char** argv) {
             [&arguments](double mib) {
                 arguments.loop.trajectory_bytes_max = static_cast<std::uint64_t>(mib * 1048576.0);
             },
-            "a trajectory that has grown beyond becomes FILE.1 and begins anew")
+            "a file of --trajectory or --poses that has grown beyond becomes FILE.1 and begins anew")
         ->check(CLI::Range(0.001, 1e6).description(""))
         ->type_name("MIB")
         ->group("What comes out");
