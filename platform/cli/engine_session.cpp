@@ -227,6 +227,11 @@ public:
         return not_gone_on_in_.empty() || keep_aside(kept_aside_, not_gone_on_in_, message);
     }
 
+    bool show_points(MapPoints* points, std::string& message) override {
+        points_ = points;
+        return points == nullptr || points->open(limits_, message);
+    }
+
     // Calls no heap unless the frame is refused.
     Status submit(const Frame& frame, SessionFrame& out, std::string& message) override {
         spent_ns_ = {};
@@ -298,7 +303,9 @@ public:
             if (progress == Progress::kIdle) break;
         }
         background_ms_.add(static_cast<double>(now_ns - begin_ns) * 1e-6);
-        if (map_saver_->is_open()) map_saver_->work(*engine_, now_ns, slice_units_);
+        const bool is_shown = points_ != nullptr && points_->is_copying();
+        if (map_saver_->is_open() && !is_shown) map_saver_->work(*engine_, now_ns, slice_units_);
+        if (points_ != nullptr) points_->work(*engine_, !map_saver_->is_copying(), slice_units_);
         out.state_hash = recorded_.hash = engine_->state_hash();
         if (writer_ != nullptr) {
             record_frame();
@@ -577,6 +584,7 @@ private:
     bool is_localising_ = false;
     std::string not_gone_on_in_, kept_aside_;  // why not in the map that is there; that map
     std::unique_ptr<MapSaver> map_saver_ = std::make_unique<MapSaver>();
+    MapPoints* points_ = nullptr;
     std::vector<MapRecord> maps_written_;
     std::vector<std::string> map_problems_;
     Configuration configuration_;

@@ -1,4 +1,5 @@
-// `--poses`: each pose with its trust, and what happens to the camera, as lines of JSON to any number of readers.
+// `--poses` and `--publish`: each pose with its trust, and what happens to the camera, as lines of JSON to any number
+// of readers and as messages of ROS 2.
 #pragma once
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 #include "platform/poses/line_outputs.hpp"
 #include "platform/poses/pose_line.hpp"
 #include "platform/report/run_record.hpp"
+#include "platform/ros2/ros_publisher.hpp"
 
 namespace stillmesh {
 
@@ -30,6 +32,11 @@ public:
         }
         return true;
     }
+    [[nodiscard]] bool publish(const RosOptions& options, std::string& message) {
+        return !options.is_on || ros_.open(options, message);
+    }
+    // Where somebody wants the map's points; nullptr: nobody does.
+    [[nodiscard]] MapPoints* points() { return ros_.points(); }
     // Number `frame` of the run, in its `map`. Here as in event(): what to say when the first line was lost somewhere.
     [[nodiscard]] std::string pose(std::uint64_t frame, std::size_t map, const SessionFrame& out) {
         const bool is_camera_fault = out.state != out.estimate.state;  // the camera check does not trust it
@@ -49,14 +56,17 @@ public:
         return write_pose();
     }
     [[nodiscard]] std::string event(const std::string& sentence) {
-        if (outputs_.empty()) return {};
+        std::string said = ros_.event(sentence);
+        if (outputs_.empty()) return said;
         lines_.event(last_.estimate.time_ns, sentence, line_);
-        return write();
+        return write(std::move(said));
     }
     [[nodiscard]] bool reopen(std::string& message) {
         return std::all_of(outputs_.begin(), outputs_.end(), [&message](auto& o) { return o->reopen(message); });
     }
-    void account(RunRecord& record) const {
+    // Ends what is sent by a thread of its own.
+    void account(RunRecord& record) {
+        if (std::string problem = ros_.close(); !problem.empty()) record.problems.push_back(std::move(problem));
         for (const auto& output : outputs_) {
             if (std::string problem = output->problem(); !problem.empty())
                 record.problems.push_back(std::move(problem));
@@ -65,12 +75,12 @@ public:
 
 private:
     [[nodiscard]] std::string write_pose() {
-        if (outputs_.empty()) return {};
+        std::string said = ros_.frame(last_);
+        if (outputs_.empty()) return said;
         lines_.pose(last_, line_);
-        return write();
+        return write(std::move(said));
     }
-    [[nodiscard]] std::string write() {
-        std::string said;
+    [[nodiscard]] std::string write(std::string said) {
         for (const auto& output : outputs_) {
             if (std::string sentence = output->write(line_); !sentence.empty()) said = std::move(sentence);
         }
@@ -78,6 +88,7 @@ private:
     }
 
     std::vector<std::unique_ptr<LineOutput>> outputs_;
+    RosPublisher ros_;
     PoseLines lines_;
     std::string line_;  // keeps its memory from frame to frame
     PoseReport last_;

@@ -12,6 +12,7 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/session.hpp"
 #include "platform/record/frame_folder_writer.hpp"
+#include "platform/ros2/ros_publisher.hpp"
 
 namespace stillmesh {
 
@@ -23,6 +24,7 @@ struct RunLoopOptions {
     bool adds_to_trajectory = false;         // to what is in the file already
     std::uint64_t trajectory_bytes_max = 0;  // beyond, it becomes FILE.1 and begins anew; 0: no limit
     std::vector<std::string> poses;          // destinations of poses with their trust; files as the trajectory's
+    RosOptions ros;                          // the same as messages of ROS 2
     std::string trajectory_final;            // file; empty: none
     std::string state_hashes;                // file, a line per frame; empty: none
     std::uint64_t frames_max = 0;            // 0: all

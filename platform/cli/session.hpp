@@ -11,6 +11,7 @@
 #include "engine/features/features.hpp"
 #include "engine/frame/frame.hpp"
 #include "platform/report/run_record.hpp"
+#include "platform/ros2/map_points.hpp"
 
 namespace stillmesh {
 
@@ -34,6 +35,13 @@ public:
     // All is opened that a start could be refused for: what lies at the places of outputs may be moved. False:
     // `message`.
     [[nodiscard]] virtual bool begin(std::string& message) {
+        static_cast<void>(message);
+        return true;
+    }
+    // Somebody may want to see the map's points while the run goes on: they are copied behind the frames when he asks.
+    // nullptr: nobody. False: there is no memory for it; `message`.
+    [[nodiscard]] virtual bool show_points(MapPoints* points, std::string& message) {
+        static_cast<void>(points);
         static_cast<void>(message);
         return true;
     }

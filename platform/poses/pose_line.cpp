@@ -8,33 +8,10 @@
 #include <span>
 
 #include "platform/evaluation/trajectory.hpp"
+#include "platform/poses/rigid.hpp"
 
 namespace stillmesh {
 namespace {
-
-struct Quaternion {
-    double x, y, z, w;
-};
-[[nodiscard]] Quaternion operator*(const Quaternion& a, const Quaternion& b) {
-    return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
-            a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
-}
-[[nodiscard]] Quaternion conjugate(const Quaternion& q) {
-    return {-q.x, -q.y, -q.z, q.w};
-}
-[[nodiscard]] Quaternion rotation_of(const RigidTransform& pose) {
-    const auto [x, y, z, w] = pose.rotation_xyzw;
-    return {x, y, z, w};
-}
-[[nodiscard]] Quaternion rotated(const Quaternion& q, double x, double y, double z) {
-    return q * Quaternion{x, y, z, 0} * conjugate(q);
-}
-
-[[nodiscard]] RigidTransform product(const RigidTransform& a, const RigidTransform& b) {
-    const Quaternion q = rotation_of(a) * rotation_of(b);
-    const Quaternion t = rotated(rotation_of(a), b.translation_m[0], b.translation_m[1], b.translation_m[2]);
-    return {{q.x, q.y, q.z, q.w}, {t.x + a.translation_m[0], t.y + a.translation_m[1], t.z + a.translation_m[2]}};
-}
 
 void append_numbers(std::span<const double> numbers, std::string& text) {
     text += '[';
@@ -56,21 +33,11 @@ void append_transform(std::string_view key, const RigidTransform& pose, std::str
     text += '}';
 }
 
-// In the camera's frame at the end of the step.
-void append_velocity(const RigidTransform& from, const RigidTransform& to, double seconds, std::string& text) {
-    const Quaternion back = conjugate(rotation_of(to));
-    const Quaternion way =
-        rotated(back, to.translation_m[0] - from.translation_m[0], to.translation_m[1] - from.translation_m[1],
-                to.translation_m[2] - from.translation_m[2]);
-    Quaternion turn = conjugate(rotation_of(from)) * rotation_of(to);
-    if (turn.w < 0) turn = {-turn.x, -turn.y, -turn.z, -turn.w};
-    const double sine = std::sqrt(turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
-    const double angle_by_sine = sine > 1e-9 ? 2 * std::atan2(sine, turn.w) / sine : 2;
+void append_velocity(const Velocity& velocity, std::string& text) {
     text += ",\"velocity\":{\"linear\":";
-    append_numbers(std::initializer_list<double>{way.x / seconds, way.y / seconds, way.z / seconds}, text);
+    append_numbers(velocity.linear_m_s, text);
     text += ",\"angular\":";
-    const double factor = angle_by_sine / seconds;
-    append_numbers(std::initializer_list<double>{turn.x * factor, turn.y * factor, turn.z * factor}, text);
+    append_numbers(velocity.angular_rad_s, text);
     text += '}';
 }
 
@@ -105,8 +72,9 @@ void PoseLines::pose(const PoseReport& report, std::string& line) {
         append_transform("map_from_odom", estimate.map_from_odom, line);
     }
     if (has_pose && has_last_ && estimate.time_ns > last_time_ns_) {
-        append_velocity(last_odom_from_camera_, estimate.odom_from_camera,
-                        static_cast<double>(estimate.time_ns - last_time_ns_) * 1e-9, line);
+        append_velocity(velocity_between(last_odom_from_camera_, estimate.odom_from_camera,
+                                         static_cast<double>(estimate.time_ns - last_time_ns_) * 1e-9),
+                        line);
     } else {
         line += ",\"velocity\":null";
     }

@@ -27,6 +27,7 @@ public:
     [[nodiscard]] bool open(const std::string& file, const Limits& limits, std::uint8_t extractor,
                             std::int64_t every_ns, std::string& message);
     [[nodiscard]] bool is_open() const { return !file_.empty(); }
+    [[nodiscard]] bool is_copying() const { return is_copying_; }
     // Between frames: begins a save when it is time, and goes on with it for so many units.
     void work(Engine& engine, std::int64_t now_ns, std::uint32_t units);
     // A save that has failed since this last said so, once a minute at most; else empty.

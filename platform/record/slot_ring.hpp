@@ -1,5 +1,6 @@
-// A fixed number of slots between the thread that makes things and one thread that writes them to a disk. The maker
-// never waits: when every slot is taken it is told so. Slots are made once and reused; nothing is allocated afterwards.
+// A fixed number of slots between the thread that makes things and one thread that writes them to a disk or a network.
+// The maker never waits: when every slot is taken it is told so. Slots are made once and reused; nothing is allocated
+// afterwards.
 #pragma once
 
 #include <chrono>
@@ -47,6 +48,17 @@ public:
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [this] { return taken_ > 0 || is_closed_; });
         return taken_ > 0 ? &slots_[first_] : nullptr;
+    }
+    // As wait(), but no longer than that: nullptr also when the time is over.
+    [[nodiscard]] Slot* wait_until(std::chrono::steady_clock::time_point end) {
+        std::unique_lock lock(mutex_);
+        changed_.wait_until(lock, end, [this] { return taken_ > 0 || is_closed_; });
+        return taken_ > 0 ? &slots_[first_] : nullptr;
+    }
+    // No more will be published, and everything was written.
+    [[nodiscard]] bool is_done() {
+        const std::lock_guard lock(mutex_);
+        return taken_ == 0 && is_closed_;
     }
     void release() {
         const std::lock_guard lock(mutex_);

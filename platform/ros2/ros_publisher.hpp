@@ -1,0 +1,53 @@
+// `--publish ros2`: poses with their trust, the camera's path, the map's points and the state of tracking as topics of
+// ROS 2 (docs/ros2.md has each), without ROS. The engine's thread copies a frame's numbers into a ring of fixed size
+// and never waits; a thread of its own makes messages of them and sends them, and looks once a second after what is
+// sent as often: path, points, diagnostics. A reader that is slow, stuck or dead costs nobody anything but what it does
+// not take. Where the ring is full a frame is not sent; it is counted, and said once.
+// Limits: 64 frames in the ring, 1024 poses of the path (then every second one goes), points as in the map. Memory:
+// 64 KiB, 128 KiB of path, some 150 KiB of points, a copy of the map while somebody subscribes to its points, and
+// Cyclone's own. Cost: docs/ros2.md. In a build without Cyclone DDS open() says so.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "engine/geometry/rigid_transform.hpp"
+#include "platform/poses/pose_line.hpp"
+#include "platform/ros2/map_points.hpp"
+
+namespace stillmesh {
+
+struct RosOptions {
+    bool is_on = false;
+    std::string name_space;    // of what is this robot's alone, /odom and /stillmesh/...; empty: none
+    std::string frame_prefix;  // of map, odom, base_link and the camera's frames
+    bool has_tf = true;        // else neither /tf nor /tf_static: another program says where base_link is
+    RigidTransform base_from_camera_link;
+};
+
+class RosPublisher {
+public:
+    RosPublisher();
+    ~RosPublisher();
+    RosPublisher(const RosPublisher&) = delete;
+    RosPublisher& operator=(const RosPublisher&) = delete;
+
+    // False: `message` says why.
+    [[nodiscard]] bool open(const RosOptions& options, std::string& message);
+    // --- the engine's thread ---
+    // Where the map's points are to be copied to; nullptr: nobody publishes.
+    [[nodiscard]] MapPoints* points() noexcept;
+    // A frame, with a pose or without. Here as in event(): what to say when the first was lost; else empty.
+    [[nodiscard]] std::string frame(const PoseReport& report);
+    // What happened to the camera or the map: in the diagnostics, the last one, its first 200 letters.
+    [[nodiscard]] std::string event(const std::string& sentence);
+    // Sends what is left. Empty: nothing was lost; else a sentence.
+    [[nodiscard]] std::string close();
+
+private:
+    class Sender;
+    std::unique_ptr<Sender> sender_;
+};
+
+}  // namespace stillmesh
