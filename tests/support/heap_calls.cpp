@@ -15,7 +15,7 @@
 #endif
 
 namespace {
-std::uint64_t calls = 0;
+thread_local std::uint64_t calls = 0;
 }
 
 #if STILLMESH_OWN_HEAP

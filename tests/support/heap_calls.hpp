@@ -1,4 +1,4 @@
-// How often this program called the heap: malloc and its kin, hence operator new too (heap_calls.cpp).
+// How often this thread called the heap: malloc and its kin, hence operator new too (heap_calls.cpp).
 #pragma once
 
 #include <cstdint>
