@@ -12,8 +12,8 @@ constexpr std::uint32_t kDomainMax = 232;  // beyond, a port's number would not 
 // A writer never waits longer for a reader that does not take what it was promised.
 constexpr dds_duration_t kBlockedMax_ns = 10'000'000;
 
-// Nobody beyond this machine. Others are found by multicast on the loopback, at once, and where it has none at the first
-// 33 ports that participants have, within some 8 s.
+// Nobody beyond this machine. Others are found by multicast on the loopback, at once, and where it has none at the
+// first 33 ports that participants have, within some 8 s.
 constexpr const char* kLocalhost =
     "<CycloneDDS><Domain><General><Interfaces><NetworkInterface address=\"127.0.0.1\" multicast=\"true\"/></Interfaces>"
     "<AllowMulticast>spdp</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"

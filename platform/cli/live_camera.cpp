@@ -12,6 +12,9 @@
 #ifdef STILLMESH_HAS_OPENNI2
 #include "hal/openni2/openni2_camera.hpp"
 #endif
+#ifdef STILLMESH_HAS_ROS2
+#include "hal/ros2/ros2_camera.hpp"
+#endif
 #ifdef STILLMESH_HAS_USB
 #include "hal/usb/camera_check.hpp"
 #include "hal/usb/libusb_link.hpp"
@@ -23,8 +26,8 @@ namespace {
 // Different reasons why a camera that is waited for does not open, that are told.
 constexpr std::size_t kReasonsMax = 16;
 
-#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT)
-// What both drivers count.
+#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_ROS2)
+// What all drivers count.
 template <typename Counts>
 void account_pairs(const Counts& counts, CameraRecord& record) {
     const PairingCounts& pairing = counts.pairing;
@@ -133,6 +136,57 @@ private:
 }
 #endif
 
+#ifdef STILLMESH_HAS_ROS2
+class Ros2LiveCamera final : public LiveCamera {
+public:
+    explicit Ros2LiveCamera(Ros2Options options) : options_(options), camera_(std::move(options)) {}
+
+    DepthCamera& camera() override { return camera_; }
+    FrameTimes& times() override { return camera_; }
+    std::string message() const override { return camera_.message(); }
+    std::string silence() const override { return camera_.silence(); }
+    bool is_file() const override { return false; }
+    std::string device() const override {
+        const CameraInfo& info = camera_.info();
+        return "ROS 2 topics " + options_.colour + " and " + options_.depth + ", " + std::to_string(info.model.width) +
+               "x" + std::to_string(info.model.height) + "@" +
+               std::to_string(static_cast<int>(info.frames_per_s + 0.5));
+    }
+    std::string calibration_source() const override {
+        return options_.calibration.empty() ? options_.info : options_.calibration;
+    }
+    std::vector<std::string> notes() const override { return {}; }
+    std::uint64_t frames_expected() const override { return 0; }
+    void account(CameraRecord& record) const override { account_pairs(camera_.counts(), record); }
+
+private:
+    Ros2Options options_;
+    Ros2Camera camera_;
+};
+
+[[nodiscard]] std::unique_ptr<LiveCamera> make_ros2(const LiveCameraOptions& options, const std::string& device,
+                                                    std::string& message) {
+    Ros2Options ros2;
+    if (!device.empty() && !parse_ros2_topics(device, ros2)) {
+        message = "--camera " + options.camera +
+                  ": give three topics, ros2:COLOUR,DEPTH,INFO, with names as ROS 2 allows them, or ros2 alone.";
+        return nullptr;
+    }
+    if (!options.record.empty()) {
+        message = "--out " + options.record + ": only OpenNI2 writes .oni files; give a folder for images of ROS 2.";
+        return nullptr;
+    }
+    if (options.exposure != "auto" || options.registration != "auto") {
+        message = std::string(options.exposure != "auto" ? "--exposure" : "--registration") +
+                  ": is chosen where the camera's driver runs; leave it out.";
+        return nullptr;
+    }
+    ros2.calibration = options.calibration;
+    if (options.is_realtime) ros2.thread_begins = become_realtime_reader;
+    return std::make_unique<Ros2LiveCamera>(std::move(ros2));
+}
+#endif
+
 #ifdef STILLMESH_HAS_OPENNI2
 [[nodiscard]] std::unique_ptr<LiveCamera> make_openni2(const LiveCameraOptions& options, const std::string& device) {
     OpenNi2Options openni2;
@@ -157,9 +211,11 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
     const std::string driver = options.camera.substr(0, colon);
     const std::string device = colon == std::string::npos ? std::string() : options.camera.substr(colon + 1);
     const bool is_auto = options.camera == "auto";
-    if ((driver != "openni2" && driver != "freenect" && !is_auto) || (colon != std::string::npos && device.empty())) {
+    if ((driver != "openni2" && driver != "freenect" && driver != "ros2" && !is_auto) ||
+        (colon != std::string::npos && device.empty())) {
         message = "--camera " + options.camera +
-                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni or freenect.";
+                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni, freenect, ros2 or "
+                  "ros2:COLOUR,DEPTH,INFO.";
         return nullptr;
     }
 #ifdef STILLMESH_HAS_OPENNI2
@@ -168,6 +224,16 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
 #ifdef STILLMESH_HAS_FREENECT
     if (is_auto || driver == "freenect") return make_freenect(options, device, message);
 #endif
+#ifdef STILLMESH_HAS_ROS2
+    if (driver == "ros2") return make_ros2(options, device, message);
+#endif
+    if (driver == "ros2") {
+        message =
+            "--camera ros2 needs Cyclone DDS, which is not in this build. Install it and build again: sudo apt-get "
+            "install cyclonedds-dev cyclonedds-tools && cmake --preset release -DSTILLMESH_WITH_ROS2=ON && cmake "
+            "--build build/release";
+        return nullptr;
+    }
     const bool is_kinect = driver == "freenect";
     message = "--camera " + driver + " needs " + (is_kinect ? "libfreenect" : "OpenNI2") +
               ", which is not in this build. Install it and build again: sudo apt-get install " +

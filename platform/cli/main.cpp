@@ -59,7 +59,8 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
     app.add_option("--camera", options.camera,
                    "auto (the first that OpenNI2 finds), openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of "
                    "OpenNI2), "
-                   "or freenect (a Kinect); 'stillmesh cameras' lists what is plugged in")
+                   "freenect (a Kinect), or ros2[:COLOUR,DEPTH,INFO] (images of a driver of ROS 2); 'stillmesh "
+                   "cameras' lists what is plugged in")
         ->type_name("NAME")
         ->group(group);
     app.add_flag("--wait", does_wait, "for a camera, if none is plugged in yet")->group(group);

@@ -1,0 +1,480 @@
+#include "hal/ros2/ros2_camera.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <condition_variable>
+#include <ctime>
+#include <exception>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "hal/calibration/calibration.hpp"
+#include "hal/live/device_clock.hpp"
+#include "hal/ros2/messages.hpp"
+#include "hal/ros2/ros2_images.hpp"
+#include "hal/ros2/ros_context.hpp"
+#include "hal/ros2/ros_name.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::size_t kStampsForRate = 5;
+constexpr std::int64_t kPeriodMin_us = 4'000, kPeriodMax_us = 1'000'000;
+constexpr std::int64_t kLookAround_ns = 50'000'000;  // between two looks whether to end
+constexpr RosQos kSensorData{.is_reliable = false, .depth = 4};
+
+[[nodiscard]] std::int64_t clock_ns(clockid_t clock) noexcept {
+    timespec now{};
+    static_cast<void>(::clock_gettime(clock, &now));
+    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+[[nodiscard]] std::int64_t monotonic_ns() noexcept {
+    return clock_ns(CLOCK_MONOTONIC);
+}
+
+// An image of either kind.
+struct Pixels {
+    std::int64_t time_ns = 0;
+    std::uint32_t width = 0, height = 0;
+    PixelFormat format = PixelFormat::kGrey8;
+    double units_per_m = 0;
+    std::vector<std::uint8_t> colour;
+    std::vector<std::uint16_t> depth;
+};
+// They change hands and come back, each with the memory that it has: five of a kind are there at most.
+struct Shelf {
+    std::mutex mutex;
+    std::vector<std::unique_ptr<Pixels>> free;
+};
+struct BackToShelf {
+    Shelf* shelf = nullptr;
+    void operator()(Pixels* pixels) const noexcept {
+        const std::lock_guard lock(shelf->mutex);
+        shelf->free.emplace_back(pixels);
+    }
+};
+using Image = std::unique_ptr<Pixels, BackToShelf>;
+
+[[nodiscard]] Image take_from(Shelf& shelf) {
+    constexpr std::size_t kImages = 16;  // more than ever are out: giving back asks for no memory
+    const std::lock_guard lock(shelf.mutex);
+    shelf.free.reserve(kImages);
+    if (shelf.free.empty()) return {new Pixels, BackToShelf{&shelf}};
+    Pixels* const pixels = shelf.free.back().release();
+    shelf.free.pop_back();
+    return {pixels, BackToShelf{&shelf}};
+}
+
+// One message at a time, borrowed from Cyclone.
+template <typename Message>
+class Loan {
+public:
+    explicit Loan(dds_entity_t reader) : reader_(reader) {
+        dds_sample_info_t info{};
+        count_ = dds_take(reader, &sample_, &info, 1, 1);
+        is_valid_ = count_ == 1 && info.valid_data;
+    }
+    ~Loan() {
+        if (count_ > 0) static_cast<void>(dds_return_loan(reader_, &sample_, count_));
+    }
+    Loan(const Loan&) = delete;
+    Loan& operator=(const Loan&) = delete;
+    [[nodiscard]] bool is_any() const { return count_ > 0; }
+    [[nodiscard]] const Message* message() const { return is_valid_ ? static_cast<const Message*>(sample_) : nullptr; }
+
+private:
+    dds_entity_t reader_;
+    void* sample_ = nullptr;
+    dds_return_t count_ = 0;
+    bool is_valid_ = false;
+};
+
+[[nodiscard]] std::int64_t time_of(const ros::Header& header) {
+    return std::int64_t{header.stamp.sec} * 1'000'000'000 + header.stamp.nanosec;
+}
+
+[[nodiscard]] std::string_view text_of(const char* text) {
+    return text != nullptr ? std::string_view(text) : std::string_view();
+}
+
+[[nodiscard]] RosImageView view_of(const ros::Image& image) {
+    return {image.width,
+            image.height,
+            image.step,
+            image.is_bigendian != 0,
+            text_of(image.encoding),
+            {image.data._buffer, image.data._length}};
+}
+
+[[nodiscard]] RosLensView view_of(const ros::CameraInfo& lens) {
+    const auto& roi = lens.roi;
+    const bool is_cut = lens.binning_x > 1 || lens.binning_y > 1 || roi.x_offset != 0 || roi.y_offset != 0 ||
+                        (roi.width != 0 && roi.width != lens.width) || (roi.height != 0 && roi.height != lens.height);
+    return {lens.width,
+            lens.height,
+            text_of(lens.distortion_model),
+            {lens.d._buffer, lens.d._length},
+            std::span<const double, 9>(lens.k),
+            is_cut};
+}
+
+}  // namespace
+
+struct Ros2Camera::Session {
+    using Pairer = FramePairer<Image>;
+    struct Pair {
+        Image colour, depth;
+        std::int64_t taken_ns = 0;     // the colour image, on the host's monotonic clock
+        std::int64_t complete_ns = 0;  // the pair was there
+    };
+    enum Stream : std::uint8_t { kColour, kDepth, kLens, kStreams };
+
+    Ros2Options options;
+    std::array<dds_entity_t, kStreams> readers{};
+    dds_entity_t waiting = 0;
+
+    mutable std::mutex mutex;  // of all below
+    std::condition_variable changed;
+    bool is_closing = false;
+    bool has_lens = false;
+    std::string problem;  // frames came that cannot be used
+    CameraInfo lens;
+    Shelf shelf;  // before whoever takes from it
+    std::optional<Pairer> pairer;
+    std::vector<std::int64_t> stamps_us;  // of colour, until the rate is known
+    std::int64_t period_us = 0;
+    Pair slot, given;
+    DeviceClock clock;
+    ArrivalForecast forecast;
+    std::array<std::int64_t, kStreams> last_ns{};  // when one came
+    Ros2Counts counts;
+    std::jthread thread;
+
+    explicit Session(Ros2Options given_options) : options(std::move(given_options)) {}
+    ~Session() {
+        {
+            const std::lock_guard lock(mutex);
+            is_closing = true;
+        }
+        if (thread.joinable()) thread.join();
+        if (waiting > 0) static_cast<void>(dds_delete(waiting));
+        for (const dds_entity_t reader : readers) {
+            if (reader > 0) static_cast<void>(dds_delete(reader));
+        }
+    }
+    Session(const Session&) = delete;
+    Session& operator=(const Session&) = delete;
+
+    [[nodiscard]] bool subscribe(const RosContext& context, std::string& message);
+    [[nodiscard]] const std::string& name(std::size_t stream) const {
+        return stream == kColour ? options.colour : stream == kDepth ? options.depth : options.info;
+    }
+    // Somebody publishes there.
+    [[nodiscard]] bool is_matched(std::size_t stream) const {
+        dds_subscription_matched_status_t status{};
+        return readers[stream] <= 0 ||
+               (dds_get_subscription_matched_status(readers[stream], &status) >= 0 && status.current_count > 0);
+    }
+    [[nodiscard]] std::string unmatched() const {
+        std::string names;
+        for (std::size_t i = 0; i < kStreams; ++i) {
+            if (!is_matched(i)) names += (names.empty() ? "" : ", ") + name(i);
+        }
+        return names;
+    }
+
+    void serve() noexcept;
+
+private:
+    bool take_lens();
+    bool take_image(Stream stream);
+    void add(Stream stream, Image image, std::int64_t arrival_ns);
+    void learn_rate(std::int64_t time_us);
+};
+
+bool Ros2Camera::Session::subscribe(const RosContext& context, std::string& message) {
+    const dds_topic_descriptor_t* const types[kStreams] = {&ros::kImage, &ros::kImage, &ros::kCameraInfo};
+    waiting = dds_create_waitset(DDS_CYCLONEDDS_HANDLE);
+    for (std::size_t i = 0; i < kStreams; ++i) {
+        if (i == kLens && !options.calibration.empty()) continue;
+        readers[i] = context.reader(name(i), *types[i], kSensorData, message);
+        if (readers[i] < 0) return false;
+        static_cast<void>(dds_set_status_mask(readers[i], DDS_DATA_AVAILABLE_STATUS));
+        static_cast<void>(dds_waitset_attach(waiting, readers[i], 0));
+    }
+    thread = std::jthread([this] { serve(); });
+    return true;
+}
+
+void Ros2Camera::Session::serve() noexcept {
+    if (options.thread_begins) options.thread_begins();
+    for (;;) {
+        static_cast<void>(dds_waitset_wait(waiting, nullptr, 0, kLookAround_ns));
+        {
+            const std::lock_guard lock(mutex);
+            counts.reader_cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+            if (is_closing) return;
+        }
+        try {
+            while (take_lens()) {
+            }
+            // In turns: of a burst each stream keeps its order.
+            for (bool is_any = true; is_any;) {
+                const bool is_colour = take_image(kColour);
+                is_any = take_image(kDepth) || is_colour;
+            }
+        } catch (const std::exception&) {
+            const std::lock_guard lock(mutex);
+            problem = "there is no memory for its images.";
+        }
+    }
+}
+
+bool Ros2Camera::Session::take_lens() {
+    if (readers[kLens] <= 0) return false;
+    const Loan<ros::CameraInfo> loan(readers[kLens]);
+    if (loan.message() == nullptr) return loan.is_any();
+    CameraInfo info;
+    std::string why;
+    const std::lock_guard lock(mutex);
+    last_ns[kLens] = monotonic_ns();
+    if (has_lens) return true;
+    if (lens_of(view_of(*loan.message()), info, why) == Status::kOk) {
+        lens = info;
+        has_lens = true;
+    } else {
+        problem = options.info + ": " + why;
+    }
+    changed.notify_all();
+    return true;
+}
+
+bool Ros2Camera::Session::take_image(Stream stream) {
+    const Loan<ros::Image> loan(readers[stream]);
+    if (loan.message() == nullptr) return loan.is_any();
+    const ros::Image& message = *loan.message();
+    const std::int64_t arrival_ns = monotonic_ns();
+    Image image = take_from(shelf);
+    image->time_ns = time_of(message.header);
+    image->width = message.width;
+    image->height = message.height;
+    std::string why;
+    const bool is_good = stream == kColour ? colour_of(view_of(message), image->colour, image->format, why)
+                                           : depth_of(view_of(message), image->depth, image->units_per_m, why);
+    const std::lock_guard lock(mutex);
+    if (is_good && image->time_ns > 0) {
+        add(stream, std::move(image), arrival_ns);
+    } else {
+        ++counts.images_refused;
+        problem = name(stream) + ": an image " + (is_good ? "has no time." : why);
+    }
+    changed.notify_all();
+    return true;
+}
+
+// The median of some intervals, as the stamps have them: half of it is what images of a pair may lie apart.
+void Ros2Camera::Session::learn_rate(std::int64_t time_us) {
+    if (stamps_us.empty() || time_us > stamps_us.back()) stamps_us.push_back(time_us);
+    if (stamps_us.size() < kStampsForRate) return;
+    std::array<std::int64_t, kStampsForRate - 1> intervals{};
+    for (std::size_t i = 0; i + 1 < kStampsForRate; ++i) intervals[i] = stamps_us[i + 1] - stamps_us[i];
+    std::sort(intervals.begin(), intervals.end());
+    period_us = std::clamp(intervals[intervals.size() / 2], kPeriodMin_us, kPeriodMax_us);
+    pairer.emplace(period_us);
+}
+
+void Ros2Camera::Session::add(Stream stream, Image image, std::int64_t arrival_ns) {
+    last_ns[stream] = arrival_ns;
+    ++(stream == kColour ? counts.images_colour : counts.images_depth);
+    const std::int64_t time_us = image->time_ns / 1000;
+    if (!pairer) {
+        if (stream == kColour) learn_rate(time_us);
+        return;
+    }
+    std::optional<Pairer::Pair> pair = stream == kColour ? pairer->add_colour(std::move(image), time_us)
+                                                         : pairer->add_depth(std::move(image), time_us);
+    if (!pair) return;
+    if (slot.colour != nullptr) ++counts.dropped;
+    slot.colour = std::move(pair->colour);
+    slot.depth = std::move(pair->depth);
+    slot.taken_ns = clock.host_ns(pair->colour_us, arrival_ns);
+    slot.complete_ns = arrival_ns;
+    forecast.arrived(slot.taken_ns, arrival_ns);
+}
+
+Ros2Camera::Ros2Camera(Ros2Options options) : options_(std::move(options)) {}
+
+Ros2Camera::~Ros2Camera() {
+    close();
+}
+
+Status Ros2Camera::refuse(Status status, std::string why) {
+    message_ = std::move(why);
+    return status;
+}
+
+Status Ros2Camera::open() noexcept {
+    close();
+    try {
+        const Status status = begin();
+        if (status != Status::kOk) session_.reset();
+        return status;
+    } catch (const std::exception&) {
+        session_.reset();
+        message_ = "ROS 2's images cannot be had: no memory or no thread.";
+        return Status::kUnavailable;
+    }
+}
+
+Status Ros2Camera::begin() {
+    std::string why;
+    if (context_ == nullptr) context_ = RosContext::get(why);
+    if (context_ == nullptr) return refuse(Status::kInvalid, why);
+    if (!options_.calibration.empty() && load_calibration(options_.calibration, info_, why) != Status::kOk) {
+        return refuse(Status::kInvalid, why);
+    }
+    session_ = std::make_unique<Session>(options_);
+    Session& session = *session_;
+    if (!session.subscribe(*context_, why)) return refuse(Status::kInvalid, why);
+    std::unique_lock lock(session.mutex);
+    const bool needs_lens = options_.calibration.empty();
+    const auto is_there = [&] { return session.slot.colour != nullptr && (session.has_lens || !needs_lens); };
+    static_cast<void>(session.changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
+                                               [&] { return is_there() || !session.problem.empty(); }));
+    if (!is_there()) {
+        if (!session.problem.empty()) return refuse(Status::kInvalid, session.problem);
+        lock.unlock();
+        const std::string nobody = session.unmatched();
+        if (!nobody.empty()) {
+            return refuse(Status::kUnavailable, "nobody publishes " + nobody +
+                                                    ": is the driver running, with this ROS_DOMAIN_ID? Other topics: "
+                                                    "--camera ros2:COLOUR,DEPTH,INFO.");
+        }
+        return refuse(Status::kUnavailable,
+                      silence().empty() ? "no colour image of ROS 2 has a depth image of its time." : silence());
+    }
+    if (needs_lens) info_ = session.lens;
+    const Pixels& colour = *session.slot.colour;
+    const Pixels& depth = *session.slot.depth;
+    const auto size = [](std::uint32_t width, std::uint32_t height) {
+        return std::to_string(width) + "x" + std::to_string(height);
+    };
+    CameraModel& model = info_.model;
+    if (model.width == 0 && model.height == 0) model.width = colour.width, model.height = colour.height;
+    if (model.width != colour.width || model.height != colour.height) {
+        return refuse(Status::kInvalid, (needs_lens ? options_.info : options_.calibration) + " is for " +
+                                            size(model.width, model.height) + ", " + options_.colour + " is " +
+                                            size(colour.width, colour.height) + ".");
+    }
+    if (depth.width != colour.width || depth.height != colour.height) {
+        return refuse(Status::kInvalid, options_.depth + " is " + size(depth.width, depth.height) + ", " +
+                                            options_.colour + " is " + size(colour.width, colour.height) +
+                                            ": give the topic of depth that is aligned to colour.");
+    }
+    info_.depth_units_per_m = depth.units_per_m;
+    info_.frames_per_s = 1e6 / static_cast<double>(session.period_us);
+    return refuse(Status::kOk, "");
+}
+
+Status Ros2Camera::poll(Frame& frame) noexcept {
+    if (session_ == nullptr) return Status::kUnavailable;
+    const std::int64_t cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+    Session& session = *session_;
+    bool is_empty = false;
+    {
+        const std::lock_guard lock(session.mutex);
+        is_empty = session.slot.colour == nullptr;
+        if (!is_empty) {
+            session.given = std::move(session.slot);
+            session.slot = {};
+        }
+    }
+    if (is_empty) {
+        if (session.is_matched(Session::kColour) && session.is_matched(Session::kDepth)) return Status::kTimedOut;
+        return refuse(Status::kUnavailable, "nobody publishes " + session.unmatched() + " any more");
+    }
+    // What is given is nobody else's until the next poll.
+    const Pixels& colour = *session.given.colour;
+    const Pixels& depth = *session.given.depth;
+    due_ns_ = session.given.taken_ns;
+    frame.time_ns = colour.time_ns;
+    frame.depth_time_ns = depth.time_ns;
+    frame.format = colour.format;
+    frame.colour = {colour.colour.data(), colour.width, colour.height,
+                    std::size_t{channels_of(colour.format)} * colour.width};
+    frame.depth = {depth.depth.data(), depth.width, depth.height, depth.width};
+    frame.depth_units_per_m = depth.units_per_m;
+    poll_cpu_ns_ += clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_ns;
+    return Status::kOk;
+}
+
+Status Ros2Camera::wait(std::uint32_t timeout_ms) noexcept {
+    if (session_ == nullptr) return Status::kUnavailable;
+    std::unique_lock lock(session_->mutex);
+    const auto is_full = [this] { return session_->slot.colour != nullptr; };
+    return session_->changed.wait_for(lock, std::chrono::milliseconds(timeout_ms), is_full) ? Status::kOk
+                                                                                            : Status::kTimedOut;
+}
+
+void Ros2Camera::close() noexcept {
+    if (session_ == nullptr) return;
+    before_ = counts();
+    session_.reset();
+}
+
+std::int64_t Ros2Camera::next_due_ns() noexcept {
+    const std::int64_t now_ns = monotonic_ns();
+    if (session_ == nullptr) return now_ns + kPeriodMax_us;
+    const std::lock_guard lock(session_->mutex);
+    if (session_->slot.colour != nullptr) return session_->slot.complete_ns;  // it waits already
+    const std::int64_t next_ns = session_->forecast.next_ns(session_->period_us * 1000);
+    return next_ns != 0 ? next_ns : now_ns + session_->period_us * 1000;
+}
+
+std::string Ros2Camera::silence() const {
+    if (session_ == nullptr) return {};
+    const std::lock_guard lock(session_->mutex);
+    const std::int64_t now_ns = monotonic_ns();
+    std::string quiet;
+    for (std::size_t i = 0; i < Session::kStreams; ++i) {
+        const bool is_wanted = session_->readers[i] > 0 && (i != Session::kLens || !session_->has_lens);
+        if (!is_wanted || now_ns - session_->last_ns[i] < 500'000'000) continue;
+        quiet += (quiet.empty() ? "" : ", ") + session_->name(i);
+    }
+    return quiet.empty() ? quiet : "nothing comes on " + quiet;
+}
+
+Ros2Counts Ros2Camera::counts() const noexcept {
+    Ros2Counts sum = before_;
+    sum.poll_cpu_ns = poll_cpu_ns_;
+    if (session_ == nullptr) return sum;
+    const std::lock_guard lock(session_->mutex);
+    const Ros2Counts& now = session_->counts;
+    if (session_->pairer) sum.pairing.add(session_->pairer->counts());
+    sum.images_colour += now.images_colour;
+    sum.images_depth += now.images_depth;
+    sum.images_refused += now.images_refused;
+    sum.dropped += now.dropped;
+    sum.reader_cpu_ns += now.reader_cpu_ns;
+    return sum;
+}
+
+bool parse_ros2_topics(const std::string& text, Ros2Options& options) {
+    const std::size_t first = text.find(',');
+    const std::size_t second = first == std::string::npos ? first : text.find(',', first + 1);
+    if (second == std::string::npos) return false;
+    options.colour = text.substr(0, first);
+    options.depth = text.substr(first + 1, second - first - 1);
+    options.info = text.substr(second + 1);
+    for (std::string* const name : {&options.colour, &options.depth, &options.info}) {
+        if (!is_ros_name(*name)) return false;
+        if (name->front() != '/') name->insert(0, "/");
+    }
+    return true;
+}
+
+}  // namespace stillmesh
