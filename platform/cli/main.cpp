@@ -101,7 +101,7 @@ void add_ros_options(CLI::App& app, RosOptions& options) {
     app.add_option("--ros-frame-prefix", options.frame_prefix, "of map, odom, base_link and the camera's, as robot1/")
         ->type_name("TEXT")
         ->group(kGroup);
-    app.add_flag("!--no-tf", options.has_tf, "neither /tf nor /tf_static: another program says where base_link is")
+    app.add_flag("--tf,!--no-tf", options.has_tf, "/tf and /tf_static (the default); --no-tf where another program says where base_link is")
         ->group(kGroup);
 }
 

@@ -172,14 +172,14 @@ const ros::Path& RosMessages::path() {
     return path_;
 }
 
-const ros::PointCloud& RosMessages::points(const std::vector<ShownPoint>& points) {
+const ros::PointCloud& RosMessages::points(const std::vector<ShownPoint>& points, std::int64_t time_ns) {
     cloud_bytes_.resize(points.size() * kPointBytes);
     for (std::size_t i = 0; i < points.size(); ++i) {
         const std::array<double, 3> p = frames_.point(points[i].in_map_m);
         const float xyz[3] = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
         std::memcpy(cloud_bytes_.data() + i * kPointBytes, xyz, kPointBytes);
     }
-    header(cloud_.header, map_, last_.estimate.time_ns);
+    header(cloud_.header, map_, time_ns);
     cloud_.width = static_cast<std::uint32_t>(points.size());
     cloud_.row_step = cloud_.width * cloud_.point_step;
     point_to(cloud_.data, cloud_bytes_);

@@ -1,6 +1,6 @@
 // ROS's messages of what a run gives out. Fields are filled in place: strings and sequences point into what this class
-// holds, so that no message takes memory once it is made. Inner: sees Cyclone's headers. One thread. Cost: 10 us a
-// frame.
+// holds, so that no message takes memory once it is made. Inner: sees Cyclone's headers. One thread, but for
+// points().
 #pragma once
 
 #include <array>
@@ -33,7 +33,8 @@ public:
     [[nodiscard]] const ros::Tf& static_tf() const { return static_tf_; }
     // Where base_link was, in the map of now, as it was given out then.
     [[nodiscard]] const ros::Path& path();
-    [[nodiscard]] const ros::PointCloud& points(const std::vector<ShownPoint>& points);
+    // May be called by another thread than the others.
+    [[nodiscard]] const ros::PointCloud& points(const std::vector<ShownPoint>& points, std::int64_t time_ns);
     // `silent_s`: since the last frame came; `lost`: samples that were not sent.
     [[nodiscard]] const ros::DiagnosticArray& diagnostics(double silent_s, std::uint64_t lost);
     void event(const char* sentence);

@@ -42,6 +42,7 @@ public:
         if (context_ == nullptr || !make_writers(options, message)) return false;
         try {
             thread_ = std::jthread([this] { send_all(); });
+            points_thread_ = std::jthread([this](const std::stop_token& stop) { send_points(stop); });
         } catch (const std::system_error& failure) {
             message = std::string("--publish ros2: there is no thread to send from: ") + failure.what() + ".";
             return false;
@@ -74,7 +75,9 @@ public:
     [[nodiscard]] std::string close() {
         if (!thread_.joinable()) return {};
         ring_.close();
+        points_thread_.request_stop();
         thread_.join();
+        if (points_thread_.joinable()) points_thread_.join();
         // What was sent last still reaches whoever reads, and nobody is waited for longer than that.
         const Clock::time_point end = Clock::now() + kEvery;
         for (const dds_entity_t writer : writers_) {
@@ -126,12 +129,12 @@ private:
         if (writers_[topic] <= 0) return;
         const dds_return_t code = dds_write(writers_[topic], message);
         if (code >= 0) return;
-        if (failures_ == 0) first_failure_ = code;
-        ++failures_;
+        if (failures_++ == 0) first_failure_ = code;
     }
 
     void send_frame(const Slot& slot) {
         arrived_ = slot.arrived;
+        time_ns_ = slot.report.estimate.time_ns;
         if (!messages_.frame(slot.report)) return;
         send(kTf, &messages_.tf());  // first: who hears of the pose may ask for the transform at once
         send(kOdometry, &messages_.odometry());
@@ -143,9 +146,19 @@ private:
         const double silent_s = std::chrono::duration<double>(now - arrived_).count();
         send(kDiagnostics, &messages_.diagnostics(silent_s, overtaken_ + failures_));
         send(kPath, &messages_.path());
-        dds_publication_matched_status_t matched{};
-        if (dds_get_publication_matched_status(writers_[kPoints], &matched) >= 0 && matched.current_count > 0) {
-            points_.ask();
+    }
+    // Reading a copy takes some 20 ms, which poses should not wait for: on a thread of its own.
+    void send_points(const std::stop_token& stop) {
+        constexpr std::chrono::milliseconds kLook{50};
+        std::vector<ShownPoint> points;
+        Clock::time_point next = Clock::now();
+        while (!stop.stop_requested()) {
+            std::this_thread::sleep_for(kLook);
+            if (points_.take(points)) send(kPoints, &messages_.points(points, time_ns_));
+            dds_publication_matched_status_t matched{};
+            if (Clock::now() < next || dds_get_publication_matched_status(writers_[kPoints], &matched) < 0) continue;
+            next = Clock::now() + kEvery;
+            if (matched.current_count > 0) points_.ask();
         }
     }
 
@@ -161,7 +174,6 @@ private:
                 }
                 ring_.release();
             }
-            if (points_.take(map_points_)) send(kPoints, &messages_.points(map_points_));
             const Clock::time_point now = Clock::now();
             if (now < next) continue;
             send_slow(now);
@@ -176,12 +188,12 @@ private:
     std::shared_ptr<RosContext> context_;
     std::array<dds_entity_t, kTopics> writers_{};
     MapPoints points_;
-    std::vector<ShownPoint> map_points_;
-    Clock::time_point arrived_{};  // of the last frame
+    Clock::time_point arrived_{};            // of the last frame
+    std::atomic<std::int64_t> time_ns_ = 0;  // its own
     std::atomic<std::uint64_t> overtaken_ = 0, failures_ = 0;
     std::atomic<dds_return_t> first_failure_ = DDS_RETCODE_OK;
     bool is_said_ = false;
-    std::jthread thread_;
+    std::jthread thread_, points_thread_;
 };
 
 RosPublisher::RosPublisher() = default;

@@ -1,11 +1,12 @@
 // `--publish ros2`: poses with their trust, the camera's path, the map's points and the state of tracking as topics of
 // ROS 2 (docs/ros2.md has each), without ROS. The engine's thread copies a frame's numbers into a ring of fixed size
-// and never waits; a thread of its own makes messages of them and sends them, and looks once a second after what is
-// sent as often: path, points, diagnostics. A reader that is slow, stuck or dead costs nobody anything but what it does
-// not take. Where the ring is full a frame is not sent; it is counted, and said once.
-// Limits: 64 frames in the ring, 1024 poses of the path (then every second one goes), points as in the map. Memory:
-// 64 KiB, 128 KiB of path, some 150 KiB of points, a copy of the map while somebody subscribes to its points, and
-// Cyclone's own. Cost: docs/ros2.md. In a build without Cyclone DDS open() says so.
+// and never waits; a thread of its own makes messages of them and sends them, and once a second path and diagnostics;
+// another one reads the points from a copy of the map, which takes some 20 ms. A reader that is slow, stuck or dead
+// costs nobody anything but what it does not take. Where the ring is full a frame is not sent; it is counted, and said
+// once.
+// Limits: 64 frames in the ring, 1024 poses of the path (then every second one goes), points as in the map. Memory: 150
+// KiB, 36 bytes a point, a copy of the map once somebody has subscribed to its points, and Cyclone's own. Cost:
+// docs/ros2.md. In a build without Cyclone DDS open() says so.
 #pragma once
 
 #include <cstdint>

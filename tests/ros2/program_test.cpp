@@ -2,9 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <cstring>
 #include <map>
+#include <sstream>
 #include <string>
 
+#include "platform/poses/rigid.hpp"
+#include "tests/engine/engine_rig.hpp"
 #include "tests/ros2/fast_dds.hpp"
 #include "tests/ros2/ros_domain.hpp"
 #include "tests/support/program.hpp"
@@ -93,6 +97,69 @@ TEST(RosProgram, OdometryIsTheTrajectory) {
     EXPECT_GT(compared, 20U) << run.err();
     EXPECT_GT(clouds, 0U);
     EXPECT_GT(cloud_points, 100U);
+}
+
+[[nodiscard]] fast::Header header_of(std::int64_t time_ns) {
+    return {static_cast<std::int32_t>(time_ns / 1'000'000'000), static_cast<std::uint32_t>(time_ns % 1'000'000'000),
+            "camera_color_optical_frame"};
+}
+
+// Promise: a robot whose driver and listener are both others' (Fast DDS): its images are tracked, and its odometry has
+// their stamps and is where the camera truly was.
+TEST(RosProgram, FromImagesToOdometry) {
+    const test::Sequence sequence = test::rendered("static_xyz", 150, 320, 240);
+    const test::TemporaryFolder scratch;
+    fast::Node node;
+    fast::Node::Writer<fast::Image> colour(node, "/camera/color/image_raw", {.depth = 2});
+    fast::Node::Writer<fast::Image> depth(node, "/camera/aligned_depth_to_color/image_raw", {.depth = 2});
+    fast::Node::Writer<fast::CameraInfo> info(node, "/camera/color/camera_info", {.depth = 2});
+    fast::Node::Reader<fast::Odometry> odometry(node, "/odom", {.depth = 1000});
+    Program run(STILLMESH_PROGRAM, "", "run --camera ros2 --wait --frames 60 --limits pocket --publish ros2", scratch);
+    fast::CameraInfo lens;
+    lens.height = 240;
+    lens.width = 320;
+    const CameraModel& model = sequence.camera;
+    lens.distortion_model = "plumb_bob";
+    lens.d = {model.k1, model.k2, model.p1, model.p2, model.k3};
+    lens.k = {model.fx, 0, model.cx, 0, model.fy, model.cy, 0, 0, 1};
+    ASSERT_TRUE(within(60'000, [&] { return colour.is_matched() && depth.is_matched() && info.is_matched(); }));
+    for (std::size_t i = 0; i < sequence.frames.size() && run.wait(1) == -1; ++i) {
+        const test::KeptFrame& frame = sequence.frames[i];
+        const fast::Header header = header_of(frame.time_ns);
+        fast::Image image{header, 240, 320, frame.format == PixelFormat::kGrey8 ? "mono8" : "rgb8", 0, 0, frame.colour};
+        image.step = 320 * channels_of(frame.format);
+        fast::Image metres{header, 240, 320, "32FC1", 0, 320 * 4, {}};
+        metres.data.resize(frame.depth.size() * 4);
+        for (std::size_t k = 0; k < frame.depth.size(); ++k) {
+            const auto z = static_cast<float>(frame.depth[k] / frame.depth_units_per_m);
+            std::memcpy(metres.data.data() + 4 * k, &z, 4);
+        }
+        EXPECT_TRUE(colour.write(image) && depth.write(metres) && info.write(lens));
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    EXPECT_GE(run.wait(60'000), 0);
+    static_cast<void>(within(2'000, [] { return false; }));  // what is on the way
+    const std::vector<fast::Odometry> heard = odometry.take();
+    ASSERT_GT(heard.size(), 20U) << run.err();
+    const auto truth_at = [&](std::int64_t time_ns) -> const SimulatedPose* {
+        for (const test::KeptFrame& frame : sequence.frames) {
+            if (frame.time_ns == time_ns) return &frame.truth;
+        }
+        return nullptr;
+    };
+    // What is heard first need not be the first frame: motions from there on are compared.
+    const auto pose_of = [](const fast::Pose& pose) {
+        return RigidTransform{{pose.q[0], pose.q[1], pose.q[2], pose.q[3]}, {pose.p[0], pose.p[1], pose.p[2]}};
+    };
+    const RigidTransform begin = inverse(pose_of(heard.front().pose));
+    const SimulatedPose* const first = truth_at(heard.front().header.time_ns());
+    ASSERT_NE(first, nullptr);
+    for (const fast::Odometry& got : heard) {
+        const SimulatedPose* const truth = truth_at(got.header.time_ns());
+        ASSERT_NE(truth, nullptr) << got.header.time_ns();
+        const auto& [x, y, z] = product(begin, pose_of(got.pose)).translation_m;
+        EXPECT_LT(test::metres_off({{0, 0, 0, 1}, {-y, -z, x}}, *first, *truth), 0.02);
+    }
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "engine/base/random.hpp"
-#include "engine/geometry/eigen.hpp"
+#include "engine/geometry/se3.hpp"
 #include "platform/poses/rigid.hpp"
 
 namespace stillmesh::test {
