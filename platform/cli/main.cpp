@@ -77,13 +77,14 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
 
 void add_ros_options(CLI::App& app, RosOptions& options) {
     constexpr const char* kGroup = "ROS 2 (--publish ros2)";
-    app.add_option_function<std::string>(
-           "--publish", [&options](const std::string&) { options.is_on = true; },
-           "ros2: poses, path, map points and diagnostics as topics of ROS 2, which need not be installed; "
-           "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY count (docs/ros2.md)")
-        ->check(CLI::IsMember({"ros2"}).description(""))
-        ->type_name("ros2")
-        ->group(kGroup);
+    CLI::Option* const publish =
+        app.add_option_function<std::string>(
+               "--publish", [&options](const std::string&) { options.is_on = true; },
+               "ros2: poses, path, map points and diagnostics as topics of ROS 2, which need not be installed; "
+               "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY count (docs/ros2.md)")
+            ->check(CLI::IsMember({"ros2"}).description(""))
+            ->type_name("ros2")
+            ->group(kGroup);
     app.add_option_function<std::string>(
            "--base-from-camera",
            [&options](const std::string& text) {
@@ -94,14 +95,19 @@ void add_ros_options(CLI::App& app, RosOptions& options) {
            },
            "where the camera is on the robot, base_link from camera_link (x forward, y left, z up); 0,0,0 if not given")
         ->type_name("X,Y,Z[,QX,QY,QZ,QW]")
+        ->needs(publish)
         ->group(kGroup);
     app.add_option("--ros-namespace", options.name_space, "of /odom and /stillmesh/..., such as robot1")
         ->type_name("NAME")
+        ->needs(publish)
         ->group(kGroup);
     app.add_option("--ros-frame-prefix", options.frame_prefix, "of map, odom, base_link and the camera's, as robot1/")
         ->type_name("TEXT")
+        ->needs(publish)
         ->group(kGroup);
-    app.add_flag("--tf,!--no-tf", options.has_tf, "/tf and /tf_static (the default); --no-tf where another program says where base_link is")
+    app.add_flag("--tf,!--no-tf", options.has_tf,
+                 "/tf and /tf_static (the default); --no-tf where another program says where base_link is")
+        ->needs(publish)
         ->group(kGroup);
 }
 
