@@ -13,7 +13,8 @@
 namespace stillmesh {
 
 struct LiveCameraOptions {
-    std::string camera;                 // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], ros2[:COLOUR,DEPTH,INFO]
+    // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], ros2[:COLOUR,DEPTH,INFO]
+    std::string camera;
     std::string calibration;            // file or name; empty: the camera's own
     std::string exposure = "auto";      // auto, fixed
     std::string registration = "auto";  // auto, here, none
