@@ -159,6 +159,13 @@ int program(int argc, char** argv) {
         ->group(kCameraGroup);
     add_depth_units_option(*run_app, arguments.depth_units_per_m, kCameraGroup);
     run_app
+        ->add_option(
+            "--mask", arguments.mask,
+            "an image of the camera's size, white where nothing is to be looked at: what it always sees of its "
+            "own robot")
+        ->type_name("FILE")
+        ->group(kCameraGroup);
+    run_app
         ->add_flag("--half", arguments.is_half,
                    "track images at half their width and height, lens and all: 1280x720 as 640x360")
         ->group(kCameraGroup);
@@ -357,6 +364,8 @@ int program(int argc, char** argv) {
         ->add_option("--map-store", rerun.map_store, "the map store that the run used, if it held regions before it")
         ->type_name("DIR");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
+    rerun_command->add_option("--mask", rerun.mask, "if the run had one, and the folder is what was replayed")
+        ->type_name("FILE");
     rerun_command->add_flag("--half", rerun.is_half, "if the run had this switch, and the folder is what was replayed");
     rerun_command
         ->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with, if not the default one")

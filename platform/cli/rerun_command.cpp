@@ -10,10 +10,10 @@
 #include <system_error>
 
 #include "engine/engine.hpp"
-#include "hal/live/half_camera.hpp"
 #include "hal/replay/replay_camera.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/prepared_camera.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
@@ -177,9 +177,10 @@ int rerun_command(const RerunOptions& options) {
                         .width_max = halves * header.limits.image_width_max + halves - 1,
                         .height_max = halves * header.limits.image_height_max + halves - 1});
     if (whole.open() != Status::kOk) return refuse(whole.message());
-    std::optional<HalfCamera> half;
-    if (options.is_half) half.emplace(whole);
-    DepthCamera& camera = options.is_half ? static_cast<DepthCamera&>(*half) : whole;
+    PreparedCamera prepared(whole);
+    std::string note, message;
+    if (prepared.prepare(options.mask, options.is_half, note, message) != Status::kOk) return refuse(message);
+    DepthCamera& camera = prepared.camera();
     const CameraModel& size = camera.info().model;
     if (size.width != header.camera.width || size.height != header.camera.height) {
         return refuse(fmt::format("{}: the run had images of {}x{}, these are halved to {}x{}.", options.recording,
@@ -250,7 +251,6 @@ int rerun_command(const RerunOptions& options) {
     if (!options.map_in.empty()) {
         const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
         MapFileInfo info;
-        std::string message;
         if (load_map_file(options.map_in, *engine.value(), use, header.extractor, info, message) != Status::kOk) {
             return refuse(message);
         }

@@ -13,6 +13,7 @@ struct RerunOptions {
     std::string map_in;     // empty: none
     std::string map_store;  // empty: none
     bool is_localising = false;
+    std::string mask;                    // that the run had; empty: none
     bool is_half = false;                // the run halved its images
     std::string vocabulary = "default";  // that the recording was made with, if it was made with one
     bool is_json = false;

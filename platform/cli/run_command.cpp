@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "hal/faulty/faulty_camera.hpp"
-#include "hal/live/half_camera.hpp"
 #include "hal/live/reconnecting_camera.hpp"
 #include "hal/realtime/realtime_camera.hpp"
 #include "hal/replay/replay_camera.hpp"
@@ -22,6 +21,7 @@
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/destinations.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/prepared_camera.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
@@ -107,10 +107,11 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     if (const int code = read_motion(arguments, folder, motion); code != kExitDone) return code;
-    std::optional<HalfCamera> half;
-    if (arguments.is_half) half.emplace(source.camera);
-    DepthCamera& camera = arguments.is_half ? static_cast<DepthCamera&>(*half) : source.camera;
-    std::string message;
+    PreparedCamera prepared(source.camera);
+    std::string message, note;
+    if (prepared.prepare(arguments.mask, arguments.is_half, note, message) != Status::kOk) return refuse(message);
+    if (!note.empty()) record.notes.push_back(note);
+    DepthCamera& camera = prepared.camera();
     record.limits = arguments.session.limits;
     record.features = arguments.session.features;
     record.command = arguments.command;
@@ -450,6 +451,7 @@ int live(const RunArguments& arguments) {
     std::vector<Origin> origins = {{"--config", session.configuration},
                                    {"--calibration", arguments.calibration},
                                    {"--vocabulary", session.vocabulary},
+                                   {"--mask", arguments.mask},
                                    {"--replay", arguments.replay}};
     for (const auto& [option, file] : {std::pair{"--odometry", arguments.odometry}, {"--gyro", arguments.gyroscope}}) {
         if (file != "none") origins.push_back({option, file});

@@ -34,6 +34,7 @@ struct RunArguments {
     RunLoopOptions loop;
     bool is_json = false;
     bool is_realtime = false;
+    std::string mask;        // image file: what is white there is not looked at; empty: none
     bool is_half = false;    // images are halved before they are tracked
     bool does_wait = false;  // for a live camera at the start
     bool print_config = false;
