@@ -13,6 +13,7 @@
 #include "platform/cli/capture_command.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/map_command.hpp"
 #include "platform/cli/rerun_command.hpp"
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
@@ -482,6 +483,24 @@ int program(int argc, char** argv) {
         ->type_name("FILE");
     info_command->add_flag("--json", is_info_json, "as JSON");
 
+    CLI::App* const map_command = app.add_subcommand("map", "what a map file holds, and its points for other programs");
+    map_command->require_subcommand(1);
+    MapExport map_export;
+    bool is_map_json = false;
+    CLI::App* const map_info = map_command->add_subcommand("info", "how large it is, what was seen, which camera");
+    map_info->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
+    map_info->add_flag("--json", is_map_json, "as JSON");
+    CLI::App* const map_out = map_command->add_subcommand("export", "its points and keyframes");
+    map_out->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
+    map_out->add_option("--ply", map_export.ply, "points, for MeshLab, CloudCompare, Blender")->type_name("FILE");
+    map_out->add_option("--pcd", map_export.pcd, "points, for the Point Cloud Library")->type_name("FILE");
+    map_out->add_option("--tum", map_export.tum, "keyframes' poses, TUM format")->type_name("FILE");
+    map_out->add_option("--json", map_export.json, "all of it")->type_name("FILE");
+    map_out->add_flag("--moving", map_export.has_moving, "points that turned out to move as well");
+    map_out->footer(
+        "Coordinates: m, in the frame of the first camera, x right, y down, z forward.\n"
+        "Exit codes: 0 done; 1 could not be written; 2 no map, or bad usage.");
+
     std::vector<CLI::App*> later_commands;
     for (const auto& [name, sentence] : kLaterCommands) {
         later_commands.push_back(app.add_subcommand(name, std::string(sentence) + " (not in this build)"));
@@ -535,6 +554,8 @@ int program(int argc, char** argv) {
         return run_command(check, begin_ns);
     }
     if (train_command->parsed()) return vocabulary_train_command(training);
+    if (map_info->parsed()) return map_info_command(map_export.file, is_map_json);
+    if (map_out->parsed()) return map_export_command(map_export);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];
