@@ -11,9 +11,9 @@
 
 #include "engine/engine.hpp"
 #include "hal/live/half_camera.hpp"
-#include "hal/replay/replay_camera.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/recording_source.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
@@ -171,12 +171,15 @@ int rerun_command(const RerunOptions& options) {
     const std::uint32_t halves = options.is_half ? 2 : 1;
     CameraInfo of_images{header.camera, header.depth_units_per_m};
     if (options.is_half) of_images.model.width = of_images.model.height = 0;  // as they are
-    ReplayCamera whole({.folder = folder,
-                        .calibration = "",
-                        .camera = of_images,
-                        .width_max = halves * header.limits.image_width_max + halves - 1,
-                        .height_max = halves * header.limits.image_height_max + halves - 1});
-    if (whole.open() != Status::kOk) return refuse(whole.message());
+    RecordingSource source({.folder = folder,
+                            .calibration = "",
+                            .camera = of_images,
+                            .width_max = halves * header.limits.image_width_max + halves - 1,
+                            .height_max = halves * header.limits.image_height_max + halves - 1},
+                           options.topics);
+    if (!source.problem().empty()) return refuse(source.problem());
+    DepthCamera& whole = source.camera();
+    if (whole.open() != Status::kOk) return refuse(source.message());
     std::optional<HalfCamera> half;
     if (options.is_half) half.emplace(whole);
     DepthCamera& camera = options.is_half ? static_cast<DepthCamera&>(*half) : whole;
@@ -257,7 +260,7 @@ int rerun_command(const RerunOptions& options) {
     }
     catch_stop_signals();
     Outcome outcome;
-    if (const Status status = repeat(*engine.value(), {camera, whole.message()}, reader, store, outcome);
+    if (const Status status = repeat(*engine.value(), {camera, source.message()}, reader, store, outcome);
         status != Status::kOk) {
         if (status != Status::kEnd) return refuse(reader.message());
         complain(fmt::format("stopped; {} frames were repeated bit for bit until then.", outcome.frames));
