@@ -1,0 +1,435 @@
+#!/usr/bin/env python3
+"""Makes a bag of a recording's frames: ROS 1 by Debian's rosbag, SQLite by Python's sqlite3, MCAP by the writer below or,
+with --foreign FOLDER, by the Python library `mcap` that lies there. The messages of ROS 1 are those of Debian's
+sensor_msgs; CDR is written here.
+
+  make_bag.py FRAMES OUT --format ros1|db3|mcap [options]
+
+FRAMES is a folder with frames.json (see bag_maker.hpp) and the images it names; OUT is a file, or a folder with --parts.
+"""
+import argparse
+import json
+import os
+import sqlite3
+import struct
+import sys
+import zlib
+
+HIGH = {"colour": "/camera/rgb/image_raw", "depth": "/camera/depth/image_raw", "info": "/camera/rgb/camera_info",
+        "depth_info": "/camera/depth/camera_info"}
+REALSENSE = {"colour": "/device_0/sensor_1/Color_0/image/data", "depth": "/device_0/sensor_0/Depth_0/image/data",
+             "info": "/device_0/sensor_1/Color_0/info/camera_info",
+             "depth_info": "/device_0/sensor_0/Depth_0/info/camera_info",
+             "unit": "/device_0/sensor_0/option/Depth Units/value"}
+
+
+def png(width, height, depth, kind, rows):
+    def piece(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+    header = struct.pack(">IIBBBBB", width, height, depth, kind, 0, 0, 0)
+    body = zlib.compress(b"".join(b"\0" + row for row in rows), 1)
+    return b"\x89PNG\r\n\x1a\n" + piece(b"IHDR", header) + piece(b"IDAT", body) + piece(b"IEND", b"")
+
+
+def grey_to(encoding, grey):
+    """The bytes of an image whose luma, or each of whose colours, is `grey`; of RGB red is 3 more and blue 5 less."""
+    red, blue = bytes((g + 3) & 255 for g in grey), bytes((g - 5) & 255 for g in grey)
+    if encoding == "mono8":
+        return grey, 1
+    if encoding in ("yuv422", "yuv422_yuy2"):
+        out = bytearray(2 * len(grey))
+        out[0 if encoding == "yuv422_yuy2" else 1::2] = grey
+        out[1 if encoding == "yuv422_yuy2" else 0::2] = bytes([100]) * len(grey)
+        return bytes(out), 2
+    order = {"rgb8": (red, grey, blue), "bgr8": (blue, grey, red), "rgba8": (red, grey, blue, grey),
+             "bgra8": (blue, grey, red, grey)}[encoding]
+    out = bytearray(len(order) * len(grey))
+    for i, plane in enumerate(order):
+        out[i::len(order)] = plane
+    return bytes(out), len(order)
+
+
+def padded(data, row_bytes, height, padding):
+    return b"".join(data[y * row_bytes:(y + 1) * row_bytes] + b"\xee" * padding for y in range(height))
+
+
+class Cdr:
+    """XCDR version 1, little or big endian."""
+
+    def __init__(self, is_big):
+        self.order = ">" if is_big else "<"
+        self.out = bytearray()
+        self.is_big = is_big
+
+    def put(self, kind, value):
+        size = struct.calcsize("=" + kind)
+        self.out += b"\0" * (-len(self.out) % size) + struct.pack(self.order + kind, value)
+
+    def text(self, value):
+        data = value.encode() + b"\0"
+        self.put("I", len(data))
+        self.out += data
+
+    def header(self, stamp_ns, frame):
+        self.put("i", stamp_ns // 10**9)
+        self.put("I", stamp_ns % 10**9)
+        self.text(frame)
+
+    def done(self):
+        return bytes([0, 0 if self.is_big else 1, 0, 0]) + bytes(self.out)
+
+
+class Messages:
+    """Serialised messages of both worlds from the same values."""
+
+    def __init__(self, is_ros1, is_big):
+        self.is_ros1, self.is_big = is_ros1, is_big
+        if is_ros1:
+            import sensor_msgs.msg
+            import std_msgs.msg
+            import genpy
+            self.kinds, self.std, self.genpy = sensor_msgs.msg, std_msgs.msg, genpy
+
+    def headed(self, message, stamp_ns, frame):
+        message.header.stamp = self.genpy.Time(stamp_ns // 10**9, stamp_ns % 10**9)
+        message.header.frame_id = frame
+        return message
+
+    def image(self, stamp_ns, frame, height, width, encoding, step, data, is_bigendian=0):
+        if self.is_ros1:
+            return self.headed(self.kinds.Image(height=height, width=width, encoding=encoding, step=step, data=data,
+                                                is_bigendian=is_bigendian), stamp_ns, frame)
+        out = Cdr(self.is_big)
+        out.header(stamp_ns, frame)
+        out.put("I", height)
+        out.put("I", width)
+        out.text(encoding)
+        out.put("B", is_bigendian)
+        out.put("I", step)
+        out.put("I", len(data))
+        out.out += data
+        return out.done()
+
+    def compressed(self, stamp_ns, frame, kind, data):
+        if self.is_ros1:
+            return self.headed(self.kinds.CompressedImage(format=kind, data=data), stamp_ns, frame)
+        out = Cdr(self.is_big)
+        out.header(stamp_ns, frame)
+        out.text(kind)
+        out.put("I", len(data))
+        out.out += data
+        return out.done()
+
+    def info(self, stamp_ns, frame, camera):
+        k = [camera["fx"], 0, camera["cx"], 0, camera["fy"], camera["cy"], 0, 0, 1]
+        p = camera.get("p", [k[0], 0, k[2], 0, 0, k[4], k[5], 0, 0, 0, 1, 0])
+        r = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+        if self.is_ros1:
+            out = self.kinds.CameraInfo(height=camera["height"], width=camera["width"], D=camera["d"], K=k, R=r, P=p,
+                                        distortion_model=camera["model"], binning_x=camera.get("binning", 0))
+            return self.headed(out, stamp_ns, frame)
+        out = Cdr(self.is_big)
+        out.header(stamp_ns, frame)
+        out.put("I", camera["height"])
+        out.put("I", camera["width"])
+        out.text(camera["model"])
+        out.put("I", len(camera["d"]))
+        for value in list(camera["d"]) + k + r + p:
+            out.put("d", value)
+        for value in (camera.get("binning", 0), 0, 0, 0, 0, 0):
+            out.put("I", value)
+        out.put("B", 0)
+        return out.done()
+
+    def number(self, value):
+        if self.is_ros1:
+            return self.std.Float32(value)
+        out = Cdr(self.is_big)
+        out.put("f", value)
+        return out.done()
+
+
+class Ros1Bag:
+    def __init__(self, path, packing, chunk_bytes):
+        import rosbag
+        import genpy
+        self.genpy = genpy
+        self.bag = rosbag.Bag(path, "w", compression=packing, chunk_threshold=chunk_bytes)
+
+    def write(self, topic, _kind, time_ns, message):
+        self.bag.write(topic, message, self.genpy.Time(time_ns // 10**9, time_ns % 10**9))
+
+    def close(self):
+        self.bag.close()
+
+
+class Db3Bag:
+    """As rosbag2_storage_sqlite3 makes it."""
+
+    def __init__(self, path, packing, _chunk_bytes):
+        self.pack = zstd_pack if packing == "zstd" else lambda data: data
+        self.base = sqlite3.connect(path)
+        self.base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY,name TEXT NOT NULL,type TEXT NOT NULL,"
+                          "serialization_format TEXT NOT NULL,offered_qos_profiles TEXT NOT NULL)")
+        self.base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY,topic_id INTEGER NOT NULL,"
+                          "timestamp INTEGER NOT NULL,data BLOB NOT NULL)")
+        self.base.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+        self.topics = {}
+
+    def write(self, topic, kind, time_ns, message):
+        if topic not in self.topics:
+            self.topics[topic] = len(self.topics) + 1
+            self.base.execute("INSERT INTO topics VALUES(?,?,?,'cdr','')", (self.topics[topic], topic, kind))
+        self.base.execute("INSERT INTO messages(topic_id,timestamp,data) VALUES(?,?,?)",
+                          (self.topics[topic], time_ns, self.pack(message)))
+
+    def close(self):
+        self.base.commit()
+        self.base.close()
+
+
+def zstd_pack(data):
+    import zstandard
+    return zstandard.ZstdCompressor(level=1).compress(data)
+
+
+def lz4_pack(data):
+    import lz4.frame
+    return lz4.frame.compress(data)
+
+
+class McapBag:
+    """By mcap.dev/spec: chunks with checksums, then a data end and a footer without a summary."""
+
+    def __init__(self, path, packing, chunk_bytes):
+        self.file = open(path, "wb")
+        self.packing = "" if packing == "none" else packing
+        self.pack = {"": lambda data: data, "lz4": lz4_pack, "zstd": zstd_pack}[self.packing]
+        self.chunk_bytes, self.chunk, self.times = chunk_bytes, bytearray(), []
+        self.schemas, self.channels, self.count = {}, {}, 0
+        self.file.write(b"\x89MCAP0\r\n" + self.record(1, self.text("ros2") + self.text("stillmesh tests")))
+
+    @staticmethod
+    def text(value):
+        return struct.pack("<I", len(value.encode())) + value.encode()
+
+    @staticmethod
+    def record(kind, data):
+        return struct.pack("<BQ", kind, len(data)) + data
+
+    def write(self, topic, kind, time_ns, message):
+        if kind not in self.schemas:
+            self.schemas[kind] = len(self.schemas) + 1
+            self.chunk += self.record(3, struct.pack("<H", self.schemas[kind]) + self.text(kind) +
+                                      self.text("ros2msg") + self.text("not needed"))
+        if topic not in self.channels:
+            self.channels[topic] = len(self.channels)
+            self.chunk += self.record(4, struct.pack("<HH", self.channels[topic], self.schemas[kind]) +
+                                      self.text(topic) + self.text("cdr") + struct.pack("<I", 0))
+        self.chunk += self.record(5, struct.pack("<HIQQ", self.channels[topic], self.count, time_ns, time_ns) + message)
+        self.count += 1
+        self.times.append(time_ns)
+        if len(self.chunk) >= self.chunk_bytes:
+            self.end_chunk()
+
+    def end_chunk(self):
+        data = bytes(self.chunk)
+        packed = self.pack(data)
+        self.file.write(self.record(6, struct.pack("<QQQI", min(self.times), max(self.times), len(data),
+                                                   zlib.crc32(data)) + self.text(self.packing) +
+                                    struct.pack("<Q", len(packed)) + packed))
+        self.chunk, self.times = bytearray(), []
+
+    def close(self):
+        if self.times:
+            self.end_chunk()
+        self.file.write(self.record(15, struct.pack("<I", 0)) + self.record(2, struct.pack("<QQI", 0, 0, 0)) +
+                        b"\x89MCAP0\r\n")
+        self.file.close()
+
+
+class ForeignMcapBag:
+    def __init__(self, path, packing, chunk_bytes):
+        from mcap.writer import CompressionType, Writer
+        self.file = open(path, "wb")
+        kinds = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
+        self.writer = Writer(self.file, chunk_size=chunk_bytes, compression=kinds[packing])
+        self.writer.start("ros2", "stillmesh tests")
+        self.schemas, self.channels = {}, {}
+
+    def write(self, topic, kind, time_ns, message):
+        if kind not in self.schemas:
+            self.schemas[kind] = self.writer.register_schema(kind, "ros2msg", b"not needed")
+        if topic not in self.channels:
+            self.channels[topic] = self.writer.register_channel(topic, "cdr", self.schemas[kind])
+        self.writer.add_message(self.channels[topic], time_ns, message, time_ns)
+
+    def close(self):
+        self.writer.finish()
+        self.file.close()
+
+
+class Maker:
+    def __init__(self, options):
+        self.options = options
+        with open(os.path.join(options.frames, "frames.json"), encoding="utf-8") as file:
+            self.recording = json.load(file)
+        self.width, self.height = self.recording["width"], self.recording["height"]
+        self.names = dict(REALSENSE if options.realsense else HIGH)
+        self.messages = Messages(options.format == "ros1", options.big_endian)
+        self.names.update(json.loads(options.names))
+
+    def kind(self, name, package="sensor_msgs"):
+        return f"{package}/{name}" if self.options.format == "ros1" else f"{package}/msg/{name}"
+
+    def read(self, name):
+        with open(os.path.join(self.options.frames, name), "rb") as file:
+            return file.read()
+
+    def colour(self, frame):
+        encoding, stamp = self.options.colour, frame["colour_ns"]
+        name, frame_id = self.names["colour"], self.options.frame_id
+        if encoding == "file":
+            kind = "jpeg" if frame["colour_file"].endswith(".jpg") else "png"
+            message = self.messages.compressed(stamp, frame_id, f"rgb8; {kind} compressed bgr8",
+                                               self.read(frame["colour_file"]))
+            return name + "/compressed", self.kind("CompressedImage"), message
+        data, size = grey_to(encoding, self.read(frame["colour"]))
+        padding = self.options.padding
+        data = padded(data, size * self.width, self.height, padding) if padding else data
+        return name, self.kind("Image"), self.messages.image(stamp, frame_id, self.height, self.width, encoding,
+                                                             size * self.width + padding, data)
+
+    def depth(self, frame):
+        encoding, stamp = self.options.depth, frame["depth_ns"]
+        name, frame_id = self.names["depth"], self.options.depth_frame_id or self.options.frame_id
+        data, width, height = self.read(frame["depth"]), self.width, self.height
+        values = struct.unpack(f"<{width * height}H", data)
+        if encoding == "32FC1":
+            floats = [v / 5000 if v else float("nan") for v in values]
+            data = struct.pack(f"<{len(floats)}f", *floats)
+        elif encoding == "16UC1_big":
+            data = struct.pack(f">{len(values)}H", *values)
+        elif encoding.startswith("compressedDepth"):
+            head = struct.pack("<iff", 0, 0, 0)
+            kind = "16UC1; compressedDepth png"
+            if encoding == "compressedDepth32":
+                kind, a, b = "32FC1; compressedDepth png", 100.0 * (100.0 + 1), 1 - 100.0 * (100.0 + 1) / 100.0
+                head = struct.pack("<iff", 0, a, b)
+                values = [min(65535, int(a / (v / 5000) + b)) if v else 0 for v in values]
+            swapped = struct.pack(f">{len(values)}H", *values)
+            rows = [swapped[2 * y * width:2 * (y + 1) * width] for y in range(height)]
+            message = self.messages.compressed(stamp, frame_id, kind, head + png(width, height, 16, 0, rows))
+            return name + "/compressedDepth", self.kind("CompressedImage"), message
+        if self.options.small_depth:
+            values = [values[2 * y * width + 2 * x] for y in range(height // 2) for x in range(width // 2)]
+            data, width, height = struct.pack(f"<{len(values)}H", *values), width // 2, height // 2
+        size = 4 if encoding == "32FC1" else 2
+        return name, self.kind("Image"), self.messages.image(
+            stamp, frame_id, height, width, encoding.replace("_big", ""), size * width, data,
+            1 if encoding == "16UC1_big" else 0)
+
+    def camera(self, which):
+        camera = {"width": self.width, "height": self.height, "model": "plumb_bob", "d": [0.0] * 5}
+        for key in ("fx", "fy", "cx", "cy"):
+            camera[key] = self.recording[key]
+        if self.options.realsense:
+            camera["model"] = "Inverse Brown Conrady"
+        if which == "depth_info" and self.options.other_depth_camera:
+            camera["fx"] += 40
+        camera.update(json.loads(self.options.camera))
+        return camera
+
+    def all(self):
+        """(time, topic, kind, message) of the whole bag."""
+        options = self.options
+        for number, frame in enumerate(self.recording["frames"] * options.rounds):
+            lap = number // len(self.recording["frames"])
+            frame = dict(frame)
+            for key in ("colour_ns", "depth_ns"):
+                frame[key] += lap * options.lap_ns
+            time_ns = max(frame["colour_ns"], frame["depth_ns"])
+            if number % options.info_every == 0 and not options.no_info:
+                for which in ("info", "depth_info") if options.depth_info else ("info",):
+                    frame_id = options.frame_id if which == "info" else options.depth_frame_id or options.frame_id
+                    yield (time_ns, self.names[which], self.kind("CameraInfo"),
+                           self.messages.info(time_ns, frame_id, self.camera(which)))
+                if options.realsense and number == 0:
+                    yield (time_ns, self.names["unit"], self.kind("Float32", "std_msgs"),
+                           self.messages.number(options.unit_m))
+            pair = [self.colour(frame)]
+            if options.skip_depth == 0 or number % options.skip_depth != options.skip_depth - 1:
+                pair.append(self.depth(frame))
+            for topic, kind, message in reversed(pair) if options.depth_first else pair:
+                yield time_ns, topic, kind, message
+
+    def ordered(self):
+        """Depth may come some messages later than its colour."""
+        late = []
+        for entry in self.all():
+            if "epth" in entry[1] and not entry[2].endswith(("CameraInfo", "Float32")) and self.options.late_depth:
+                late.append(entry)
+                if len(late) > self.options.late_depth:
+                    yield late.pop(0)
+            else:
+                yield entry
+        yield from late
+
+    def open(self, path):
+        options = self.options
+        if options.foreign:
+            sys.path.insert(0, options.foreign)
+        kinds = {"ros1": Ros1Bag, "db3": Db3Bag, "mcap": ForeignMcapBag if options.foreign else McapBag}
+        return kinds[options.format](path, options.packing, options.chunk_bytes)
+
+    def make(self):
+        options = self.options
+        if options.parts == 0:
+            bag = self.open(options.out)
+            for time_ns, topic, kind, message in self.ordered():
+                bag.write(topic, kind, time_ns, message)
+            bag.close()
+            return
+        entries, names = list(self.ordered()), []
+        os.makedirs(options.out)
+        size = -(-len(entries) // options.parts)
+        for part in range(options.parts):
+            names.append(f"rec_{part}.{options.format}")
+            bag = self.open(os.path.join(options.out, names[-1]))
+            for time_ns, topic, kind, message in entries[part * size:(part + 1) * size]:
+                bag.write(topic, kind, time_ns, message)
+            bag.close()
+        if not options.no_metadata:
+            with open(os.path.join(options.out, "metadata.yaml"), "w", encoding="utf-8") as file:
+                file.write("rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n"
+                           "  relative_file_paths:\n" + "".join(f"    - {name}\n" for name in names) +
+                           "  message_count: 0\n  topics_with_message_count: []\n")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("frames")
+    parser.add_argument("out")
+    parser.add_argument("--format", choices=("ros1", "db3", "mcap"), required=True)
+    parser.add_argument("--packing", default="none")
+    parser.add_argument("--colour", default="mono8")
+    parser.add_argument("--depth", default="16UC1")
+    parser.add_argument("--chunk-bytes", type=int, default=768 * 1024)
+    parser.add_argument("--frame-id", default="camera_rgb_optical_frame")
+    parser.add_argument("--depth-frame-id", default="")
+    parser.add_argument("--names", default="{}", help="of topics, as JSON")
+    parser.add_argument("--camera", default="{}", help="what its CameraInfo has otherwise, as JSON")
+    parser.add_argument("--foreign", default="")
+    parser.add_argument("--unit-m", type=float, default=0.001)
+    for number in ("padding", "parts", "skip-depth", "late-depth", "lap-ns"):
+        parser.add_argument("--" + number, type=int, default=0)
+    for number in ("rounds", "info-every"):
+        parser.add_argument("--" + number, type=int, default=1)
+    for switch in ("big-endian", "realsense", "depth-info", "other-depth-camera", "no-info", "no-metadata", "depth-first",
+                   "small-depth"):
+        parser.add_argument("--" + switch, action="store_true")
+    Maker(parser.parse_args()).make()
+
+
+if __name__ == "__main__":
+    main()
