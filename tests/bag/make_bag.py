@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Makes a bag of a recording's frames: ROS 1 by Debian's rosbag, SQLite by Python's sqlite3, MCAP by the writer below or,
-with --foreign FOLDER, by the Python library `mcap` that lies there. The messages of ROS 1 are those of Debian's
-sensor_msgs; CDR is written here.
+"""Makes a bag of a recording's frames: ROS 1 by Debian's rosbag, SQLite by Python's sqlite3, MCAP by the writer below
+(and by another hand: foreign/write_mcap.mjs, from a dump). The messages of ROS 1 are those of Debian's sensor_msgs; CDR is
+written here.
 
-  make_bag.py FRAMES OUT --format ros1|db3|mcap [options]
+  make_bag.py FRAMES OUT --format ros1|db3|mcap|dump [options]
 
 FRAMES is a folder with frames.json (see bag_maker.hpp) and the images it names; OUT is a file, or a folder with --parts.
 """
@@ -12,7 +12,6 @@ import json
 import os
 import sqlite3
 import struct
-import sys
 import zlib
 
 HIGH = {"colour": "/camera/rgb/image_raw", "depth": "/camera/depth/image_raw", "info": "/camera/rgb/camera_info",
@@ -248,24 +247,17 @@ class McapBag:
         self.file.close()
 
 
-class ForeignMcapBag:
-    def __init__(self, path, packing, chunk_bytes):
-        from mcap.writer import CompressionType, Writer
+class Dump:
+    """Messages for another writer: lengths of a line of JSON and of the message, then both."""
+
+    def __init__(self, path, _packing, _chunk_bytes):
         self.file = open(path, "wb")
-        kinds = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
-        self.writer = Writer(self.file, chunk_size=chunk_bytes, compression=kinds[packing])
-        self.writer.start("ros2", "stillmesh tests")
-        self.schemas, self.channels = {}, {}
 
     def write(self, topic, kind, time_ns, message):
-        if kind not in self.schemas:
-            self.schemas[kind] = self.writer.register_schema(kind, "ros2msg", b"not needed")
-        if topic not in self.channels:
-            self.channels[topic] = self.writer.register_channel(topic, "cdr", self.schemas[kind])
-        self.writer.add_message(self.channels[topic], time_ns, message, time_ns)
+        line = json.dumps({"topic": topic, "kind": kind, "time_ns": str(time_ns)}).encode()
+        self.file.write(struct.pack("<II", len(line), len(message)) + line + message)
 
     def close(self):
-        self.writer.finish()
         self.file.close()
 
 
@@ -376,11 +368,8 @@ class Maker:
         yield from late
 
     def open(self, path):
-        options = self.options
-        if options.foreign:
-            sys.path.insert(0, options.foreign)
-        kinds = {"ros1": Ros1Bag, "db3": Db3Bag, "mcap": ForeignMcapBag if options.foreign else McapBag}
-        return kinds[options.format](path, options.packing, options.chunk_bytes)
+        kinds = {"ros1": Ros1Bag, "db3": Db3Bag, "mcap": McapBag, "dump": Dump}
+        return kinds[self.options.format](path, self.options.packing, self.options.chunk_bytes)
 
     def make(self):
         options = self.options
@@ -410,7 +399,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("frames")
     parser.add_argument("out")
-    parser.add_argument("--format", choices=("ros1", "db3", "mcap"), required=True)
+    parser.add_argument("--format", choices=("ros1", "db3", "mcap", "dump"), required=True)
     parser.add_argument("--packing", default="none")
     parser.add_argument("--colour", default="mono8")
     parser.add_argument("--depth", default="16UC1")
@@ -419,7 +408,6 @@ def main():
     parser.add_argument("--depth-frame-id", default="")
     parser.add_argument("--names", default="{}", help="of topics, as JSON")
     parser.add_argument("--camera", default="{}", help="what its CameraInfo has otherwise, as JSON")
-    parser.add_argument("--foreign", default="")
     parser.add_argument("--unit-m", type=float, default=0.001)
     for number in ("padding", "parts", "skip-depth", "late-depth", "lap-ns"):
         parser.add_argument("--" + number, type=int, default=0)
