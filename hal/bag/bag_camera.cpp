@@ -23,6 +23,7 @@ namespace {
 constexpr double kMillimetres_per_m = 1000;
 constexpr double kUnitsOfMetres_per_m = 5000;  // as in TUM recordings: .2 mm, up to 13.1 m
 constexpr std::size_t kTriedMax = 300;         // images of each stream before the first pair
+constexpr std::size_t kEarlyMax = 20;          // sentences that are kept
 
 [[nodiscard]] std::string size_text(const ImageSize& size) {
     return std::to_string(size.width) + "x" + std::to_string(size.height);
@@ -52,6 +53,7 @@ struct BagCamera::Inside {
     std::string source;  // of the calibration
     BagCounts counts;
     std::vector<std::string> files, notes;
+    std::vector<std::string> early;  // what was damaged before the first pair: told by the first polls
     std::vector<BagTopic> topics;  // that the beginning of the bag showed
     BagSequence bag;
     TopicChoice choice;
@@ -70,6 +72,7 @@ struct BagCamera::Inside {
 Status BagCamera::Inside::open_bag() {
     counts = {};
     notes.clear();
+    early.clear();
     is_over = false;
     first_colour = first_depth = nullptr;
     STILLMESH_TRY(files_of_bag(options.path, files, message));
@@ -207,10 +210,12 @@ Status BagCamera::Inside::find_first_pair() {
     while (!pairer->next(first_colour, first_depth)) {
         ImagePairer::Stream stream{};
         std::int64_t time_ns = 0;
-        const Status status = is_over ? Status::kEnd : read_message(stream, time_ns);
+        const bool was_over = is_over;  // then the pairer has given all that it had
+        const Status status = was_over ? Status::kEnd : read_message(stream, time_ns);
         if (status == Status::kOk && times[stream].size() < kTriedMax) times[stream].push_back({time_ns, 0, 0});
+        if (status == Status::kCorrupt && early.size() < kEarlyMax) early.push_back(message);
         const bool is_hopeless = times[0].size() >= kTriedMax && times[1].size() >= kTriedMax;
-        if (status != Status::kEnd && !is_hopeless) continue;
+        if (!was_over && !is_hopeless) continue;
         first_colour = first_depth = nullptr;
         const auto is_before = [](const ListedImage& a, const ListedImage& b) { return a.time_ns < b.time_ns; };
         for (std::vector<ListedImage>& list : times) std::sort(list.begin(), list.end(), is_before);
@@ -254,14 +259,18 @@ Status BagCamera::Inside::read_message(ImagePairer::Stream& stream, std::int64_t
 }
 
 Status BagCamera::Inside::next_frame(Frame& frame) {
+    if (!early.empty()) {
+        message = early.front();
+        early.erase(early.begin());
+        return Status::kCorrupt;
+    }
     const WaitingImage* colour = std::exchange(first_colour, nullptr);
     const WaitingImage* depth = std::exchange(first_depth, nullptr);
     while (colour == nullptr && !pairer->next(colour, depth)) {
         if (is_over) return Status::kEnd;
         ImagePairer::Stream stream{};
         std::int64_t time_ns = 0;
-        const Status status = read_message(stream, time_ns);
-        if (status == Status::kCorrupt) return status;
+        if (read_message(stream, time_ns) == Status::kCorrupt) return Status::kCorrupt;
     }
     return give(*colour, *depth, frame);
 }

@@ -49,8 +49,9 @@ Status Db3Reader::open(const std::string& file, BagTopics& topics, std::string& 
     }
     static_cast<void>(sqlite3_limit(database_, SQLITE_LIMIT_LENGTH, static_cast<int>(kBagPieceBytesMax)));
     static_cast<void>(sqlite3_db_config(database_, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr));
-    static_cast<void>(sqlite3_db_config(database_, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr));
     static_cast<void>(sqlite3_exec(database_, "PRAGMA cell_size_check = ON", nullptr, nullptr, nullptr));
+    // Nothing is written; but with this SQLite opens a file that is shorter than its header says.
+    static_cast<void>(sqlite3_exec(database_, "PRAGMA writable_schema = ON", nullptr, nullptr, nullptr));
     if (!has_tables()) {
         return fail("has no tables 'topics' and 'messages' as rosbag2 makes them, or was left open by a recorder that "
                     "was killed: open it once with 'sqlite3 FILE .tables', which puts it in order",

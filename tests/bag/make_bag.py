@@ -158,6 +158,9 @@ class Ros1Bag:
     def write(self, topic, _kind, time_ns, message):
         self.bag.write(topic, message, self.genpy.Time(time_ns // 10**9, time_ns % 10**9))
 
+    def flush(self):
+        self.bag._file.flush()
+
     def close(self):
         self.bag.close()
 
@@ -181,6 +184,9 @@ class Db3Bag:
             self.base.execute("INSERT INTO topics VALUES(?,?,?,'cdr','')", (self.topics[topic], topic, kind))
         self.base.execute("INSERT INTO messages(topic_id,timestamp,data) VALUES(?,?,?)",
                           (self.topics[topic], time_ns, self.pack(message)))
+
+    def flush(self):
+        self.base.commit()
 
     def close(self):
         self.base.commit()
@@ -238,6 +244,9 @@ class McapBag:
                                                    zlib.crc32(data)) + self.text(self.packing) +
                                     struct.pack("<Q", len(packed)) + packed))
         self.chunk, self.times = bytearray(), []
+
+    def flush(self):
+        self.file.flush()
 
     def close(self):
         if self.times:
@@ -377,6 +386,9 @@ class Maker:
             bag = self.open(options.out)
             for time_ns, topic, kind, message in self.ordered():
                 bag.write(topic, kind, time_ns, message)
+            if options.killed:
+                bag.flush()
+                os._exit(0)
             bag.close()
             return
         entries, names = list(self.ordered()), []
@@ -414,7 +426,7 @@ def main():
     for number in ("rounds", "info-every"):
         parser.add_argument("--" + number, type=int, default=1)
     for switch in ("big-endian", "realsense", "depth-info", "other-depth-camera", "no-info", "no-metadata", "depth-first",
-                   "small-depth"):
+                   "small-depth", "killed"):
         parser.add_argument("--" + switch, action="store_true")
     Maker(parser.parse_args()).make()
 
