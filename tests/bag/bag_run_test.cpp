@@ -1,7 +1,11 @@
 // Bags through the whole program: what a bag is played as, and that every command takes one.
 #include <gtest/gtest.h>
 
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
 
 #include "tests/bag/bag_maker.hpp"
@@ -127,6 +131,32 @@ TEST(BagProgram, RefusesWithASentence) {
         const Answer answer = stillmesh_says("run " + one.arguments);
         EXPECT_EQ(answer.code, 2) << one.arguments;
         EXPECT_TRUE(answer.says(one.sentence)) << one.arguments << ": " << answer.text;
+    }
+}
+
+// Promise: a long bag needs no more memory than a short one, in every format: 20 times the bytes, a tenth of the memory
+// more at most, of which the trajectory is a part.
+TEST(BagProgram, MemoryDoesNotGrowWithTheBag) {
+    const Room room({.width = 640, .height = 480});
+    for (const std::string format : {"ros1 --packing lz4", "db3", "mcap --packing zstd"}) {
+        double peak_bytes[2] = {};
+        std::uintmax_t size_bytes[2] = {};
+        for (const bool is_long : {false, true}) {
+            const std::string bag = room.path("bag");
+            std::filesystem::remove(bag);
+            const std::string rounds = is_long ? " --rounds 40 --lap-ns 266666664" : " --rounds 2 --lap-ns 266666664";
+            size_bytes[is_long] = std::filesystem::file_size(room.bag("bag", "--format " + format + rounds));
+            const Answer answer = stillmesh_says("run --json --replay " + bag);
+            EXPECT_EQ(word_after(answer.text, "frames"), is_long ? "320" : "16") << answer.text;
+            peak_bytes[is_long] = std::atof(word_after(answer.text, "peak_resident_bytes").c_str());
+        }
+        EXPECT_GT(size_bytes[1], 18 * size_bytes[0]);
+        EXPECT_GT(size_bytes[1], std::uintmax_t{format == "db3" ? 250U : 100U} << 20U);
+        EXPECT_GT(peak_bytes[0], 1e6);
+        EXPECT_LT(peak_bytes[1], 1.1 * peak_bytes[0]) << format;
+        std::printf("%s: %.1f MiB and %.1f MiB of bag, peak %.1f and %.1f MiB\n", format.c_str(),
+                    static_cast<double>(size_bytes[0]) / 1048576, static_cast<double>(size_bytes[1]) / 1048576,
+                    peak_bytes[0] / 1048576, peak_bytes[1] / 1048576);
     }
 }
 
