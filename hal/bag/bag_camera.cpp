@@ -54,7 +54,7 @@ struct BagCamera::Inside {
     BagCounts counts;
     std::vector<std::string> files, notes;
     std::vector<std::string> early;  // what was damaged before the first pair: told by the first polls
-    std::vector<BagTopic> topics;  // that the beginning of the bag showed
+    std::vector<BagTopic> topics;    // that the beginning of the bag showed
     BagSequence bag;
     TopicChoice choice;
     std::optional<ImagePairer> pairer;
@@ -66,8 +66,6 @@ struct BagCamera::Inside {
     std::vector<std::uint16_t> depth_pixels, depth_read;  // the latter of another size than colour; else empty
     bool is_open = false, is_over = false;
 };
-
-// --- opening ---------------------------------------------------------------------------------------------------------
 
 Status BagCamera::Inside::open_bag() {
     counts = {};
@@ -219,16 +217,14 @@ Status BagCamera::Inside::find_first_pair() {
         first_colour = first_depth = nullptr;
         const auto is_before = [](const ListedImage& a, const ListedImage& b) { return a.time_ns < b.time_ns; };
         for (std::vector<ListedImage>& list : times) std::sort(list.begin(), list.end(), is_before);
-        message = options.path + ": " +
-                  (times[0].empty() || times[1].empty()
-                       ? std::string("no image of one of the two topics can be used.")
-                       : why_no_pairs(times[0], times[1], options.association_gap_max_ns));
+        message =
+            options.path + ": " +
+            (times[0].empty() || times[1].empty() ? std::string("no image of one of the two topics can be used.")
+                                                  : why_no_pairs(times[0], times[1], options.association_gap_max_ns));
         return Status::kInvalid;
     }
     return Status::kOk;
 }
-
-// --- polling ---------------------------------------------------------------------------------------------------------
 
 // The next image to the pairer. kOk, kEnd; kCorrupt: nothing of it can be used.
 Status BagCamera::Inside::read_message(ImagePairer::Stream& stream, std::int64_t& time_ns) {
@@ -312,8 +308,6 @@ void BagCamera::Inside::account() {
     counts.lonely_colour = pairer->counts().lonely_colour;
     counts.times_back = pairer->counts().times_back;
 }
-
-// --- the camera ------------------------------------------------------------------------------------------------------
 
 BagCamera::BagCamera(BagOptions options) : inside_(std::make_unique<Inside>(std::move(options))) {}
 BagCamera::~BagCamera() = default;

@@ -34,10 +34,10 @@ struct BagOptions {
 struct BagCounts {
     std::uint64_t colour_images = 0;  // read so far
     std::uint64_t depth_images = 0;
-    std::uint64_t frames = 0;           // pairs
-    std::uint64_t lonely_colour = 0;    // without a depth image
-    std::uint64_t times_back = 0;       // images whose time repeats or goes backwards: passed over
-    std::uint64_t damages = 0;          // pieces of the bag that could not be read
+    std::uint64_t frames = 0;         // pairs
+    std::uint64_t lonely_colour = 0;  // without a depth image
+    std::uint64_t times_back = 0;     // images whose time repeats or goes backwards: passed over
+    std::uint64_t damages = 0;        // pieces of the bag that could not be read
     std::int64_t pair_gap_longest_ns = 0;
 };
 

@@ -16,14 +16,12 @@ struct Encoding {
     std::string_view name;
     PixelCoding coding;
 };
-constexpr Encoding kEncodings[] = {{"mono8", PixelCoding::kMono8},      {"8UC1", PixelCoding::kMono8},
-                                   {"rgb8", PixelCoding::kRgb8},        {"bgr8", PixelCoding::kBgr8},
-                                   {"8UC3", PixelCoding::kBgr8},        {"rgba8", PixelCoding::kRgba8},
-                                   {"bgra8", PixelCoding::kBgra8},      {"8UC4", PixelCoding::kBgra8},
-                                   {"yuv422", PixelCoding::kUyvy},      {"uyvy", PixelCoding::kUyvy},
-                                   {"yuv422_yuy2", PixelCoding::kYuyv}, {"yuyv", PixelCoding::kYuyv},
-                                   {"16UC1", PixelCoding::kDepth16},    {"mono16", PixelCoding::kDepth16},
-                                   {"32FC1", PixelCoding::kDepthFloat}};
+constexpr Encoding kEncodings[] = {
+    {"mono8", PixelCoding::kMono8},   {"8UC1", PixelCoding::kMono8},       {"rgb8", PixelCoding::kRgb8},
+    {"bgr8", PixelCoding::kBgr8},     {"8UC3", PixelCoding::kBgr8},        {"rgba8", PixelCoding::kRgba8},
+    {"bgra8", PixelCoding::kBgra8},   {"8UC4", PixelCoding::kBgra8},       {"yuv422", PixelCoding::kUyvy},
+    {"uyvy", PixelCoding::kUyvy},     {"yuv422_yuy2", PixelCoding::kYuyv}, {"yuyv", PixelCoding::kYuyv},
+    {"16UC1", PixelCoding::kDepth16}, {"mono16", PixelCoding::kDepth16},   {"32FC1", PixelCoding::kDepthFloat}};
 
 [[nodiscard]] std::size_t source_bytes(PixelCoding coding) {
     switch (coding) {
@@ -137,8 +135,7 @@ Status unpack_pixels(const BagImage& image, const std::string& topic, std::span<
 
 }  // namespace
 
-Status read_bag_image(const BagTopic& topic, std::span<const std::uint8_t> bytes, BagImage& out,
-                      std::string& message) {
+Status read_bag_image(const BagTopic& topic, std::span<const std::uint8_t> bytes, BagImage& out, std::string& message) {
     out = {};
     return topic.type == kImageType ? read_raw(topic, bytes, out, message)
                                     : read_compressed(topic, bytes, out, message);
@@ -147,7 +144,8 @@ Status read_bag_image(const BagTopic& topic, std::span<const std::uint8_t> bytes
 Status colour_pixels(const BagImage& image, const std::string& topic, std::span<std::uint8_t> pixels,
                      std::string& message) {
     const std::size_t width = image.size.width;
-    STILLMESH_CHECK(is_colour(image.coding) && pixels.size() == width * image.size.height * bytes_per_pixel(image.kind));
+    STILLMESH_CHECK(is_colour(image.coding) &&
+                    pixels.size() == width * image.size.height * bytes_per_pixel(image.kind));
     if (image.coding == PixelCoding::kPacked) return unpack_pixels(image, topic, pixels, message);
     const std::size_t source = source_bytes(image.coding);
     const bool is_swapped = image.coding == PixelCoding::kBgr8 || image.coding == PixelCoding::kBgra8;

@@ -53,9 +53,10 @@ Status Db3Reader::open(const std::string& file, BagTopics& topics, std::string& 
     // Nothing is written; but with this SQLite opens a file that is shorter than its header says.
     static_cast<void>(sqlite3_exec(database_, "PRAGMA writable_schema = ON", nullptr, nullptr, nullptr));
     if (!has_tables()) {
-        return fail("has no tables 'topics' and 'messages' as rosbag2 makes them, or was left open by a recorder that "
-                    "was killed: open it once with 'sqlite3 FILE .tables', which puts it in order",
-                    message);
+        return fail(
+            "has no tables 'topics' and 'messages' as rosbag2 makes them, or was left open by a recorder that "
+            "was killed: open it once with 'sqlite3 FILE .tables', which puts it in order",
+            message);
     }
     if (!prepare("SELECT id, name, type, serialization_format FROM topics ORDER BY rowid")) {
         return fail("its table 'topics' is not as rosbag2 makes it", message);

@@ -122,12 +122,14 @@ Status Ros1Reader::read_chunk(std::uint64_t at, std::uint32_t data_bytes, std::s
     if (data_bytes == 0) return Status::kNotFound;  // never finished: its records follow, if they are not packed
     if (size > kBagPieceBytesMax || data_bytes > kBagPieceBytesMax) {
         message = name_ + ": a chunk at byte " + std::to_string(at) + " is larger than " +
-                  std::to_string(kBagPieceBytesMax >> 20U) + " MiB: passed over; 'rosbag record --chunksize=1024' "
+                  std::to_string(kBagPieceBytesMax >> 20U) +
+                  " MiB: passed over; 'rosbag record --chunksize=1024' "
                   "makes smaller ones.";
         if (at_ > file_.size_bytes()) return torn(at, message);
         return Status::kCorrupt;
     }
-    const std::uint64_t there = std::min<std::uint64_t>(data_bytes, file_.size_bytes() - std::min(at, file_.size_bytes()));
+    const std::uint64_t there =
+        std::min<std::uint64_t>(data_bytes, file_.size_bytes() - std::min(at, file_.size_bytes()));
     is_chunk_torn_ = there < data_bytes;
     if (is_chunk_torn_ && packing != Packing::kNone) return torn(at, message);
     std::vector<std::uint8_t>& packed = packing == Packing::kNone ? chunk_ : packed_;

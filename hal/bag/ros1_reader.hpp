@@ -40,8 +40,8 @@ private:
     std::uint64_t at_ = 0;                           // of the next record in the file
     std::uint64_t chunk_at_ = 0;                     // where the chunk in memory lies in the file
     std::vector<std::uint8_t> header_, packed_, chunk_;
-    std::size_t chunk_next_ = 0;     // of the next record in it
-    bool is_chunk_torn_ = false;     // the file ends within it
+    std::size_t chunk_next_ = 0;  // of the next record in it
+    bool is_chunk_torn_ = false;  // the file ends within it
     bool is_unclosed_ = false;
 };
 

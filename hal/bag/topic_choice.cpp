@@ -6,8 +6,8 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::int64_t kLook_ns = 1'000'000'000;       // from the first image on: every camera has shown itself
-constexpr std::int64_t kLookMax_ns = 30'000'000'000;   // where something is missing
+constexpr std::int64_t kLook_ns = 1'000'000'000;      // from the first image on: every camera has shown itself
+constexpr std::int64_t kLookMax_ns = 30'000'000'000;  // where something is missing
 constexpr std::size_t kListedMax = 40;
 
 [[nodiscard]] bool is_infrared(std::string_view name) {
@@ -159,8 +159,8 @@ Status TopicSurvey::choose_named(TopicChoice& out, std::string& message) const {
                                                      : at->camera.has_value());
         if (!fits) {
             const char* const what = i == 0 ? "colour images" : i == 1 ? "depth images" : "a CameraInfo";
-            message = "--topics: '" + names[i] + "' is no topic with " + what + " that are read here; the bag has" +
-                      list();
+            message =
+                "--topics: '" + names[i] + "' is no topic with " + what + " that are read here; the bag has" + list();
             return Status::kInvalid;
         }
         places[i] = *place;

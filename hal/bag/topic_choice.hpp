@@ -26,9 +26,9 @@ struct SeenTopic {
 };
 
 struct TopicChoice {
-    std::uint32_t colour = 0, depth = 0;              // places in BagTopics
-    std::optional<std::uint32_t> info, depth_info;    // cameras of them
-    std::optional<float> depth_unit_m;                // what a RealSense recording says of its depth
+    std::uint32_t colour = 0, depth = 0;            // places in BagTopics
+    std::optional<std::uint32_t> info, depth_info;  // cameras of them
+    std::optional<float> depth_unit_m;              // what a RealSense recording says of its depth
 };
 
 class TopicSurvey {

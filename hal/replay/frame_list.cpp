@@ -287,8 +287,8 @@ std::string why_no_pairs(std::span<const ListedImage> colour, std::span<const Li
                          std::int64_t gap_max_ns) {
     constexpr std::int64_t kGap_ns = 100'000'000;  // of images that still show one scene, more or less
     char text[200];
-    const std::string sentence = "no colour image has a depth image within " +
-                                 std::to_string(gap_max_ns / 1'000'000) + " ms; ";
+    const std::string sentence =
+        "no colour image has a depth image within " + std::to_string(gap_max_ns / 1'000'000) + " ms; ";
     std::vector<std::int64_t> gaps_ns;  // from each colour image to the nearest depth image
     for (const ListedImage& image : colour) {
         auto at = std::lower_bound(depth.begin(), depth.end(), image.time_ns,

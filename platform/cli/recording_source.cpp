@@ -47,18 +47,17 @@ std::vector<std::string> RecordingSource::notes() const {
     const ReplayCounts& counts = folder_->counts();
     if (counts.colour_images > counts.frames) {
         out.push_back(fmt::format("{} of {} colour images have no depth image within {:.0f} ms: skipped.",
-                                           counts.colour_images - counts.frames, counts.colour_images,
-                                           static_cast<double>(pair_gap_ns_) * 1e-6));
+                                  counts.colour_images - counts.frames, counts.colour_images,
+                                  static_cast<double>(pair_gap_ns_) * 1e-6));
     }
     if (counts.unit != TimeUnit::kSeconds) {
         out.push_back(fmt::format("the times of the recording are taken for {}: they go up by {:g}.",
-                                           time_unit_name(counts.unit), counts.step));
+                                  time_unit_name(counts.unit), counts.step));
     }
     const CameraModel& model = folder_->info().model;
     if (counts.depth_width != model.width) {
-        out.push_back(
-            fmt::format("depth is {}x{}, colour {}x{}: taken for the same view, the nearest pixel counts.",
-                        counts.depth_width, counts.depth_height, model.width, model.height));
+        out.push_back(fmt::format("depth is {}x{}, colour {}x{}: taken for the same view, the nearest pixel counts.",
+                                  counts.depth_width, counts.depth_height, model.width, model.height));
     }
     if (counts.is_colour_wide) out.push_back("colour is 16-bit grey: its high byte is tracked.");
     constexpr std::int64_t kUsual_ns = 20'000'000;

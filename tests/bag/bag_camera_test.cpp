@@ -103,8 +103,8 @@ TEST(BagCamera, PlaysWhatWasRecorded) {
     }
 }
 
-// Promise: depth in metres that compressedDepth quantised comes out within half a step of its inverse depth, and nothing
-// out of nothing.
+// Promise: depth in metres that compressedDepth quantised comes out within half a step of its inverse depth, and
+// nothing out of nothing.
 TEST(BagCamera, ReadsQuantisedDepth) {
     const Room room({.frames = 2, .width = 64, .height = 48, .units_per_m = 5000});
     const Played played = play(room.bag("q.bag", "--format ros1 --depth compressedDepth32"));
@@ -147,7 +147,8 @@ TEST(BagCamera, KnowsItsUnits) {
                  {"--depth mono16 --realsense --depth-info --unit-m 0.00025", 0, 4000}};
     int number = 0;
     for (const auto& one : cases) {
-        const std::string path = room.bag("u" + std::to_string(++number), "--format ros1 " + std::string(one.arguments));
+        const std::string path =
+            room.bag("u" + std::to_string(++number), "--format ros1 " + std::string(one.arguments));
         BagCamera camera({.path = path, .topics = "", .calibration = "", .depth_units_per_m = one.asked});
         ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
         EXPECT_EQ(camera.info().depth_units_per_m, one.expected) << one.arguments;
@@ -191,7 +192,8 @@ TEST(BagCamera, RefusesWithASentence) {
     };
     int number = 0;
     for (const auto& one : cases) {
-        const std::string path = room.bag("r" + std::to_string(++number), "--format ros1 " + std::string(one.arguments));
+        const std::string path =
+            room.bag("r" + std::to_string(++number), "--format ros1 " + std::string(one.arguments));
         BagCamera camera({.path = path, .topics = "", .calibration = ""});
         const Status status = camera.open();
         EXPECT_EQ(status, Status::kInvalid) << one.arguments;
@@ -201,8 +203,7 @@ TEST(BagCamera, RefusesWithASentence) {
     BagCamera camera({.path = late.bag("late", "--format mcap"), .topics = "", .calibration = ""});
     EXPECT_EQ(camera.open(), Status::kInvalid);
     EXPECT_NE(camera.message().find("--depth-offset=5.000"), std::string::npos) << camera.message();
-    BagCamera shifted(
-        {.path = late.path("late"), .topics = "", .calibration = "", .depth_offset_ns = 5'000'000'000});
+    BagCamera shifted({.path = late.path("late"), .topics = "", .calibration = "", .depth_offset_ns = 5'000'000'000});
     ASSERT_EQ(shifted.open(), Status::kOk) << shifted.message();
     EXPECT_EQ(play(shifted).frames.size(), 6U);
 }
@@ -244,8 +245,8 @@ TEST(BagCamera, PlaysWhatAKilledRecorderLeft) {
 TEST(BagCamera, PlaysUpToTheTear) {
     const Room& room = small_room();
     int number = 0;
-    for (const std::string kind : {"ros1 --packing none", "ros1 --packing lz4", "mcap --packing none",
-                                   "mcap --packing zstd", "db3"}) {
+    for (const std::string kind :
+         {"ros1 --packing none", "ros1 --packing lz4", "mcap --packing none", "mcap --packing zstd", "db3"}) {
         const std::string name = "whole" + std::to_string(++number);
         const std::string bytes = test::read_text(room.bag(name, "--format " + kind + " --chunk-bytes 9000"));
         std::size_t most = 0, said = 0, opened = 0;

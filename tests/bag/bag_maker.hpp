@@ -66,7 +66,7 @@ public:
 
     // The bag's path. `arguments` are make_bag.py's.
     [[nodiscard]] std::string bag(const std::string& name, const std::string& arguments) const {
-        const std::string command = std::string(STILLMESH_BAG_PYTHON) + " " + STILLMESH_MAKE_BAG + " " + folder() +
+        const std::string command = std::string(STILLMESH_BAG_PYTHON) + " -B " + STILLMESH_MAKE_BAG + " " + folder() +
                                     " " + path(name) + " " + arguments;
         EXPECT_EQ(std::system(command.c_str()), 0) << command;
         return path(name);
@@ -94,10 +94,10 @@ private:
             frame.colour = rgb;
             frame.format = PixelFormat::kRgb8;
         }
-        write_bytes(folder() + "/rgb/" + number + ".png",
-                    encode_png(frame.width, frame.height,
-                               options_.is_rgb ? SPNG_COLOR_TYPE_TRUECOLOR : SPNG_COLOR_TYPE_GRAYSCALE, 8,
-                               frame.colour));
+        write_bytes(
+            folder() + "/rgb/" + number + ".png",
+            encode_png(frame.width, frame.height,
+                       options_.is_rgb ? SPNG_COLOR_TYPE_TRUECOLOR : SPNG_COLOR_TYPE_GRAYSCALE, 8, frame.colour));
         std::vector<std::uint8_t> depth(2 * frame.depth.size());
         std::copy_n(reinterpret_cast<const std::uint8_t*>(frame.depth.data()), depth.size(), depth.begin());
         write_bytes(folder() + "/depth/" + number + ".u16", depth);

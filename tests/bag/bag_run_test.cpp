@@ -134,6 +134,22 @@ TEST(BagProgram, RefusesWithASentence) {
     }
 }
 
+// Promise: a torn bag is played up to the tear, the run says where and ends with 1; what was guessed and what is
+// missing stands in the summary.
+TEST(BagProgram, SaysWhatWasLost) {
+    const Room room;
+    const std::string whole = test::read_text(room.bag("whole.mcap", "--format mcap"));
+    test::write_text(room.path("torn.mcap"), whole.substr(0, whole.size() * 7 / 10));
+    const Answer torn = stillmesh_says("run --replay " + room.path("torn.mcap"));
+    EXPECT_EQ(torn.code, 1) << torn.text;
+    EXPECT_TRUE(torn.says("torn.mcap: is torn at byte")) << torn.text;
+    EXPECT_TRUE(torn.says("frames        5 ")) << torn.text;
+    EXPECT_TRUE(torn.says("colour is /camera/rgb/image_raw, depth /camera/depth/image_raw.")) << torn.text;
+    const Answer holes = stillmesh_says("run --replay " + room.bag("holes.db3", "--format db3 --skip-depth 4"));
+    EXPECT_EQ(holes.code, 0) << holes.text;
+    EXPECT_TRUE(holes.says("2 of 8 colour images have no depth image within 20 ms: skipped.")) << holes.text;
+}
+
 // Promise: a long bag needs no more memory than a short one, in every format: 20 times the bytes, a tenth of the memory
 // more at most, of which the trajectory is a part.
 TEST(BagProgram, MemoryDoesNotGrowWithTheBag) {

@@ -14,8 +14,8 @@ constexpr std::int64_t kGap_ns = 20'000'000;
 constexpr std::size_t kRoom = std::size_t{1} << 20U;
 
 struct Arrival {
-    std::int64_t time_ns = 0;       // of the image
-    std::int64_t recorded_ns = 0;   // when its message came
+    std::int64_t time_ns = 0;      // of the image
+    std::int64_t recorded_ns = 0;  // when its message came
     ImagePairer::Stream stream = ImagePairer::kColour;
 };
 
@@ -37,8 +37,8 @@ using Pairs = std::vector<std::pair<std::int64_t, std::int64_t>>;
     return out;
 }
 
-// Promise: whatever the jitter, the holes and the delay of messages, pairs are those that associate() finds in the whole
-// lists, in the order of time, and every colour image without one is counted.
+// Promise: whatever the jitter, the holes and the delay of messages, pairs are those that associate() finds in the
+// whole lists, in the order of time, and every colour image without one is counted.
 TEST(ImagePairer, FindsThePairsOfWholeLists) {
     std::mt19937 random(7);
     const auto below = [&](std::int64_t n) { return static_cast<std::int64_t>(random() % static_cast<unsigned>(n)); };
@@ -81,8 +81,8 @@ TEST(ImagePairer, PassesOverTimesThatGoBack) {
     for (std::int64_t i = 0; i < 20; ++i) {
         for (const auto stream : {ImagePairer::kColour, ImagePairer::kDepth}) {
             arrivals.push_back({i * 33'000'000 + 1, 0, stream});
-            if (i == 10) arrivals.push_back({i * 33'000'000 + 1, 0, stream});     // again
-            if (i == 12) arrivals.push_back({2 * 33'000'000 + 1, 0, stream});     // long ago
+            if (i == 10) arrivals.push_back({i * 33'000'000 + 1, 0, stream});  // again
+            if (i == 12) arrivals.push_back({2 * 33'000'000 + 1, 0, stream});  // long ago
         }
     }
     ImagePairer pairer(kGap_ns, kRoom);
