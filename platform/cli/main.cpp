@@ -196,7 +196,17 @@ int program(int argc, char** argv) {
             "each pose as it was given out, TUM format; - is standard output, and the summary goes to standard error")
         ->type_name("FILE")
         ->group("What comes out");
-    run_app->add_flag("--append", arguments.loop.adds_to_trajectory, "with --trajectory: added to what is there")
+    run_app
+        ->add_option("--poses", arguments.loop.poses,
+                     "each pose with its state, covariance, velocity and more, a line of JSON a frame, to a file, - "
+                     "(standard output), a named pipe, readers that connect (unix:PATH, tcp:[HOST:]PORT) or "
+                     "udp:HOST:PORT; may be repeated (docs/poses.md)")
+        ->type_name("DEST")
+        ->allow_extra_args(false)
+        ->group("What comes out");
+    run_app
+        ->add_flag("--append", arguments.loop.adds_to_trajectory,
+                   "with --trajectory and --poses: added to what is there")
         ->group("What comes out");
     run_app
         ->add_option_function<double>(
@@ -204,7 +214,7 @@ int program(int argc, char** argv) {
             [&arguments](double mib) {
                 arguments.loop.trajectory_bytes_max = static_cast<std::uint64_t>(mib * 1048576.0);
             },
-            "a trajectory that has grown beyond becomes FILE.1 and begins anew")
+            "a file of --trajectory or --poses that has grown beyond becomes FILE.1 and begins anew")
         ->check(CLI::Range(0.001, 1e6).description(""))
         ->type_name("MIB")
         ->group("What comes out");
@@ -398,9 +408,16 @@ int program(int argc, char** argv) {
     simulate_command->add_option("--every", simulation.every, "of these each so many-th: a camera that moves faster")
         ->check(CLI::Range(1U, 1000U))
         ->type_name("N");
-    simulate_command->add_option("--width", simulation.width, "px; the height is three quarters of it (640)")
+    simulate_command->add_option("--width", simulation.width, "of the images, px (640)")
         ->check(CLI::Range(64U, 2044U))
         ->type_name("N");
+    simulate_command->add_option("--height", simulation.height, "px; three quarters of the width if not given")
+        ->check(CLI::Range(48U, 2044U))
+        ->type_name("N");
+    simulate_command->add_flag(
+        "--separate-depth", simulation.is_depth_separate,
+        "depth of a camera of its own, as in a RealSense: 848x480, 90 degrees wide, 15 mm aside, "
+        "not registered; camera.toml names both");
     simulate_command->add_option("--dirt", simulation.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...");
     simulate_command->add_flag("--motion", simulation.has_motion,
                                "odometry.txt (2 % off) and gyro.txt (.5 degrees/s) beside the frames");

@@ -55,7 +55,11 @@ std::vector<std::string> RecordingSource::notes() const {
                                   time_unit_name(counts.unit), counts.step));
     }
     const CameraModel& model = folder_->info().model;
-    if (counts.depth_width != model.width) {
+    if (counts.is_registered_here) {
+        out.push_back(fmt::format("depth is {}x{}, of the depth camera in {}: registered to colour, {}x{}.",
+                                  counts.depth_width, counts.depth_height, folder_->calibration_source(), model.width,
+                                  model.height));
+    } else if (counts.depth_width != model.width) {
         out.push_back(fmt::format("depth is {}x{}, colour {}x{}: taken for the same view, the nearest pixel counts.",
                                   counts.depth_width, counts.depth_height, model.width, model.height));
     }

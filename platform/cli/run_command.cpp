@@ -25,6 +25,7 @@
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
+#include "platform/poses/line_outputs.hpp"
 #include "platform/report/report.hpp"
 
 namespace stillmesh {
@@ -206,7 +207,9 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         return code;
     }
     // Where the poses went to standard output, nothing else does.
-    std::FILE* const out = arguments.loop.trajectory == "-" ? stderr : stdout;
+    const std::vector<std::string>& poses = arguments.loop.poses;
+    const bool is_taken = arguments.loop.trajectory == "-" || std::find(poses.begin(), poses.end(), "-") != poses.end();
+    std::FILE* const out = is_taken ? stderr : stdout;
     std::fputs(
         (arguments.is_json ? summary_json(record, report, code) : printable(summary_text(record, report))).c_str(),
         out);
@@ -416,6 +419,9 @@ int live(const RunArguments& arguments) {
     for (const Destination& to : all) {
         if (!to.path.empty()) given.push_back(to);
     }
+    for (const std::string& to : arguments.loop.poses) {
+        if (is_file_destination(to)) given.push_back({"--poses", to, kLines, true});
+    }
     std::vector<Origin> origins = {{"--config", session.configuration},
                                    {"--calibration", arguments.calibration},
                                    {"--vocabulary", session.vocabulary},
@@ -469,8 +475,8 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
                                                            : "--record: it repeats a run in one map";
         return refuse(fmt::format("--new-map-when-lost: does not go with {}; leave one of them out.", other));
     }
-    if (arguments.loop.adds_to_trajectory && arguments.loop.trajectory.empty()) {
-        return refuse("--append: needs a file to add to: --trajectory FILE.");
+    if (arguments.loop.adds_to_trajectory && arguments.loop.trajectory.empty() && arguments.loop.poses.empty()) {
+        return refuse("--append: needs a file to add to: --trajectory FILE or --poses FILE.");
     }
     if (!std::isfinite(session.map_every_s)) return refuse("--map-every: give a number of seconds.");
     if (session.map_every_s > 0 && session.map_out.empty()) {
