@@ -2,28 +2,25 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <utility>
 
+#include "hal/bag/bag_calibration.hpp"
 #include "hal/bag/bag_file.hpp"
 #include "hal/bag/bag_files.hpp"
 #include "hal/bag/bag_images.hpp"
 #include "hal/bag/bag_reader.hpp"
 #include "hal/bag/image_pairer.hpp"
-#include "hal/bag/ros_camera.hpp"
 #include "hal/bag/topic_choice.hpp"
-#include "hal/calibration/calibration.hpp"
+#include "hal/live/depth_registration.hpp"
 #include "hal/replay/one_view.hpp"
 
 namespace stillmesh {
 namespace {
 
-constexpr double kMillimetres_per_m = 1000;
-constexpr double kUnitsOfMetres_per_m = 5000;  // as in TUM recordings: .2 mm, up to 13.1 m
-constexpr std::size_t kTriedMax = 300;         // images of each stream before the first pair
-constexpr std::size_t kEarlyMax = 20;          // sentences that are kept
+constexpr std::size_t kTriedMax = 300;  // images of each stream before the first pair
+constexpr std::size_t kEarlyMax = 20;   // sentences that are kept
 
 [[nodiscard]] std::string size_text(const ImageSize& size) {
     return std::to_string(size.width) + "x" + std::to_string(size.height);
@@ -36,9 +33,6 @@ struct BagCamera::Inside {
 
     [[nodiscard]] Status open_bag();
     [[nodiscard]] Status choose_topics();
-    [[nodiscard]] Status find_calibration(const TopicSurvey& survey);
-    [[nodiscard]] Status find_units(const TopicSurvey& survey);
-    [[nodiscard]] Status check_registered(const TopicSurvey& survey);
     [[nodiscard]] Status check_sizes(const TopicSurvey& survey);
     [[nodiscard]] Status find_first_pair();
     [[nodiscard]] Status read_message(ImagePairer::Stream& stream, std::int64_t& time_ns);
@@ -63,7 +57,8 @@ struct BagCamera::Inside {
     ImageSize size, depth_size;
     ImageKind kind = ImageKind::kGrey8;
     std::vector<std::uint8_t> colour_pixels, unpacked;
-    std::vector<std::uint16_t> depth_pixels, depth_read;  // the latter of another size than colour; else empty
+    std::vector<std::uint16_t> depth_pixels, depth_read;  // the latter as it is, if it is not as colour; else empty
+    std::optional<DepthRegistration> registration;
     bool is_open = false, is_over = false;
 };
 
@@ -100,71 +95,12 @@ Status BagCamera::Inside::choose_topics() {
         return status;
     }
     topics = bag.topics().all();
-    STILLMESH_TRY(find_calibration(survey));
-    STILLMESH_TRY(find_units(survey));
-    STILLMESH_TRY(check_registered(survey));
+    BagCalibration calibration;
+    STILLMESH_TRY(calibrate(options, bag.topics(), survey, choice, calibration, message));
+    info = calibration.info;
+    source = calibration.source;
+    notes = calibration.notes;
     return check_sizes(survey);
-}
-
-Status BagCamera::Inside::find_calibration(const TopicSurvey& survey) {
-    info = {};
-    info.depth_units_per_m = 0;
-    if (options.camera) {
-        info = *options.camera;
-        source = "the camera of the recording";
-        return Status::kOk;
-    }
-    if (!options.calibration.empty()) {
-        source = options.calibration;
-        return load_calibration(source, info, message);
-    }
-    const SeenTopic* const seen = survey.seen(*choice.info);
-    source = "topic " + name_of(*choice.info);
-    const bool is_rectified = is_rectified_name(name_of(choice.colour));
-    STILLMESH_TRY(camera_of_message(*seen->camera, name_of(*choice.info), is_rectified, info, message));
-    info.depth_units_per_m = 0;
-    if (is_rectified) notes.push_back("colour is rectified: its camera is P of the CameraInfo, without distortion.");
-    return Status::kOk;
-}
-
-Status BagCamera::Inside::find_units(const TopicSurvey& survey) {
-    const bool is_metres = is_in_metres(survey.seen(choice.depth)->coding);
-    if (options.depth_units_per_m > 0) {
-        info.depth_units_per_m = options.depth_units_per_m;
-    } else if (options.camera) {
-        return Status::kOk;
-    } else if (is_metres) {
-        info.depth_units_per_m = kUnitsOfMetres_per_m;
-    } else if (choice.depth_unit_m && *choice.depth_unit_m > 1e-5F && *choice.depth_unit_m <= 0.01F) {
-        info.depth_units_per_m = 1 / double{*choice.depth_unit_m};
-        const double whole = std::round(info.depth_units_per_m);  // a float's .001
-        if (std::fabs(info.depth_units_per_m - whole) < 1e-6 * whole) info.depth_units_per_m = whole;
-    } else {
-        info.depth_units_per_m = kMillimetres_per_m;
-    }
-    return Status::kOk;
-}
-
-// Where frame and camera differ, depth is of another eye: a pixel of colour has another's depth.
-Status BagCamera::Inside::check_registered(const TopicSurvey& survey) {
-    const SeenTopic& colour = *survey.seen(choice.colour);
-    const SeenTopic& depth = *survey.seen(choice.depth);
-    // RealSense's own recordings give all streams one frame.
-    const bool has_frames = !name_of(choice.colour).ends_with("/image/data");
-    if (has_frames && colour.frame_id == depth.frame_id) return Status::kOk;
-    const SeenTopic* const colour_info = choice.info ? survey.seen(*choice.info) : nullptr;
-    const SeenTopic* const depth_info = choice.depth_info ? survey.seen(*choice.depth_info) : nullptr;
-    if (colour_info == nullptr || depth_info == nullptr) {
-        notes.push_back("depth is in frame '" + depth.frame_id + "', colour in '" + colour.frame_id +
-                        "', and no two CameraInfo say how they lie: taken for the same view.");
-        return Status::kOk;
-    }
-    if (is_same_view(*colour_info->camera, *depth_info->camera)) return Status::kOk;
-    message = options.path + ": depth (" + name_of(choice.depth) + ") is not registered to colour (" +
-              name_of(choice.colour) +
-              "): another frame and another camera; record the topic of aligned depth (RealSense: align_depth, "
-              "/aligned_depth_to_color/image_raw; OpenNI: /depth_registered/image_raw) and name it with --topics.";
-    return Status::kInvalid;
 }
 
 Status BagCamera::Inside::check_sizes(const TopicSurvey& survey) {
@@ -176,7 +112,7 @@ Status BagCamera::Inside::check_sizes(const TopicSurvey& survey) {
                   " are taken; scale the recording down.";
         return Status::kInvalid;
     }
-    if (!is_of_one_view(size, depth_size)) {
+    if (!info.separate_depth && !is_of_one_view(size, depth_size)) {
         message = options.path + ": depth is " + size_text(depth_size) + " but colour is " + size_text(size) +
                   "; record depth that is registered to colour.";
         return Status::kInvalid;
@@ -193,9 +129,16 @@ Status BagCamera::Inside::check_sizes(const TopicSurvey& survey) {
     }
     const std::size_t pixels = std::size_t{size.width} * size.height;
     depth_pixels.assign(pixels, 0);
-    depth_read.assign(size == depth_size ? 0 : std::size_t{depth_size.width} * depth_size.height, 0);
+    registration.reset();
+    if (info.separate_depth) {
+        registration.emplace(info.separate_depth->model, model, info.separate_depth->colour_from_depth,
+                             info.depth_units_per_m);
+        info.separate_depth.reset();
+    }
+    const bool is_as_colour = !registration && size == depth_size;
+    depth_read.assign(is_as_colour ? 0 : std::size_t{depth_size.width} * depth_size.height, 0);
     notes.push_back("colour is " + name_of(choice.colour) + ", depth " + name_of(choice.depth) + ".");
-    if (size != depth_size) {
+    if (!registration && size != depth_size) {
         notes.push_back("depth is " + size_text(depth_size) + ", colour " + size_text(size) +
                         ": taken for the same view, the nearest pixel counts.");
     }
@@ -293,7 +236,12 @@ Status BagCamera::Inside::give(const WaitingImage& colour, const WaitingImage& d
     if (!is_as_before(depth_topic.name, depth_size, is_depth(image.coding))) return Status::kCorrupt;
     std::vector<std::uint16_t>& read = depth_read.empty() ? depth_pixels : depth_read;
     STILLMESH_TRY(stillmesh::depth_pixels(image, depth_topic.name, info.depth_units_per_m, read, message));
-    if (!depth_read.empty()) resize_depth(depth_read, depth_size, depth_pixels, size);
+    if (registration) {
+        registration->reproject({depth_read.data(), depth_size.width, depth_size.height, depth_size.width},
+                                depth_pixels.data());
+    } else if (!depth_read.empty()) {
+        resize_depth(depth_read, depth_size, depth_pixels, size);
+    }
     frame.time_ns = colour.time_ns;
     frame.depth_time_ns = depth.time_ns;
     frame.format = kind == ImageKind::kRgb8 ? PixelFormat::kRgb8 : PixelFormat::kGrey8;

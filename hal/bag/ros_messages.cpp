@@ -10,7 +10,9 @@ constexpr std::size_t kCdrHeadBytes = 4;
 constexpr std::uint32_t kCoefficientsMax = 16;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-[[nodiscard]] MessageHeader read_header(MessageReader& reader) noexcept {
+}  // namespace
+
+MessageHeader read_header(MessageReader& reader) noexcept {
     MessageHeader out;
     if (reader.is_ros1()) static_cast<void>(reader.u32());  // the number of the message
     const std::int64_t seconds = reader.u32();
@@ -18,8 +20,6 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000;
     out.frame_id = reader.text();
     return out;
 }
-
-}  // namespace
 
 MessageReader::MessageReader(std::span<const std::uint8_t> bytes, MessageLayout layout) noexcept
     : bytes_(bytes), layout_(layout) {

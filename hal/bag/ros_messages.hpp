@@ -1,8 +1,8 @@
 // The messages of ROS that a camera's recording consists of, read in place: sensor_msgs Image, CompressedImage and
-// CameraInfo, std_msgs Float32. ROS 1 and the CDR of ROS 2 have the same fields in the same order; what differs is how
-// a number is aligned, whether texts end with a zero, and a header's number in front. Sources: the message definitions
-// and wiki.ros.org/ROS/Technical%20Overview of ROS, OMG DDSI-RTPS 9.3 and 10 for CDR.
-// Nothing is copied: views last as long as the bytes. Any bytes are safe.
+// CameraInfo, std_msgs Float32; transforms are read in frame_tree.hpp. ROS 1 and the CDR of ROS 2 have the same fields
+// in the same order; what differs is how a number is aligned, whether texts end with a zero, and a header's number in
+// front. Sources: the message definitions and wiki.ros.org/ROS/Technical%20Overview of ROS, OMG DDSI-RTPS 9.3 and 10
+// for CDR. Nothing is copied: views last as long as the bytes. Any bytes are safe.
 #pragma once
 
 #include <array>
@@ -20,12 +20,16 @@ inline constexpr std::string_view kImageType = "sensor_msgs/Image";
 inline constexpr std::string_view kCompressedType = "sensor_msgs/CompressedImage";
 inline constexpr std::string_view kCameraInfoType = "sensor_msgs/CameraInfo";
 inline constexpr std::string_view kFloatType = "std_msgs/Float32";
+inline constexpr std::string_view kTransformsType = "tf2_msgs/TFMessage";
+inline constexpr std::string_view kOldTransformsType = "tf/tfMessage";
+inline constexpr std::string_view kTransformType = "geometry_msgs/Transform";
 
 [[nodiscard]] constexpr bool is_image_type(std::string_view type) noexcept {
     return type == kImageType || type == kCompressedType;
 }
 [[nodiscard]] constexpr bool is_read_type(std::string_view type) noexcept {
-    return is_image_type(type) || type == kCameraInfoType || type == kFloatType;
+    return is_image_type(type) || type == kCameraInfoType || type == kFloatType || type == kTransformsType ||
+           type == kOldTransformsType || type == kTransformType;
 }
 
 // Fields, one after the other. A reader that ran out stays failed and gives zeros.
@@ -85,6 +89,8 @@ struct CameraInfoMessage {
     std::uint32_t binning_x = 0, binning_y = 0;
     std::uint32_t roi_x = 0, roi_y = 0, roi_height = 0, roi_width = 0;
 };
+
+[[nodiscard]] MessageHeader read_header(MessageReader& reader) noexcept;
 
 // False: the bytes are no such message.
 [[nodiscard]] bool read_message(std::span<const std::uint8_t> bytes, MessageLayout layout, ImageMessage& out) noexcept;

@@ -40,6 +40,7 @@ void TopicSurvey::take(const BagMessage& message) {
     const BagTopic& topic = topics_[message.topic];
     now_ns_ = std::max(now_ns_, message.time_ns);
     if (is_image_type(topic.type) && first_image_ns_ < 0) first_image_ns_ = message.time_ns;
+    if (!is_image_type(topic.type)) frames_.take(topic.name, topic.type, message.bytes, topic.layout);
     if (seen_.contains(message.topic)) return;
     SeenTopic seen;
     std::string ignored;
@@ -53,7 +54,7 @@ void TopicSurvey::take(const BagMessage& message) {
         float number = 0;
         if (!read_message(message.bytes, topic.layout, number)) return;
         seen.number = number;
-    } else {
+    } else if (is_image_type(topic.type)) {
         BagImage image;
         if (read_bag_image(topic, message.bytes, image, ignored) != Status::kOk) return;
         seen.coding = image.coding;

@@ -12,6 +12,7 @@
 
 #include "hal/bag/bag_images.hpp"
 #include "hal/bag/bag_reader.hpp"
+#include "hal/bag/frame_tree.hpp"
 
 namespace stillmesh {
 
@@ -43,6 +44,7 @@ public:
     // kInvalid: `message` is a sentence with the topics that there are.
     [[nodiscard]] Status choose(TopicChoice& out, std::string& message) const;
     [[nodiscard]] const SeenTopic* seen(std::uint32_t place) const;
+    [[nodiscard]] const FrameTree& frames() const { return frames_; }
 
 private:
     using Places = std::vector<std::uint32_t>;
@@ -57,6 +59,7 @@ private:
     std::string wish_;
     bool needs_info_;
     std::map<std::uint32_t, SeenTopic> seen_;
+    FrameTree frames_;
     std::int64_t first_image_ns_ = -1, now_ns_ = 0;
 };
 

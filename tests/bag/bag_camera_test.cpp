@@ -180,9 +180,9 @@ TEST(BagCamera, RefusesWithASentence) {
         const char* sentence;
     } cases[] = {
         {"--depth-info --other-depth-camera --depth-frame-id camera_depth_optical_frame",
-         "is not registered to colour (/camera/rgb/image_raw): another frame and another camera; record the topic of "
-         "aligned depth"},
-        {"--realsense --depth mono16 --depth-info --other-depth-camera", "is not registered to colour"},
+         "is not registered to colour (/camera/rgb/image_raw): another frame and another camera, and no transform "
+         "between them in the bag; record /tf_static"},
+        {"--realsense --depth mono16 --depth-info --other-depth-camera", "no transform between them in the bag"},
         {"--no-info", "no CameraInfo beside /camera/rgb/image_raw; name one with --topics"},
         {R"(--camera '{"binning":2}')", "binned or a part of the picture (binning 2x0"},
         {R"(--camera '{"model":"fov"}')", "fov"},

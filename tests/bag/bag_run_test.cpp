@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <tuple>
 
 #include "tests/bag/bag_maker.hpp"
 #include "tests/support/answer.hpp"
@@ -31,18 +32,20 @@ struct Way {
     const char* arguments;
     bool is_rgb;
     std::uint32_t units_per_m;
+    bool is_depth_separate = false;
 };
 
 class SameState : public testing::TestWithParam<Way> {
 protected:
     // One room a kind, and what its folder ends with.
-    static const Room& room(bool is_rgb, std::uint32_t units_per_m) {
-        static std::map<std::pair<bool, std::uint32_t>, std::unique_ptr<Room>> rooms;
-        std::unique_ptr<Room>& at = rooms[{is_rgb, units_per_m}];
+    static const Room& room(const Way& way) {
+        static std::map<std::tuple<bool, std::uint32_t, bool>, std::unique_ptr<Room>> rooms;
+        std::unique_ptr<Room>& at = rooms[{way.is_rgb, way.units_per_m, way.is_depth_separate}];
         if (at == nullptr) {
             RoomOptions options;
-            options.is_rgb = is_rgb;
-            options.units_per_m = units_per_m;
+            options.is_rgb = way.is_rgb;
+            options.units_per_m = way.units_per_m;
+            options.is_depth_separate = way.is_depth_separate;
             at = std::make_unique<Room>(options);
         }
         return *at;
@@ -50,10 +53,11 @@ protected:
 };
 
 // Promise: a bag and the folder made from it give the same state hash, whatever the bag's format, packing, encoding,
-// byte order, order of messages and number of files.
+// byte order, order of messages and number of files; also
+// where depth is of a camera of its own.
 TEST_P(SameState, AsTheFolder) {
     const Way& way = GetParam();
-    const Room& from = room(way.is_rgb, way.units_per_m);
+    const Room& from = room(way);
     const Answer folder = stillmesh_says("run --json --replay " + from.folder());
     ASSERT_EQ(folder.code, 0) << folder.text;
     ASSERT_EQ(word_after(folder.text, "frames"), "8") << folder.text;
@@ -83,7 +87,13 @@ INSTANTIATE_TEST_SUITE_P(
         Way{"mcap_lz4", "--format mcap --packing lz4 --depth 32FC1", false, 5000},
         Way{"mcap_zstd", "--format mcap --packing zstd --late-depth 3", false, 1000},
         Way{"mcap_parts", "--format mcap --packing zstd --parts 4 --no-metadata", false, 1000},
-        Way{"mcap_packed_images", "--format mcap --colour file --depth compressedDepth16", false, 1000}),
+        Way{"mcap_packed_images", "--format mcap --colour file --depth compressedDepth16", false, 1000},
+        Way{"ros1_two_cameras", "--format ros1 --packing lz4 --depth-info --depth-frame-id camera_depth_optical_frame",
+            false, 1000, true},
+        Way{"db3_two_cameras", "--format db3 --depth-info --depth-frame-id /camera_depth_optical_frame", false, 1000,
+            true},
+        Way{"realsense_two_cameras", "--format ros1 --packing lz4 --realsense --depth-info --depth mono16", false, 1000,
+            true}),
     [](const testing::TestParamInfo<Way>& way) { return way.param.name; });
 
 // Promise: a run over a bag is repeated bit for bit from the bag, its recorded frames are the bag's, and check-camera

@@ -14,6 +14,7 @@ import sqlite3
 import struct
 import zlib
 
+import messages
 from messages import Messages, grey_to, padded, png
 
 HIGH = {"colour": "/camera/rgb/image_raw", "depth": "/camera/depth/image_raw", "info": "/camera/rgb/camera_info",
@@ -152,6 +153,9 @@ class Maker:
         with open(os.path.join(options.frames, "frames.json"), encoding="utf-8") as file:
             self.recording = json.load(file)
         self.width, self.height = self.recording["width"], self.recording["height"]
+        self.depth_camera = self.recording.get("depth_camera")
+        of_depth = self.depth_camera or self.recording
+        self.depth_width, self.depth_height = of_depth["width"], of_depth["height"]
         self.names = dict(REALSENSE if options.realsense else HIGH)
         self.messages = Messages(options.format == "ros1", options.big_endian)
         self.names.update(json.loads(options.names))
@@ -180,7 +184,7 @@ class Maker:
     def depth(self, frame):
         encoding, stamp = self.options.depth, frame["depth_ns"]
         name, frame_id = self.names["depth"], self.options.depth_frame_id or self.options.frame_id
-        data, width, height = self.read(frame["depth"]), self.width, self.height
+        data, width, height = self.read(frame["depth"]), self.depth_width, self.depth_height
         values = struct.unpack(f"<{width * height}H", data)
         if encoding == "32FC1":
             floats = [v / 5000 if v else float("nan") for v in values]
@@ -207,15 +211,33 @@ class Maker:
             1 if encoding == "16UC1_big" else 0)
 
     def camera(self, which):
-        camera = {"width": self.width, "height": self.height, "model": "plumb_bob", "d": [0.0] * 5}
-        for key in ("fx", "fy", "cx", "cy"):
-            camera[key] = self.recording[key]
+        camera = {"model": "plumb_bob", "d": [0.0] * 5}
+        of = self.depth_camera if which == "depth_info" and self.depth_camera else self.recording
+        for key in ("width", "height", "fx", "fy", "cx", "cy"):
+            camera[key] = of[key]
         if self.options.realsense:
             camera["model"] = "Inverse Brown Conrady"
         if which == "depth_info" and self.options.other_depth_camera:
             camera["fx"] += 40
         camera.update(json.loads(self.options.camera))
         return camera
+
+    def transforms(self, time_ns):
+        """Of two branches of a tree from camera_link; of RealSense what takes a reference into each stream."""
+        t, q = self.depth_camera["t"], self.depth_camera["q"]  # colour from depth
+        turn = [0.5, -0.5, 0.5, -0.5]  # camera_link from an optical frame
+        if self.options.realsense:
+            still = ([0, 0, 0], [0, 0, 0, 1])
+            for which, transform in (("depth", still), ("colour", (t, q))):
+                topic = self.names[which].replace("/image/data", "/tf/0")
+                yield time_ns, topic, self.kind("Transform", "geometry_msgs"), self.messages.transform(*transform)
+            return
+        depth, colour = self.options.depth_frame_id, self.options.frame_id
+        back = messages.inverse(t, q)
+        links = [("camera_link", "camera_depth_frame", [0.01, 0.02, 0.03], [0, 0, 0, 1]),
+                 ("camera_depth_frame", depth, [0, 0, 0], turn),
+                 (depth, "a_frame_between", *back), ("a_frame_between", colour, [0, 0, 0], [0, 0, 0, 1])]
+        yield time_ns, "/tf_static", self.kind("TFMessage", "tf2_msgs"), self.messages.transforms(time_ns, links)
 
     def all(self):
         """(time, topic, kind, message) of the whole bag."""
@@ -231,6 +253,8 @@ class Maker:
                     frame_id = options.frame_id if which == "info" else options.depth_frame_id or options.frame_id
                     yield (time_ns, self.names[which], self.kind("CameraInfo"),
                            self.messages.info(time_ns, frame_id, self.camera(which)))
+                if self.depth_camera and number == 0 and not options.no_tf:
+                    yield from self.transforms(time_ns)
                 if options.realsense and number == 0:
                     yield (time_ns, self.names["unit"], self.kind("Float32", "std_msgs"),
                            self.messages.number(options.unit_m))
@@ -244,7 +268,7 @@ class Maker:
         """Depth may come some messages later than its colour."""
         late = []
         for entry in self.all():
-            if "epth" in entry[1] and not entry[2].endswith(("CameraInfo", "Float32")) and self.options.late_depth:
+            if "epth" in entry[1] and not entry[2].endswith(("CameraInfo", "Float32", "Transform")) and self.options.late_depth:
                 late.append(entry)
                 if len(late) > self.options.late_depth:
                     yield late.pop(0)
@@ -302,7 +326,7 @@ def main():
     for number in ("rounds", "info-every"):
         parser.add_argument("--" + number, type=int, default=1)
     for switch in ("big-endian", "realsense", "depth-info", "other-depth-camera", "no-info", "no-metadata", "depth-first",
-                   "small-depth", "killed"):
+                   "small-depth", "killed", "no-tf"):
         parser.add_argument("--" + switch, action="store_true")
     Maker(parser.parse_args()).make()
 

@@ -59,6 +59,17 @@ class Cdr:
         return bytes([0, 0 if self.is_big else 1, 0, 0]) + bytes(self.out)
 
 
+def inverse(t, q):
+    """Of a rigid transform: translation and unit quaternion (x y z w)."""
+    back = [-q[0], -q[1], -q[2], q[3]]
+
+    def cross(a, b):
+        return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    once = cross(back[:3], t)
+    twice = cross(back[:3], once)
+    return [-(t[i] + 2 * (back[3] * once[i] + twice[i])) for i in range(3)], back
+
+
 class Messages:
     """Serialised messages of both worlds from the same values."""
 
@@ -126,4 +137,32 @@ class Messages:
             return self.std.Float32(value)
         out = Cdr(self.is_big)
         out.put("f", value)
+        return out.done()
+
+    def transform(self, t, q):
+        if self.is_ros1:
+            import geometry_msgs.msg as kinds
+            return kinds.Transform(kinds.Vector3(*t), kinds.Quaternion(*q))
+        out = Cdr(self.is_big)
+        for value in list(t) + list(q):
+            out.put("d", value)
+        return out.done()
+
+    def transforms(self, stamp_ns, links):
+        """Links: parent, child, translation, quaternion."""
+        if self.is_ros1:
+            import geometry_msgs.msg as kinds
+            import tf2_msgs.msg
+            out = tf2_msgs.msg.TFMessage()
+            for parent, child, t, q in links:
+                out.transforms.append(self.headed(kinds.TransformStamped(child_frame_id=child, transform=self.transform(t, q)),
+                                                  stamp_ns, parent))
+            return out
+        out = Cdr(self.is_big)
+        out.put("I", len(links))
+        for parent, child, t, q in links:
+            out.header(stamp_ns, parent)
+            out.text(child)
+            for value in list(t) + list(q):
+                out.put("d", value)
         return out.done()
