@@ -1,7 +1,7 @@
 // Bags of ROS. The first byte says what the rest is: a whole file of ROS 1 or MCAP, which BagCamera plays (a sentence
 // or a camera; polling ends; every frame has all its pixels), or one message in either layout (a sentence, or an image
-// whose pixels fit, or a camera that the engine's door would take). SQLite's files are SQLite's to read; their messages
-// are these.
+// whose pixels fit, or a camera that the engine's door would take, or frames whose rotations are rotations). SQLite's
+// files are SQLite's to read; their messages are these.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -11,6 +11,7 @@
 #include "hal/bag/bag_camera.hpp"
 #include "hal/bag/bag_file.hpp"
 #include "hal/bag/bag_images.hpp"
+#include "hal/bag/frame_tree.hpp"
 #include "hal/bag/ros_camera.hpp"
 #include "tests/replay/recording_folder.hpp"
 
@@ -99,6 +100,18 @@ void read_camera_message(Input bytes, MessageLayout layout, bool is_rectified) {
                  "a camera sees its own view");
 }
 
+void read_transforms(Input bytes, MessageLayout layout) {
+    FrameTree tree;
+    tree.take("/tf_static", kTransformsType, bytes, layout);
+    tree.take("/device_0/sensor_0/Depth_0/tf/0", kTransformType, bytes, layout);
+    for (const auto& pose : {tree.between("depth", "colour"), tree.between("/colour", "link")}) {
+        if (!pose) continue;
+        double norm = 0;
+        for (const double value : pose->rotation_xyzw) norm += value * value;
+        fuzz::expect(norm > 0.999 && norm < 1.001, "a rotation has the length of one");
+    }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size_bytes) {
@@ -113,6 +126,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         case 3: read_image_message(rest, layout, kCompressedType); break;
         case 4: read_camera_message(rest, layout, false); break;
         case 5: read_camera_message(rest, layout, true); break;
+        case 6: read_transforms(rest, layout); break;
         default: break;
     }
     return 0;

@@ -1,7 +1,8 @@
 // A bag of ROS, played as a depth camera: bags of ROS 1, and of ROS 2 as SQLite or MCAP (bag_reader.hpp), also in
 // several files (bag_files.hpp). Topics are named or found (topic_choice.hpp), the camera is the bag's CameraInfo
 // unless a calibration is given. A frame is a colour image and the depth image nearest to it by the stamps of their
-// headers, as ReplayCamera pairs them; frames come as fast as they are polled, in the order of time.
+// headers, as ReplayCamera pairs them; frames come as fast as they are polled, in the order of time. Depth of a camera
+// of its own is registered to colour, where the bag or the calibration says how it stands.
 // Limits: a bag is read once from front to back, so that a partner is looked for among the images that lie at most
 // kWaitingMax images of its stream away. Memory: two image buffers, the reader's chunk, and the images that wait for
 // a partner, three a stream where streams are in step, never more than kWaitingBytesMax; it does not grow with the
