@@ -19,8 +19,9 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::size_t kTriedMax = 300;  // images of each stream before the first pair
-constexpr std::size_t kEarlyMax = 20;   // sentences that are kept
+constexpr std::size_t kTriedMax = 300;     // images of each stream before the first pair
+constexpr std::size_t kMessagesMax = 200;  // of a poll: whoever polls may want to stop
+constexpr std::size_t kEarlyMax = 20;      // sentences that are kept
 
 [[nodiscard]] std::string size_text(const ImageSize& size) {
     return std::to_string(size.width) + "x" + std::to_string(size.height);
@@ -205,8 +206,9 @@ Status BagCamera::Inside::next_frame(Frame& frame) {
     }
     const WaitingImage* colour = std::exchange(first_colour, nullptr);
     const WaitingImage* depth = std::exchange(first_depth, nullptr);
-    while (colour == nullptr && !pairer->next(colour, depth)) {
+    for (std::size_t messages = 0; colour == nullptr && !pairer->next(colour, depth); ++messages) {
         if (is_over) return Status::kEnd;
+        if (messages == kMessagesMax) return Status::kTimedOut;
         ImagePairer::Stream stream{};
         std::int64_t time_ns = 0;
         if (read_message(stream, time_ns) == Status::kCorrupt) return Status::kCorrupt;

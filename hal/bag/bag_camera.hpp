@@ -57,7 +57,7 @@ public:
     [[nodiscard]] Status open() noexcept override;
     [[nodiscard]] const CameraInfo& info() const noexcept override;
     // kOk, kEnd; kCorrupt: an image cannot be used, or a piece of the bag cannot be read: polling may go on.
-    // kUnavailable: not open.
+    // kTimedOut: no pair among the next messages, there may be one behind them.    kUnavailable: not open.
     [[nodiscard]] Status poll(Frame& frame) noexcept override;
     // A recording never lets anyone wait: kOk, or kEnd after the last frame.
     [[nodiscard]] Status wait(std::uint32_t timeout_ms) noexcept override;

@@ -41,6 +41,7 @@ struct Outcome {
     for (;;) {
         const Status status = camera.poll(frame);
         if (status == Status::kEnd) return Status::kEnd;
+        if (status == Status::kTimedOut) continue;  // a bag without pairs for a while
         if (status == Status::kOk && frame.time_ns == time_ns) return Status::kOk;
         if (status == Status::kOk && frame.time_ns > time_ns) return Status::kNotFound;
         ++skipped;  // an image that cannot be used was skipped by the recorded run as well, or is missed here

@@ -30,6 +30,7 @@ struct Played {
     std::vector<std::string> complaints;  // of polls that gave kCorrupt
     BagCounts counts;
     std::vector<std::string> notes;
+    std::size_t timeouts = 0;
 };
 
 // Every frame until the end, which comes within a bound.
@@ -39,6 +40,10 @@ struct Played {
     for (std::size_t polls = 0; polls < 10'000; ++polls) {
         const Status status = camera.poll(frame);
         if (status == Status::kEnd) break;
+        if (status == Status::kTimedOut) {
+            ++out.timeouts;
+            continue;
+        }
         if (status != Status::kOk) {
             EXPECT_EQ(status, Status::kCorrupt) << camera.message();
             EXPECT_FALSE(camera.message().empty());
@@ -221,6 +226,15 @@ TEST(BagCamera, CountsWhatIsMissing) {
     EXPECT_EQ(twice.counts.times_back, 12U);
     ASSERT_EQ(twice.notes.size(), 1U);
     EXPECT_EQ(twice.notes[0], "12 images have a time that repeats or goes backwards: skipped.");
+}
+
+// Promise: a poll reads so many messages and no more, so that whoever polls can stop in a bag without pairs.
+TEST(BagCamera, PollsAreBounded) {
+    const Room& room = small_room();
+    const Played played = play(room.bag("long", "--format mcap --rounds 100"));  // from the second round on: repeated
+    EXPECT_EQ(played.frames.size(), 6U);
+    EXPECT_EQ(played.counts.times_back, 12U * 99);
+    EXPECT_EQ(played.timeouts, 5U);  // 1188 messages, 200 a poll
 }
 
 // Promise: a recording whose recorder was killed plays whole and says so, without an index.
