@@ -35,6 +35,10 @@ constexpr const char* kDirtHelp =
     "of a simulation: what cameras, hands and rooms do, 0 off, 1 ordinary; 'stillmesh simulate --help' lists";
 constexpr const char* kCameraGroup = "Camera (--camera, --replay or --simulate)";
 
+constexpr const char* kReplayHelp =
+    "recording: a folder in the TUM layout (rgb.txt, depth.txt, camera.yaml), or a bag of ROS 1 or 2 (.bag, .db3, "
+    ".mcap, or the folder of one)";
+
 int eval(const std::string& truth_file, const std::string& trajectory_file, bool is_json) {
     Trajectory truth;
     Trajectory estimate;
@@ -82,6 +86,13 @@ void add_depth_units_option(CLI::App& app, double& depth_units_per_m, const char
         ->group(group);
 }
 
+void add_topics_option(CLI::App& app, std::string& topics, const char* group) {
+    CLI::Option* const option =
+        app.add_option("--topics", topics, "of a bag: where colour, depth and CameraInfo are; found if not given")
+            ->type_name("COLOUR,DEPTH[,INFO]");
+    if (*group != '\0') option->group(group);
+}
+
 int program(int argc, char** argv) {
     const std::int64_t begin_ns = monotonic_ns();
     CLI::App app("Stillmesh tells where a depth camera is, in rooms full of moving people.", "stillmesh");
@@ -96,9 +107,8 @@ int program(int argc, char** argv) {
     std::vector<std::string> later;  // switches of what is not in this build
     CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
     add_camera_options(*run_app, arguments.live, arguments.does_wait, kCameraGroup);
-    run_app->add_option("--replay", arguments.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
-        ->type_name("DIR")
-        ->group(kCameraGroup);
+    run_app->add_option("--replay", arguments.replay, kReplayHelp)->type_name("DIR|BAG")->group(kCameraGroup);
+    add_topics_option(*run_app, arguments.replay_topics, kCameraGroup);
     run_app
         ->add_option("--fps", arguments.replay_frames_per_s, "of a recording whose lists have frame numbers for times")
         ->check(CLI::Range(1.0, 1000.0).description(""))
@@ -300,6 +310,7 @@ int program(int argc, char** argv) {
         "  stillmesh run --camera auto --wait --trajectory path.txt     (Ctrl-C ends it, everything written)\n"
         "  stillmesh run --simulate walking_xyz:1 --report out\n"
         "  stillmesh run --replay rgbd_dataset_freiburg3_walking_xyz --calibration tum-fr3 --trajectory path.txt\n"
+        "  stillmesh run --replay desk.bag --topics /camera/color/image_raw,/camera/aligned_depth_to_color/image_raw\n"
         "  stillmesh run --simulate static_xyz:1 --map-out room.map\n"
         "  stillmesh run --simulate walking_xyz:1+7 --map-in room.map --localize     (the room on another day)\n"
         "  stillmesh run --replay DIR --set region.is_enabled=false     (what the static region is worth)");
@@ -326,9 +337,8 @@ int program(int argc, char** argv) {
     CLI::App* const check_app = app.add_subcommand(
         "check-camera", "whether focal length, centre and depth unit can be what they are said to be");
     add_camera_options(*check_app, check.live, check.does_wait, kCameraGroup);
-    check_app->add_option("--replay", check.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
-        ->type_name("DIR")
-        ->group(kCameraGroup);
+    check_app->add_option("--replay", check.replay, kReplayHelp)->type_name("DIR|BAG")->group(kCameraGroup);
+    add_topics_option(*check_app, check.replay_topics, kCameraGroup);
     check_app->add_option("--simulate", check.simulate, "simulated room")
         ->type_name("SCENE[:SEED]")
         ->group(kCameraGroup);
@@ -357,9 +367,10 @@ int program(int argc, char** argv) {
         ->type_name("FILE");
     rerun_command
         ->add_option("--replay", rerun.folder,
-                     "its frames: the folder that was replayed, or written by --record-frames")
+                     "its frames: the folder or bag that was replayed, or written by --record-frames")
         ->required()
-        ->type_name("DIR");
+        ->type_name("DIR|BAG");
+    add_topics_option(*rerun_command, rerun.topics, "");
     rerun_command->add_option("--map-in", rerun.map_in, "the map that the run began in, if it did")->type_name("FILE");
     rerun_command
         ->add_option("--map-store", rerun.map_store, "the map store that the run used, if it held regions before it")

@@ -9,7 +9,8 @@ namespace stillmesh {
 
 struct RerunOptions {
     std::string recording;
-    std::string folder;
+    std::string folder;     // or a bag
+    std::string topics;     // of a bag, if the run had them
     std::string map_in;     // empty: none
     std::string map_store;  // empty: none
     bool is_localising = false;
