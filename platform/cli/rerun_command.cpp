@@ -181,7 +181,7 @@ int rerun_command(const RerunOptions& options) {
     if (!source.problem().empty()) return refuse(source.problem());
     DepthCamera& whole = source.camera();
     if (whole.open() != Status::kOk) return refuse(source.message());
-    PreparedCamera prepared(source.camera());
+    PreparedCamera prepared(whole);
     std::string note, message;
     if (prepared.prepare(options.mask, options.is_half, note, message) != Status::kOk) return refuse(message);
     DepthCamera& camera = prepared.camera();
