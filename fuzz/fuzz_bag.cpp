@@ -1,7 +1,6 @@
-// Bags of ROS. The first byte says what the rest is: a whole file of ROS 1 or MCAP, which BagCamera plays (a sentence
-// or a camera; polling ends; every frame has all its pixels), or one message in either layout (a sentence, or an image
-// whose pixels fit, or a camera that the engine's door would take, or frames whose rotations are rotations). SQLite's
-// files are SQLite's to read; their messages are these.
+// Bags of ROS. The first byte says what the rest is: a whole file of ROS 1, MCAP or SQLite, which BagCamera plays (a
+// sentence or a camera; polling ends; every frame has all its pixels), or one message in either layout (a sentence, or
+// an image whose pixels fit, or a camera that the engine's door would take, or frames whose rotations are rotations).
 #include <algorithm>
 #include <array>
 #include <string>
