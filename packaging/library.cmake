@@ -1,4 +1,5 @@
-# What `cmake --install` puts where of libstillmesh-dev: library, headers, how to find them. With STILLMESH_ENGINE_ONLY too.
+# What `cmake --install` puts where of libstillmesh-dev and libstillmesh-c0: libraries, headers, how to find them. With
+# STILLMESH_ENGINE_ONLY too.
 include(CMakePackageConfigHelpers)
 set(packaging ${PROJECT_SOURCE_DIR}/packaging)
 set(include_folder ${CMAKE_INSTALL_INCLUDEDIR}/stillmesh)
@@ -17,6 +18,12 @@ endif()
 install(TARGETS ${installed_targets} EXPORT stillmesh_targets
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT library
     INCLUDES DESTINATION ${include_folder})
+if(TARGET stillmesh_c)
+    install(TARGETS stillmesh_c EXPORT stillmesh_targets
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_COMPONENT library
+        INCLUDES DESTINATION ${include_folder})
+    install(FILES ${PROJECT_SOURCE_DIR}/platform/c_api/stillmesh.h DESTINATION ${include_folder} COMPONENT library)
+endif()
 list(TRANSFORM STILLMESH_PUBLIC_HEADERS PREPEND engine/ OUTPUT_VARIABLE headers)
 foreach(header IN LISTS headers other_headers)
     get_filename_component(folder ${header} DIRECTORY)
@@ -36,5 +43,12 @@ install(FILES ${PROJECT_BINARY_DIR}/stillmesh-config.cmake ${PROJECT_BINARY_DIR}
 # are found as well.
 file(RELATIVE_PATH stillmesh_to_prefix "/${pkgconfig_folder}" "/")
 string(REGEX REPLACE "/$" "" stillmesh_to_prefix "${stillmesh_to_prefix}")
-configure_file(${packaging}/stillmesh.pc.in ${PROJECT_BINARY_DIR}/stillmesh.pc @ONLY)
-install(FILES ${PROJECT_BINARY_DIR}/stillmesh.pc DESTINATION ${pkgconfig_folder} COMPONENT library)
+function(stillmesh_install_pkgconfig pkgconfig_name description)
+    configure_file(${packaging}/stillmesh.pc.in ${PROJECT_BINARY_DIR}/${pkgconfig_name}.pc @ONLY)
+    install(FILES ${PROJECT_BINARY_DIR}/${pkgconfig_name}.pc DESTINATION ${pkgconfig_folder} COMPONENT library)
+endfunction()
+stillmesh_install_pkgconfig(stillmesh "${PROJECT_DESCRIPTION}")
+if(TARGET stillmesh_c)
+    set(pkgconfig_libraries -lstillmesh_c)
+    stillmesh_install_pkgconfig(stillmesh-c "${PROJECT_DESCRIPTION}: for C")
+endif()

@@ -58,9 +58,10 @@ def use(arguments, prefix, work):
                  input=f'#include "{header}"\n')
     # Somebody else's compiler is told nothing of C++20 but by the targets.
     said("cmake", "-S", f"{arguments.source}/tests/package/consumer", "-B", f"{work}/cmake", f"-DCMAKE_PREFIX_PATH={prefix}",
-         f"-DCMAKE_CXX_COMPILER={arguments.compiler}", "-DCMAKE_CXX_STANDARD=17")
+         f"-DCMAKE_CXX_COMPILER={arguments.compiler}", f"-DCMAKE_C_COMPILER={arguments.c_compiler}", "-DCMAKE_CXX_STANDARD=17")
     said("cmake", "--build", f"{work}/cmake")
     print(said(f"{work}/cmake/consumer"), end="")
+    print(said(f"{work}/cmake/consumer_in_c"), end="")
     packages = {**os.environ, "PKG_CONFIG_PATH": str(next(prefix.rglob("pkgconfig")))}
     flags = said("pkg-config", "--cflags", "--libs", "stillmesh", env=packages).split()
     if any(flag[:2] in ("-I", "-L") and not pathlib.Path(flag[2:]).resolve().is_relative_to(prefix.resolve()) for flag in flags):
@@ -70,13 +71,18 @@ def use(arguments, prefix, work):
         complaints.append(f"pkg-config's vocabulary is not there: {vocabulary}")
     said(arguments.compiler, "-std=c++20", f"{arguments.source}/tests/package/consumer/main.cpp", *flags, "-o", f"{work}/consumer")
     print(said(f"{work}/consumer"), end="")
+    flags = said("pkg-config", "--cflags", "--libs", "stillmesh-c", env=packages).split()
+    said(arguments.c_compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", f"{arguments.source}/tests/package/consumer/main.c",
+         *flags, "-o", f"{work}/consumer_in_c")
+    libraries = next(prefix.rglob("libstillmesh_c.so.0")).parent
+    print(said(f"{work}/consumer_in_c", env={**os.environ, "LD_LIBRARY_PATH": str(libraries)}), end="")
     print(f"{len(headers)} headers in {include.relative_to(prefix)}")
     return complaints
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in ("source", "build", "compiler"):
+    for name in ("source", "build", "compiler", "c-compiler"):
         parser.add_argument(f"--{name}")
     parser.add_argument("--selftest", action="store_true")
     arguments = parser.parse_args()
@@ -84,7 +90,8 @@ def main():
         return selftest()
     with tempfile.TemporaryDirectory() as work:
         first, moved = pathlib.Path(work) / "first", pathlib.Path(work) / "moved"
-        said("cmake", "--install", arguments.build, "--prefix", first, "--component", "library")
+        for component in ("library", "runtime"):
+            said("cmake", "--install", arguments.build, "--prefix", first, "--component", component)
         shutil.move(first, moved)
         complaints = use(arguments, moved, work)
     for complaint in complaints:
