@@ -156,7 +156,7 @@ sm_status sm_engine_create(void* memory, std::size_t bytes, const sm_settings* s
 }
 
 void sm_reset(sm_engine* engine) {
-    engine->engine->reset();
+    if (engine != nullptr) engine->engine->reset();
 }
 
 sm_status sm_submit(sm_engine* engine, const sm_frame* frame, const sm_motion_hint* hint, sm_problem* problem) {
@@ -186,13 +186,14 @@ sm_status sm_submit(sm_engine* engine, const sm_frame* frame, const sm_motion_hi
 }
 
 std::int32_t sm_step(sm_engine* engine, std::uint32_t units) {
-    return static_cast<std::int32_t>(engine->engine->step(units));
+    return engine == nullptr ? SM_IDLE : static_cast<std::int32_t>(engine->engine->step(units));
 }
 std::int32_t sm_step_store(sm_engine* engine, std::uint32_t units) {
-    return static_cast<std::int32_t>(engine->engine->step_store(units));
+    return engine == nullptr ? SM_IDLE : static_cast<std::int32_t>(engine->engine->step_store(units));
 }
 
 void sm_set_stage_observer(sm_engine* engine, sm_stage_function function, void* user) {
+    if (engine == nullptr) return;
     engine->on_stage = function;
     engine->stage_user = user;
     engine->engine->set_stage_observer(function != nullptr ? StageObserver{on_stage, engine} : StageObserver{});

@@ -96,7 +96,7 @@ sm_status sm_begin_map_copy(sm_engine* engine, void* workspace, std::size_t byte
                status == Status::kFull ? "the workspace is too small: sm_map_copy_bytes." : "there is no map yet.");
 }
 std::int32_t sm_step_map_copy(sm_engine* engine, std::uint32_t units) {
-    return static_cast<std::int32_t>(engine->engine->step_map_copy(units));
+    return engine == nullptr ? SM_IDLE : static_cast<std::int32_t>(engine->engine->step_map_copy(units));
 }
 
 sm_status sm_map_writer_init(sm_map_writer* writer, const void* workspace, std::size_t bytes) {

@@ -145,6 +145,7 @@ using namespace stillmesh::c_api;  // NOLINT
 extern "C" {
 
 sm_status sm_get_pose(const sm_engine* engine, sm_pose* pose) {
+    if (engine == nullptr) return SM_INVALID;
     const PoseEstimate& in = engine->engine->pose();
     sm_pose out{};
     out.state = static_cast<std::int32_t>(in.state);
@@ -157,6 +158,7 @@ sm_status sm_get_pose(const sm_engine* engine, sm_pose* pose) {
 }
 
 sm_status sm_get_frame_statistics(const sm_engine* engine, sm_frame_statistics* statistics) {
+    if (engine == nullptr) return SM_INVALID;
     const FrameStatistics& in = engine->engine->frame_statistics();
     sm_frame_statistics out{};
     out.unsure = static_cast<std::int32_t>(in.unsure);
@@ -177,6 +179,7 @@ sm_status sm_get_frame_statistics(const sm_engine* engine, sm_frame_statistics* 
 }
 
 sm_status sm_get_statistics(const sm_engine* engine, sm_statistics* statistics) {
+    if (engine == nullptr) return SM_INVALID;
     const EngineStatistics in = engine->engine->statistics();
     sm_statistics out{};
     fill_map(in, out);
@@ -187,6 +190,7 @@ sm_status sm_get_statistics(const sm_engine* engine, sm_statistics* statistics) 
 }
 
 sm_status sm_get_tracking_view(sm_engine* engine, sm_tracking_view* view) {
+    if (engine == nullptr) return SM_INVALID;
     const TrackingView in = engine->engine->tracking_view();
     return write_struct({0, 0, reinterpret_cast<const sm_tracked_feature*>(in.features.data()), in.features.size(),
                          reinterpret_cast<const sm_tracked_edge*>(in.edges.data()), in.edges.size()},
@@ -194,6 +198,7 @@ sm_status sm_get_tracking_view(sm_engine* engine, sm_tracking_view* view) {
 }
 
 sm_status sm_get_features(const sm_engine* engine, sm_features* features) {
+    if (engine == nullptr) return SM_INVALID;
     const FeatureSet& in = engine->engine->features();
     return write_struct({0, 0, reinterpret_cast<const sm_keypoint*>(in.keypoints.begin()),
                          reinterpret_cast<const sm_descriptor*>(in.descriptors.begin()), in.size()},
@@ -201,13 +206,15 @@ sm_status sm_get_features(const sm_engine* engine, sm_features* features) {
 }
 
 std::uint32_t sm_keyframes(const sm_engine* engine, sm_keyframe* out, std::uint32_t count) {
-    return out == nullptr ? 0 : engine->engine->keyframes({reinterpret_cast<KeyframePose*>(out), count});
+    return engine == nullptr || out == nullptr
+               ? 0
+               : engine->engine->keyframes({reinterpret_cast<KeyframePose*>(out), count});
 }
 std::uint64_t sm_reference_keyframe(const sm_engine* engine) {
-    return engine->engine->reference_keyframe();
+    return engine == nullptr ? SM_NO_KEYFRAME : engine->engine->reference_keyframe();
 }
 std::uint64_t sm_state_hash(const sm_engine* engine) {
-    return engine->engine->state_hash();
+    return engine == nullptr ? 0 : engine->engine->state_hash();
 }
 
 std::size_t sm_pose_line(const sm_pose* pose, char* text, std::size_t bytes) {

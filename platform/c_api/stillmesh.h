@@ -1,21 +1,23 @@
 /* The engine for C and for whatever calls C: frames in, poses out, everything that engine/engine.hpp can do.
  *
- *   sm_settings settings = {sizeof settings};
+ *   sm_settings settings = {.size = sizeof settings};
  *   sm_settings_init(&settings, "room", "indoor", &problem);
  *   sm_camera camera = {sizeof camera, 640, 480, SM_LENS_BROWN, 525, 525, 319.5, 239.5};
  *   size_t bytes = sm_engine_bytes(&settings);
- *   sm_engine *engine;
+ *   sm_engine* engine;
  *   sm_engine_create(malloc(bytes), bytes, &settings, &camera, NULL, &engine, &problem);
  *   sm_submit(engine, &frame, NULL, &problem);           // tracks the frame
  *   sm_step(engine, 20000);                              // background work, in the time that is left
  *   sm_get_pose(engine, &pose);
  *
  * Memory: the caller's, at any address; nothing is allocated after sm_engine_create but by the functions that say so.
- * An engine is given back by giving back its memory. One engine is used by one thread. Structs that begin with `size`
- * have it set to sizeof by the caller: newer libraries know older structs by it, and leave out or take as 0 what they
- * do not have. The others never change. Errors: a status, and where there is an sm_problem (or NULL) a sentence for
- * people. No exception leaves a call. A mistake of the library's own ends the process at once. NULL where a pointer is
- * needed is SM_INVALID.
+ * An engine is given back by giving back its memory. One engine is used by one thread.
+ *
+ * Structs that begin with `size` have it set to sizeof by the caller: newer libraries know older structs by it, and
+ * leave out or take as 0 what they do not have. The others never change.
+ *
+ * Errors: a status, and where there is an sm_problem (or NULL) a sentence for people. No exception leaves a call. NULL
+ * where a pointer is needed is SM_INVALID, or nothing is done; a mistake of the library's own ends the process at once.
  */
 #ifndef STILLMESH_H
 #define STILLMESH_H

@@ -392,7 +392,24 @@ static void own_store(void) {
     free(memory);
 }
 
+/* Promise: NULL for an engine is an answer, and no crash. */
+static void null_engine(void) {
+    sm_pose pose = {.size = sizeof pose};
+    sm_statistics all = {.size = sizeof all};
+    sm_reset(NULL);
+    sm_set_stage_observer(NULL, on_stage, NULL);
+    EXPECT(sm_get_pose(NULL, &pose) == SM_INVALID && sm_get_statistics(NULL, &all) == SM_INVALID);
+    EXPECT(sm_step(NULL, 1) == SM_IDLE && sm_step_store(NULL, 1) == SM_IDLE && sm_step_map_copy(NULL, 1) == SM_IDLE);
+    EXPECT(sm_state_hash(NULL) == 0 && sm_reference_keyframe(NULL) == SM_NO_KEYFRAME &&
+           sm_keyframes(NULL, NULL, 0) == 0);
+    EXPECT(sm_save_map(NULL, "a", &problem) == SM_INVALID && sm_load_map_file(NULL, "a", 0, NULL) == SM_INVALID);
+    EXPECT(sm_trajectory_create(NULL) == NULL && sm_trajectory_add(NULL) == SM_INVALID);
+    EXPECT(sm_submit(NULL, NULL, NULL, NULL) == SM_INVALID);
+    sm_trajectory_destroy(NULL);
+}
+
 int main(void) {
+    null_engine();
     settings_by_name();
     any_address();
     refusals();
