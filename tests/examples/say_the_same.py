@@ -2,7 +2,7 @@
 """Promise: every program of platform/examples has a comment that says what it is for and fewer than 60 lines, is built and run,
 and prints what is written in said.txt, whatever language it is in.
 
-  say_the_same.py --source DIR [--program NAME=FILE]... [--python PYTHON]
+  say_the_same.py --source DIR [--program NAME=FILE]... [--python PYTHON] [--without END OF A NAME]...
 NAME: that of the example, with _in_c behind it for C. said.txt: [NAME], and what it prints.
 """
 import argparse
@@ -25,6 +25,7 @@ def main():
     parser.add_argument("--source", required=True, type=pathlib.Path)
     parser.add_argument("--program", action="append", default=[])
     parser.add_argument("--python")
+    parser.add_argument("--without", action="append", default=[])
     arguments = parser.parse_args()
     folder = arguments.source / "platform/examples"
     wanted = sections_of((arguments.source / "tests/examples/said.txt").read_text(encoding="utf-8"))
@@ -43,8 +44,10 @@ def main():
         name = file.stem + {".cpp": "", ".c": "_in_c", ".py": "_in_python"}[file.suffix]
         if file.suffix == ".py" and arguments.python:
             commands[name] = [arguments.python, "-B", str(file)]
-        if name not in commands:
+        if name not in commands and file.name.endswith(tuple(arguments.without)):
             missing.append(file.name)
+        elif name not in commands:
+            complaints.append(f"{file.name}: is not built and run")
     for name, command in sorted(commands.items()):
         if name == "localise":
             command = command + [str(arguments.source / "vocabulary/default.voc")]
