@@ -97,7 +97,7 @@ int program(int argc, char** argv) {
     const std::int64_t begin_ns = monotonic_ns();
     CLI::App app("Stillmesh tells where a depth camera is, in rooms full of moving people.", "stillmesh");
     app.require_subcommand(1);
-    app.set_version_flag("--version", "stillmesh " STILLMESH_VERSION, "print the version, and exit");
+    app.set_version_flag("--version", "stillmesh " STILLMESH_PROGRAM_VERSION, "print the version, and exit");
     app.footer(
         "Exit codes: 0 done; 1 ran but failed (lost camera, no pose); 2 bad usage or input; 130, 143 stopped by "
         "Ctrl-C or SIGTERM, everything written.");
