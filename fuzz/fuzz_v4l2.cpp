@@ -96,7 +96,7 @@ public:
         return index > 0 && !rarely() ? EINVAL : fails();
     }
     int size_at(int, std::uint32_t, std::uint32_t index, V4l2Size& size) override {
-        size = {40U + bytes_.u8(), 40U + bytes_.u8()};
+        size = {40U + bytes_.u8() % 64U, 40U + bytes_.u8() % 64U};
         if (rarely()) size = {bytes_.u32(), bytes_.u32()};
         return index > 0 && !rarely() ? EINVAL : fails();
     }
