@@ -306,8 +306,15 @@ TEST(V4l2Camera, RefusalsSayWhy) {
     }
     Rig narrow;
     narrow.device->bytes_per_s_max = 3e7;
+    int starts = 0;
+    narrow.device->fault = [&starts](const char* call) {
+        starts += std::string(call) == "set_streaming" ? 1 : 0;
+        return 0;
+    };
     ASSERT_EQ(narrow.camera->open(), Status::kOk) << narrow.camera->message();
     EXPECT_EQ(narrow.camera->device().find("848x480@30"), std::string::npos) << narrow.camera->device();
+    EXPECT_LE(starts, 12) << "modes that need as much are not tried";
+    narrow.device->fault = {};
 }
 
 // Promise: a calibration that cannot be right, or is refused, is a sentence and no camera; with a given one it goes on,
