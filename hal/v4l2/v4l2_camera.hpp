@@ -26,7 +26,7 @@ struct Session;
 }  // namespace v4l2
 
 struct V4l2Options {
-    std::string device{};              // empty: the first; a serial number; DEPTH_NODE,COLOUR_NODE
+    std::string device{};              // empty: the first; a serial number; DEPTH_NODE,COLOUR_NODE; ir; SERIAL,ir
     std::string calibration{};         // of the colour camera, file or name; empty: what the camera says
     std::uint32_t width_max = 640;     // px, of colour; larger modes are not asked for
     std::uint32_t height_max = 480;    // px

@@ -394,6 +394,42 @@ TEST(V4l2Camera, OtherCameras) {
     std::filesystem::remove(file);
 }
 
+// Promise: the left infrared camera for colour: one lens, depth as it comes, the projector off; the same when it is
+// opened again; whoever takes colour next has the projector on. A camera without says so.
+TEST(V4l2Camera, Infrared) {
+    for (const char* const name : {"ir", "012345,ir"}) {
+        Rig rig({.device = name});
+        ASSERT_EQ(rig.camera->open(), Status::kOk) << rig.camera->message();
+        EXPECT_NE(
+            rig.camera->device().find("GREY 640x480@30, depth Z16 640x480@30, in the left infrared camera's view"),
+            std::string::npos)
+            << rig.camera->device();
+        EXPECT_EQ(rig.device->emitter, 0);
+        const auto numbers = test::depth_numbers(2);
+        EXPECT_EQ(rig.camera->info().model.fx, numbers[0]);
+        EXPECT_EQ(rig.camera->info().model.cy, numbers[3]);
+        EXPECT_EQ(rig.camera->info().model.k1, 0);
+        Frame frame;
+        for (int opening = 0; opening < 2; ++opening) {
+            ASSERT_EQ(rig.next(frame), Status::kOk);
+            EXPECT_EQ(frame.format, PixelFormat::kGrey8);
+            expect_image(frame, depth_number(frame));
+            EXPECT_EQ(frame.colour.row(9)[7], test::colour_byte(depth_number(frame), 7, 9));
+            rig.device->unplug();
+            EXPECT_EQ(rig.next(frame), Status::kUnavailable);
+            rig.device->plug(3);
+            ASSERT_EQ(rig.camera->open(), Status::kOk) << rig.camera->message();
+        }
+    }
+    Rig colour;
+    ASSERT_EQ(colour.camera->open(), Status::kOk);
+    EXPECT_EQ(colour.device->emitter, 1);
+    Rig without({.device = "ir"});
+    without.device->infrared().modes.clear();
+    EXPECT_EQ(without.camera->open(), Status::kUnavailable);
+    EXPECT_NE(without.camera->message().find("has no infrared images"), std::string::npos) << without.camera->message();
+}
+
 // Promise: it is said which stream is silent; the camera behind ReconnectingCamera is then reset and opened again, and
 // goes on.
 TEST(V4l2Camera, AStallIsReset) {
