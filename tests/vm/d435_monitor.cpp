@@ -34,17 +34,17 @@ constexpr double middle(double size) {
     return (size - 1) / 2;
 }
 
-// Column by column, in halves of the image, from its middle.
+// Row by row, in halves of the image, from its middle.
 std::vector<double> normalised_lens(double width, double height) {
     const double focal = kFocalOf640_px * width / 640;
     return {2 * focal / width,
             0,
-            0,
+            2 * middle(width) / width - 1,
             0,
             2 * focal / height,
-            0,
-            2 * middle(width) / width - 1,
             2 * middle(height) / height - 1,
+            0,
+            0,
             1};
 }
 
