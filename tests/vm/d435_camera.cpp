@@ -10,6 +10,7 @@
 //     crc good|bad                          the calibration tables' checksums
 //     commands answered|refused             Intel's commands stall
 //     counts                                a line per stream: how often it began, pictures sent, short ones, skipped
+//     clock                                 when picture 0 was due, s of the monotonic clock
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -135,6 +136,7 @@ std::string Bench::obey(const std::string& line) {
         return "unplugged\n";
     }
     if (verb == "counts") return counts();
+    if (verb == "clock") return std::to_string(static_cast<double>(camera_.streams()[0].epoch_ns()) * 1e-9) + '\n';
     const bool is_good = what == "good" || what == "answered";
     if (verb == "crc") camera_.extension_unit.monitor_faults.is_corrupt = !is_good;
     if (verb == "commands") camera_.extension_unit.is_refused = !is_good;

@@ -1,11 +1,13 @@
 // Renders the pictures that the emulated D435 gives out, once, on the building machine: a kind and a size per file, row
 // by row without padding. Depth in units of 1 mm, 16 bits; colour as 8-bit grey. The depth camera stands 15 mm to the
-// right of the colour camera, and its pictures are as it sees them.
+// right of the colour camera, and its pictures are as it sees them. `truth`: where the colour camera is, a line per
+// picture, x y z in m.
 //   d435_pictures FOLDER PICTURES [SCENE]
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -16,28 +18,22 @@ namespace {
 constexpr double kDepthAside_m = 0.015;
 
 struct Job {
-    const char* name;
-    std::uint32_t width, height, pictures_most;
-    bool has_depth, has_colour;
+    std::string size;
+    std::uint32_t width, height, pictures;
+    bool has_depth;
 };
 
 template <typename T>
-bool append(std::FILE* file, const stillmesh::ImageView<T>& image) {
-    const std::size_t count = std::size_t{image.width} * image.height;
-    return std::fwrite(image.data, sizeof(T), count, file) == count;
+void append(std::ofstream& file, const stillmesh::ImageView<T>& image) {
+    const std::size_t bytes = sizeof(T) * image.width * image.height;
+    file.write(reinterpret_cast<const char*>(image.data), static_cast<std::streamsize>(bytes));
 }
 
-std::FILE* create(const std::string& folder, const char* kind, const Job& job) {
-    const std::string path = folder + '/' + kind + '_' + job.name;
-    std::FILE* const file = std::fopen(path.c_str(), "wb");
-    if (file == nullptr) std::perror(path.c_str());
-    return file;
-}
-
-bool render(const Job& job, const std::string& folder, const std::string& scene, std::uint32_t pictures) {
+// False: a scene or a folder that does not exist, or a full disk.
+bool render(const Job& job, const std::string& folder, const std::string& scene) {
     stillmesh::SimulationOptions options;
     options.scene = scene;
-    options.frames = std::min(pictures, job.pictures_most);
+    options.frames = job.pictures;
     options.width = job.width;
     options.height = job.height;
     options.depth_baseline_m = -kDepthAside_m;
@@ -46,25 +42,23 @@ bool render(const Job& job, const std::string& folder, const std::string& scene,
         std::fprintf(stderr, "%s\n", camera.message().c_str());
         return false;
     }
-    std::FILE* const depth = job.has_depth ? create(folder, "depth", job) : nullptr;
-    std::FILE* const colour = job.has_colour ? create(folder, "colour", job) : nullptr;
-    if ((job.has_depth && depth == nullptr) || (job.has_colour && colour == nullptr)) return false;
+    std::ofstream colour(folder + "/colour_" + job.size, std::ios::binary), depth, truth(folder + "/truth");
+    if (job.has_depth) depth.open(folder + "/depth_" + job.size, std::ios::binary);
     const double mm = 1000.0 / camera.info().depth_units_per_m;
     std::vector<std::uint16_t> millimetres(std::size_t{job.width} * job.height);
     stillmesh::Frame frame;
-    bool is_well = true;
-    while (is_well && camera.poll(frame) == stillmesh::Status::kOk) {
+    while (camera.poll(frame) == stillmesh::Status::kOk) {
         for (std::size_t i = 0; i < millimetres.size(); ++i) {
             millimetres[i] = static_cast<std::uint16_t>(frame.depth.data[i] * mm + 0.5);
         }
-        if (depth != nullptr) {
-            is_well = append(depth, stillmesh::DepthView{millimetres.data(), job.width, job.height, job.width});
+        append(colour, frame.colour);
+        if (job.has_depth) {
+            append(depth, stillmesh::DepthView{millimetres.data(), job.width, job.height, job.width});
         }
-        if (colour != nullptr) is_well = is_well && append(colour, frame.colour);
+        const auto& place = camera.true_pose().t;
+        truth << place[0] << ' ' << place[1] << ' ' << place[2] << '\n';
     }
-    if (depth != nullptr) is_well = std::fclose(depth) == 0 && is_well;
-    if (colour != nullptr) is_well = std::fclose(colour) == 0 && is_well;
-    return is_well;
+    return colour.flush() && truth.flush() && (!job.has_depth || depth.flush());
 }
 
 }  // namespace
@@ -74,11 +68,11 @@ int main(int argc, char** argv) {
     const std::string scene = argc > 3 ? argv[3] : "walking_xyz";
     const auto pictures = static_cast<std::uint32_t>(std::strtoul(argv[2], nullptr, 10));
     // Nobody tracks with the largest: a few will do.
-    constexpr Job kJobs[] = {{"640x480", 640, 480, 1000, true, true},
-                             {"848x480", 848, 480, 1000, true, true},
-                             {"1280x720", 1280, 720, 3, false, true}};
-    for (const Job& job : kJobs) {
-        if (!render(job, argv[1], scene, pictures)) return 1;
-    }
-    return 0;
+    const Job jobs[] = {{"1280x720", 1280, 720, std::min(pictures, 3U), false},
+                        {"640x480", 640, 480, pictures, true},
+                        {"848x480", 848, 480, pictures, true}};
+    const bool is_well =
+        std::all_of(std::begin(jobs), std::end(jobs), [&](const Job& job) { return render(job, argv[1], scene); });
+    if (!is_well) std::fprintf(stderr, "the pictures are not complete: %s\n", argv[1]);
+    return is_well ? 0 : 1;
 }

@@ -56,6 +56,7 @@ public:
     }
 
     [[nodiscard]] bool is_streaming() const { return is_streaming_ && !faults_.is_stalled; }
+    [[nodiscard]] std::int64_t epoch_ns() const { return epoch_ns_; }                  // when picture 0 was due
     [[nodiscard]] std::int64_t due_ns() const { return epoch_ns_ + due_ * kGrid_ns; }  // when the next picture begins
     [[nodiscard]] const VideoStream& stream() const { return stream_; }
     [[nodiscard]] const StreamCounts& counts() const { return counts_; }
