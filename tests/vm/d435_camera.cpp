@@ -71,7 +71,7 @@ private:
 };
 
 bool D435::control(const vm::Setup& setup, const Bytes& written, Bytes& data) {
-    constexpr std::uint8_t kClearHalt = 0x02, kSetInterface = 0x01, kSetRequest = 11;
+    constexpr std::uint8_t kClearHalt = 0x02, kSetInterface = 0x01, kSetRequest = 11, kConfigure = 9;
     // How uvcvideo ends a stream: it clears the halt of a bulk endpoint.
     if (setup.type == kClearHalt && setup.request == 1) {
         if (vm::StreamSource* const source = at_endpoint(setup.index & 0xfU)) source->stop();
@@ -80,6 +80,9 @@ bool D435::control(const vm::Setup& setup, const Bytes& written, Bytes& data) {
         for (vm::StreamSource& one : streams_) {
             if (one.stream().interface == (setup.index & 0xffU)) one.stop();
         }
+    }
+    if (setup.type == 0 && setup.request == kConfigure) {  // as after a reset
+        for (vm::StreamSource& one : streams_) one.stop();
     }
     if ((setup.type & 0x60U) != 0x20) return standard_.answer(setup, data);
     const std::uint32_t number = setup.index & 0xffU, unit = setup.index >> 8U;
