@@ -55,10 +55,11 @@ int eval(const std::string& truth_file, const std::string& trajectory_file, bool
 }
 
 void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wait, const char* group) {
-    app.add_option("--camera", options.camera,
-                   "auto (the first that OpenNI2 finds), openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of "
-                   "OpenNI2), "
-                   "or freenect (a Kinect); 'stillmesh cameras' lists what is plugged in")
+    app.add_option(
+           "--camera", options.camera,
+           "auto (the first that V4L2, OpenNI2 or libfreenect finds), v4l2 (RealSense and its kind), v4l2:SERIAL, "
+           "v4l2:DEPTH_NODE,COLOUR_NODE, openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of OpenNI2), "
+           "or freenect (a Kinect); 'stillmesh cameras' lists what is plugged in")
         ->type_name("NAME")
         ->group(group);
     app.add_flag("--wait", does_wait, "for a camera, if none is plugged in yet")->group(group);

@@ -1,12 +1,13 @@
-// A build without OpenNI2, libfreenect and libusb: what the command line then says. Its sources are compiled here once
-// more, without any of them, whatever is installed.
+// A build without OpenNI2, libfreenect, libusb and V4L2: what the command line then says. Its sources are compiled here
+// once more, without any of them, whatever is installed.
 #include <gtest/gtest.h>
 
 #include "platform/cli/cameras_command.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/live_camera.hpp"
 
-#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_USB)
+#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_USB) || \
+    defined(STILLMESH_HAS_V4L2)
 #error "this test is about a build without them"
 #endif
 
@@ -26,6 +27,8 @@ TEST(WithoutDrivers, CameraSaysWhatIsMissing) {
           Case{"openni2:desk.oni", {"needs OpenNI2", "libopenni2-dev", "-DSTILLMESH_WITH_OPENNI2=ON"}},
           Case{"freenect", {"needs libfreenect", "libfreenect-dev", "-DSTILLMESH_WITH_FREENECT=ON"}},
           Case{"freenect:1", {"needs libfreenect", "libfreenect-dev", "-DSTILLMESH_WITH_FREENECT=ON"}},
+          Case{"v4l2", {"needs the kernel's headers", "linux-libc-dev", "-DSTILLMESH_WITH_V4L2=ON"}},
+          Case{"v4l2:/dev/video0,/dev/video4", {"needs the kernel's headers", "linux-libc-dev", "STILLMESH_WITH_V4L2"}},
           Case{"webcam", {"give auto, openni2", "openni2:FILE.oni", "freenect"}}}) {
         LiveCameraOptions options;
         options.camera = c.camera;
