@@ -10,7 +10,7 @@
 //     crc good|bad                          the calibration tables' checksums
 //     commands answered|refused             Intel's commands stall
 //     counts                                a line per stream: how often it began, pictures sent, short ones, skipped
-//     clock                                 when picture 0 was due, s of the monotonic clock
+//     clock                                 when picture 0 was due, s since 1970
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -33,10 +33,13 @@ using vm::Bytes;
 
 constexpr char kSocket[] = "/tmp/d435.socket";
 
-std::int64_t now_ns() {
+std::int64_t clock_ns(clockid_t clock) {
     timespec now{};
-    static_cast<void>(::clock_gettime(CLOCK_MONOTONIC, &now));
+    static_cast<void>(::clock_gettime(clock, &now));
     return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+std::int64_t now_ns() {
+    return clock_ns(CLOCK_MONOTONIC);
 }
 
 class D435 final : public vm::UsbDevice {
@@ -139,7 +142,10 @@ std::string Bench::obey(const std::string& line) {
         return "unplugged\n";
     }
     if (verb == "counts") return counts();
-    if (verb == "clock") return std::to_string(static_cast<double>(camera_.streams()[0].epoch_ns()) * 1e-9) + '\n';
+    if (verb == "clock") {
+        const std::int64_t ahead_ns = clock_ns(CLOCK_REALTIME) - now_ns();
+        return std::to_string(static_cast<double>(camera_.streams()[0].epoch_ns() + ahead_ns) * 1e-9) + '\n';
+    }
     const bool is_good = what == "good" || what == "answered";
     if (verb == "crc") camera_.extension_unit.monitor_faults.is_corrupt = !is_good;
     if (verb == "commands") camera_.extension_unit.is_refused = !is_good;
