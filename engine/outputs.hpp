@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/geometry/rigid_transform.hpp"
 #include "engine/schedule/scheduler.hpp"
 
 namespace stillmesh {
@@ -40,11 +41,6 @@ inline constexpr std::size_t kUnsureReasons = 8;
         "no depth", "jump",         "map newly made here", "against the hint"};
     return kNames[static_cast<std::uint32_t>(reason)];
 }
-
-struct RigidTransform {
-    double rotation_xyzw[4] = {0, 0, 0, 1};  // unit quaternion
-    double translation_m[3] = {0, 0, 0};
-};
 
 struct PoseEstimate {
     std::int64_t time_ns = 0;

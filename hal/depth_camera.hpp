@@ -4,13 +4,21 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "engine/base/check.hpp"
 #include "engine/base/status.hpp"
 #include "engine/frame/frame.hpp"
 #include "engine/geometry/camera_model.hpp"
+#include "engine/geometry/rigid_transform.hpp"
 
 namespace stillmesh {
+
+// A depth camera beside the colour camera: another lens at another place, whose images nobody has registered yet.
+struct SeparateDepth {
+    CameraModel model;
+    RigidTransform colour_from_depth;  // takes points of the depth camera's frame (m) into the colour camera's
+};
 
 // What a camera knows about itself once it is open.
 struct CameraInfo {
@@ -18,6 +26,7 @@ struct CameraInfo {
     double depth_units_per_m = 5000.0;
     double frames_per_s = 30.0;
     double readout_s = -1;  // of a rolling shutter, from the first row to the last; 0: none; negative: unknown
+    std::optional<SeparateDepth> separate_depth = std::nullopt;  // none: depth is as the colour camera would see it
 };
 
 class DepthCamera {

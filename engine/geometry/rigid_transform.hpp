@@ -1,17 +1,11 @@
-// A pose as programs see it.
+// A pose as programs see it: plain data.
 #pragma once
-
-#include "engine/geometry/se3.hpp"
-#include "engine/outputs.hpp"
 
 namespace stillmesh {
 
-[[nodiscard]] inline RigidTransform transform_of(const SE3& pose) noexcept {
-    RigidTransform out;
-    const Vector4 q = quaternion_from_rotation(pose.rotation);
-    for (int i = 0; i < 4; ++i) out.rotation_xyzw[i] = q(i);
-    for (int i = 0; i < 3; ++i) out.translation_m[i] = pose.translation(i);
-    return out;
-}
+struct RigidTransform {
+    double rotation_xyzw[4] = {0, 0, 0, 1};  // unit quaternion
+    double translation_m[3] = {0, 0, 0};
+};
 
 }  // namespace stillmesh

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "engine/geometry/eigen.hpp"
+#include "engine/geometry/rigid_transform.hpp"
 
 namespace stillmesh {
 
@@ -52,5 +53,14 @@ void renormalise(Matrix3& rotation) noexcept;
 [[nodiscard]] Vector4 quaternion_from_rotation(const Matrix3& rotation) noexcept;
 // Rotation angle in [0, pi], rad.
 [[nodiscard]] double rotation_angle(const Matrix3& rotation) noexcept;
+
+// For programs.
+[[nodiscard]] inline RigidTransform transform_of(const SE3& pose) noexcept {
+    RigidTransform out;
+    const Vector4 q = quaternion_from_rotation(pose.rotation);
+    for (int i = 0; i < 4; ++i) out.rotation_xyzw[i] = q(i);
+    for (int i = 0; i < 3; ++i) out.translation_m[i] = pose.translation(i);
+    return out;
+}
 
 }  // namespace stillmesh

@@ -1,6 +1,6 @@
 #include "engine/map/map_readout.hpp"
 
-#include "engine/geometry/rigid_transform.hpp"
+#include "engine/geometry/se3.hpp"
 
 namespace stillmesh {
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "engine/geometry/rigid_transform.hpp"
+#include "engine/geometry/se3.hpp"
 
 namespace stillmesh {
 

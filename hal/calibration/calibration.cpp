@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "hal/calibration/camera_entries.hpp"
-#include "hal/calibration/camera_keys.hpp"
+#include "hal/calibration/camera_pair.hpp"
 #include "hal/calibration/toml_document.hpp"
 
 namespace stillmesh {
@@ -98,7 +98,7 @@ Status parse_calibration(std::string_view text, CalibrationFormat format, const 
         STILLMESH_TRY(is_own ? read_toml_entries(text, file, entries, message)
                              : read_yaml_entries(text, file, entries, message));
         CameraInfo parsed;
-        STILLMESH_TRY(camera_of_entries(entries, is_own, file, parsed, message));
+        STILLMESH_TRY(cameras_of_entries(entries, is_own, file, parsed, message));
         info = parsed;
         return Status::kOk;
     } catch (const std::exception& error) {  // a library's own: never through our door
@@ -132,17 +132,29 @@ std::string calibration_toml(const CameraInfo& info) {
     const auto line = [](const char* key, double value) {
         return std::string(key) + " = " + number_text(value) + "\n";
     };
-    const CameraModel& m = info.model;
-    return "# camera file of stillmesh: pixels, and depth units per metre\n" + line("width", m.width) +
-           line("height", m.height) + line("fx", m.fx) + line("fy", m.fy) + line("cx", m.cx) + line("cy", m.cy) +
-           line("k1", m.k1) + line("k2", m.k2) + line("p1", m.p1) + line("p2", m.p2) + line("k3", m.k3) +
-           (m.is_plain_brown()
-                ? std::string()
-                : std::string("lens = ") + (m.lens == Lens::kFisheye ? "\"fisheye\"\n" : "\"rational\"\n") +
-                      line("k4", m.k4) + line("k5", m.k5) + line("k6", m.k6)) +
-           (info.depth_units_per_m > 0 ? line("depth_units_per_m", info.depth_units_per_m) : std::string()) +
-           line("frames_per_s", info.frames_per_s) +
-           (info.readout_s < 0 ? std::string() : line("readout_s", info.readout_s));
+    const auto lens = [&line](const CameraModel& m) {
+        return line("width", m.width) + line("height", m.height) + line("fx", m.fx) + line("fy", m.fy) +
+               line("cx", m.cx) + line("cy", m.cy) + line("k1", m.k1) + line("k2", m.k2) + line("p1", m.p1) +
+               line("p2", m.p2) + line("k3", m.k3) +
+               (m.is_plain_brown()
+                    ? std::string()
+                    : std::string("lens = ") + (m.lens == Lens::kFisheye ? "\"fisheye\"\n" : "\"rational\"\n") +
+                          line("k4", m.k4) + line("k5", m.k5) + line("k6", m.k6));
+    };
+    std::string text = "# camera file of stillmesh: pixels, and depth units per metre\n" + lens(info.model) +
+                       (info.depth_units_per_m > 0 ? line("depth_units_per_m", info.depth_units_per_m) : "") +
+                       line("frames_per_s", info.frames_per_s) +
+                       (info.readout_s < 0 ? std::string() : line("readout_s", info.readout_s));
+    if (!info.separate_depth) return text;
+    text +=
+        "\n# depth images are those of this camera; the pose takes its points (m) into the camera above\n[depth]\n" +
+        lens(info.separate_depth->model);
+    const RigidTransform& pose = info.separate_depth->colour_from_depth;
+    constexpr const char* kTranslation[] = {"tx", "ty", "tz"};
+    constexpr const char* kRotation[] = {"qx", "qy", "qz", "qw"};
+    for (std::size_t i = 0; i < 3; ++i) text += line(kTranslation[i], pose.translation_m[i]);
+    for (std::size_t i = 0; i < 4; ++i) text += line(kRotation[i], pose.rotation_xyzw[i]);
+    return text;
 }
 
 }  // namespace stillmesh

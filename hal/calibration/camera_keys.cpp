@@ -159,11 +159,16 @@ template <typename List>
 // Reads the entries of one camera.
 class CameraReader {
 public:
-    CameraReader(std::span<const CameraEntry> entries, bool is_own, const std::string& file, std::string& message)
-        : entries_(entries), is_own_(is_own), file_(file), message_(message) {}
+    CameraReader(const CameraFile& file, std::string& message)
+        : entries_(file.entries), is_own_(file.is_own), file_(file.file), message_(message) {}
 
-    [[nodiscard]] Status read(CameraInfo& info) {
-        if (!is_own_) STILLMESH_TRY(choose_camera());
+    [[nodiscard]] Status read(std::string& prefix, CameraInfo& info) {
+        if (prefix != "*") {
+            camera_ = prefix;
+        } else if (!is_own_) {
+            STILLMESH_TRY(choose_camera());
+        }
+        prefix = camera_;
         for (const CameraEntry& entry : entries_) STILLMESH_TRY(take(entry));
         STILLMESH_TRY(look_for_misspelt());
         STILLMESH_TRY(take_coefficients());
@@ -615,9 +620,8 @@ Status CameraReader::finish(CameraInfo& info) {
 
 }  // namespace
 
-Status camera_of_entries(std::span<const CameraEntry> entries, bool is_own, const std::string& file, CameraInfo& info,
-                         std::string& message) {
-    return CameraReader(entries, is_own, file, message).read(info);
+Status camera_of_entries(const CameraFile& file, std::string& prefix, CameraInfo& info, std::string& message) {
+    return CameraReader(file, message).read(prefix, info);
 }
 
 }  // namespace stillmesh

@@ -11,11 +11,17 @@
 
 namespace stillmesh {
 
-// `is_own`: our own format, in which every key must be known. Else keys that speak of other things are passed over, but
-// for those that look like a misspelt one of what is missing. Of several cameras the colour camera is read. Width and
-// height are 0 when the file does not give them, depth_units_per_m when it has none.
+struct CameraFile {
+    std::span<const CameraEntry> entries;
+    bool is_own;              // our own format, in which every key must be known
+    const std::string& file;  // for messages
+};
+
+// In files of others, keys that speak of other things are passed over, but for those that look like a misspelt one of
+// what is missing. `prefix`: which camera of the file, such as "depth."; with "*" the colour camera, and `prefix` says
+// how its keys begin. Width and height are 0 when the file does not give them, depth_units_per_m when it has none.
 //   kInvalid: `message` names file, line, key and remedy
-[[nodiscard]] Status camera_of_entries(std::span<const CameraEntry> entries, bool is_own, const std::string& file,
-                                       CameraInfo& info, std::string& message);
+[[nodiscard]] Status camera_of_entries(const CameraFile& file, std::string& prefix, CameraInfo& info,
+                                       std::string& message);
 
 }  // namespace stillmesh

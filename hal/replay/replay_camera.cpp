@@ -314,32 +314,27 @@ Status ReplayCamera::check_images() {
     colour_wide_.assign(counts_.is_colour_wide ? pixels : 0, 0);
     colour_pixels_.assign(pixels * (colour_header_.kind == ImageKind::kRgb8 ? 3 : 1), 0);
     depth_pixels_.assign(pixels, 0);
-    const bool is_of_one_size = depth_header_.width == colour_header_.width;
-    depth_read_.assign(is_of_one_size ? 0 : std::size_t{depth_header_.width} * depth_header_.height, 0);
+    counts_.is_registered_here = is_of_separate_depth();
+    registration_.reset();
+    if (counts_.is_registered_here) {
+        const SeparateDepth& depth = *info_.separate_depth;
+        registration_.emplace(depth.model, info_.model, depth.colour_from_depth, info_.depth_units_per_m);
+    }
+    info_.separate_depth.reset();
+    const bool is_as_colour = !registration_ && depth_header_.width == colour_header_.width;
+    depth_read_.assign(is_as_colour ? 0 : std::size_t{depth_header_.width} * depth_header_.height, 0);
     return Status::kOk;
 }
 
 Status ReplayCamera::check_sizes() {
     const ImageHeader& colour = colour_header_;
-    const ImageHeader& depth = depth_header_;
     if (colour.width > options_.width_max || colour.height > options_.height_max) {
         message_ = colour_file_ + ": the images are " + size_text(colour) + ", at most " +
                    std::to_string(options_.width_max) + "x" + std::to_string(options_.height_max) +
                    " are taken; scale the recording and its calibration down.";
         return Status::kInvalid;
     }
-    // The same view in larger or smaller pixels: a whole number of them lies in each of the others.
-    constexpr std::uint32_t kRatioMax = 8;
-    const auto is_multiple = [](const ImageHeader& large, const ImageHeader& small) {
-        const std::uint32_t ratio = small.width == 0 ? 0 : large.width / small.width;
-        return ratio >= 1 && ratio <= kRatioMax && small.width * ratio == large.width &&
-               small.height * ratio == large.height;
-    };
-    if (!is_multiple(colour, depth) && !is_multiple(depth, colour)) {
-        message_ = depth_file_ + ": depth is " + size_text(depth) + " but colour is " + size_text(colour) +
-                   "; register depth to colour when recording.";
-        return Status::kInvalid;
-    }
+    STILLMESH_TRY(check_depth_size());
     CameraModel& model = info_.model;
     if (model.width == 0) {
         model.width = colour.width;
@@ -352,6 +347,37 @@ Status ReplayCamera::check_sizes() {
         return Status::kInvalid;
     }
     return Status::kOk;
+}
+
+bool ReplayCamera::is_of_separate_depth() const noexcept {
+    return info_.separate_depth && info_.separate_depth->model.width == depth_header_.width &&
+           info_.separate_depth->model.height == depth_header_.height;
+}
+
+Status ReplayCamera::check_depth_size() {
+    const ImageHeader& colour = colour_header_;
+    const ImageHeader& depth = depth_header_;
+    if (is_of_separate_depth()) return Status::kOk;
+    // The same view in larger or smaller pixels: a whole number of them lies in each of the others.
+    constexpr std::uint32_t kRatioMax = 8;
+    const auto is_multiple = [](const ImageHeader& large, const ImageHeader& small) {
+        const std::uint32_t ratio = small.width == 0 ? 0 : large.width / small.width;
+        return ratio >= 1 && ratio <= kRatioMax && small.width * ratio == large.width &&
+               small.height * ratio == large.height;
+    };
+    if (is_multiple(colour, depth) || is_multiple(depth, colour)) return Status::kOk;
+    message_ = depth_file_ + ": depth is " + size_text(depth) + " but colour is " + size_text(colour);
+    if (info_.separate_depth) {
+        const CameraModel& model = info_.separate_depth->model;
+        message_ += ", and the depth camera of " + calibration_source_ + " has " + std::to_string(model.width) + "x" +
+                    std::to_string(model.height) + "; give the camera of these images.";
+    } else {
+        message_ +=
+            "; register depth to colour when recording, or give the depth camera in camera.toml, too "
+            "(docs/recordings.md, "
+            "\"Two cameras\").";
+    }
+    return Status::kInvalid;
 }
 
 // Of smaller images each pixel is there several times, of larger ones the middle of each square counts.
@@ -381,7 +407,12 @@ Status ReplayCamera::read_pair(const ImagePair& pair, Frame& frame) {
     STILLMESH_TRY(image_path(kDepth, pair.depth, path_));
     STILLMESH_TRY(
         read_image(path_, depth_header_, bytes_of(depth_read_.empty() ? depth_pixels_ : depth_read_), message_));
-    if (!depth_read_.empty()) resize_depth();
+    if (registration_) {
+        registration_->reproject({depth_read_.data(), depth_header_.width, depth_header_.height, depth_header_.width},
+                                 depth_pixels_.data());
+    } else if (!depth_read_.empty()) {
+        resize_depth();
+    }
     const std::uint32_t width = info_.model.width;
     const std::uint32_t height = info_.model.height;
     frame.time_ns = pair.colour.time_ns;

@@ -1,10 +1,11 @@
 // A recording in the layout of the TUM RGB-D benchmark, played as a depth camera: rgb.txt and depth.txt list "seconds
 // file", colour is PNG, JPEG or what else image_reader.hpp reads (of 16-bit grey the high byte), depth 16-bit PNG, PGM
-// or NumPy, of colour's size or a whole multiple or fraction of it: then the nearest pixel counts. Frames come as fast
-// as they are polled; nothing is skipped but colour images without a depth image within 20 ms. Without those lists
-// associations.txt is read, which has both. The calibration is a file or name given by the caller, else camera.toml or
-// camera.yaml in the folder; with none, open() refuses rather than guesses. Memory: two image buffers and 32 bytes per
-// frame, all taken in open(). Every failure leaves a sentence in message().
+// or NumPy, of colour's size or a whole multiple or fraction of it: then the nearest pixel counts; or of the depth
+// camera that the camera file names: then it is registered here. Frames come as fast as they are polled; nothing is
+// skipped but colour images without a depth image within 20 ms. Without those lists associations.txt is read, which has
+// both. The calibration is a file or name given by the caller, else camera.toml or camera.yaml in the folder; with
+// none, open() refuses rather than guesses. Memory: two image buffers and 32 bytes per frame, all taken in open().
+// Every failure leaves a sentence in message().
 #pragma once
 
 #include <cstdint>
@@ -15,6 +16,7 @@
 #include <vector>
 
 #include "hal/depth_camera.hpp"
+#include "hal/live/depth_registration.hpp"
 #include "hal/replay/frame_list.hpp"
 #include "hal/replay/image_reader.hpp"
 
@@ -48,6 +50,7 @@ struct ReplayCounts {
     std::uint32_t depth_width = 0;         // px, of the depth images as they are
     std::uint32_t depth_height = 0;
     bool is_colour_wide = false;  // 16-bit grey
+    bool is_registered_here = false;
 };
 
 class ReplayCamera final : public DepthCamera {
@@ -86,6 +89,8 @@ private:
     [[nodiscard]] Status find_first_images();
     [[nodiscard]] Status check_images();
     [[nodiscard]] Status check_sizes();
+    [[nodiscard]] Status check_depth_size();
+    [[nodiscard]] bool is_of_separate_depth() const noexcept;
     void resize_depth();
     [[nodiscard]] Status read_pair(const ImagePair& pair, Frame& frame);
     [[nodiscard]] Status image_path(int list, const ListedImage& image, std::string& path);
@@ -103,7 +108,8 @@ private:
     ImageHeader depth_header_;
     std::vector<std::uint8_t> colour_pixels_;
     std::vector<std::uint16_t> colour_wide_;  // of 16-bit grey; else empty
-    std::vector<std::uint16_t> depth_read_;   // of another size than colour; else empty
+    std::vector<std::uint16_t> depth_read_;   // as it is, if it is not as colour; else empty
+    std::optional<DepthRegistration> registration_;
     std::vector<std::uint16_t> depth_pixels_;
     int lists_[2] = {-1, -1};  // rgb.txt and depth.txt stay open: names are read from them when needed
     std::string list_names_[2];

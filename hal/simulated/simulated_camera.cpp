@@ -67,6 +67,14 @@ constexpr double kJpegLoss = 30;  // of a quality of 100
     return {x * s, y * s, z * s, w * s};
 }
 
+[[nodiscard]] Rigid rigid(const RigidTransform& pose) {
+    const auto [x, y, z, w] = pose.rotation_xyzw;
+    return {{{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
+             {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
+             {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}},
+            {pose.translation_m[0], pose.translation_m[1], pose.translation_m[2]}};
+}
+
 }  // namespace
 
 struct SimulatedCamera::State {
@@ -88,6 +96,13 @@ struct SimulatedCamera::State {
           colour_readout_s(kColourReadoutS * dirt.rolling),
           depth_readout_s(kDepthReadoutS * dirt.rolling) {
         if (takes_rows) row_renderer.emplace(pinhole);
+        if (options.separate_depth) {
+            const CameraModel& m = options.separate_depth->model;
+            depth_renderer.emplace(Pinhole{m.width, m.height, m.fx, m.fy, m.cx, m.cy});
+            depth_sensor = DepthSensor(m.width, m.height);
+            depth.resize(std::size_t{m.width} * m.height);
+            colour_from_depth = rigid(options.separate_depth->colour_from_depth);
+        }
         Random random(day ^ 0x6578'706f'7375'7265ULL);
         for (double& phase : exposure_phase) phase = random.uniform(0, 2 * kPi);
     }
@@ -114,6 +129,8 @@ struct SimulatedCamera::State {
     DepthDirt depth_dirt;
     Renderer renderer;
     std::optional<RowRenderer> row_renderer;  // with takes_rows
+    std::optional<Renderer> depth_renderer;   // of a depth camera of its own
+    Rigid colour_from_depth;
     Recording recording;
     std::vector<float> sum;
     std::vector<std::uint8_t> grey;
@@ -246,6 +263,15 @@ void SimulatedCamera::State::develop(double time_s, std::uint32_t key) {
 // Depth at this time of its own; after the middle was taken.
 void SimulatedCamera::State::take_depth(double time_s, const SimulationOptions& options, std::uint32_t key,
                                         float units_per_m) {
+    if (depth_renderer) {
+        const Rigid world_from_colour = pose_at(time_s);
+        depth_renderer->begin({world_from_colour.rotation * colour_from_depth.rotation,
+                               world_from_colour * colour_from_depth.translation},
+                              0, 0);
+        world.draw(*depth_renderer, time_s);
+        depth_sensor.sense(*depth_renderer, scramble(key), units_per_m, depth);
+        return;
+    }
     const Vec3 aside{-options.depth_baseline_m, 0, 0};
     for (float& value : sum) value *= 1.0F / kExposures;
     const DepthErrors errors = dirt.scale > 0 || dirt.dark > 0 || dirt.noise > 0 || dirt.ragged > 0
@@ -292,6 +318,11 @@ Status SimulatedCamera::open() noexcept {
         return Status::kInvalid;
     }
     const auto is_within = [](std::uint32_t side) { return side >= 32 && side <= 2047; };
+    if (options_.separate_depth &&
+        (!is_within(options_.separate_depth->model.width) || !is_within(options_.separate_depth->model.height))) {
+        message_ = "the depth image must be 32 to 2047 pixels wide and high";
+        return Status::kInvalid;
+    }
     if (!is_within(options_.width) || !is_within(options_.height)) {
         message_ = "the image must be 32 to 2047 pixels wide and high, not " + std::to_string(options_.width) + " x " +
                    std::to_string(options_.height);
@@ -330,6 +361,7 @@ Status SimulatedCamera::open() noexcept {
     info_.model.cy = pinhole.cy;
     info_.depth_units_per_m = 5000.0;
     info_.frames_per_s = kFramesPerSecond;
+    info_.separate_depth = options_.separate_depth;
     day_ = options_.day == 0 ? options_.seed : options_.day;
     const Dirt dirt = laid_over(found->dirt, options_.dirt);
     if (dirt.calibration > 0) {
@@ -397,7 +429,8 @@ Status SimulatedCamera::poll(Frame& frame) noexcept {
     frame.depth_time_ns = pose_.time_ns + options_.depth_lag_ns + round_clamped_64(late * 0.5e9);
     frame.format = PixelFormat::kGrey8;
     frame.colour = {s.grey.data(), options_.width, options_.height, options_.width};
-    frame.depth = {s.depth.data(), options_.width, options_.height, options_.width};
+    const CameraModel& depth_model = info_.separate_depth ? info_.separate_depth->model : info_.model;
+    frame.depth = {s.depth.data(), depth_model.width, depth_model.height, depth_model.width};
     frame.depth_units_per_m = info_.depth_units_per_m;
     ++next_;
     return Status::kOk;

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,6 +29,9 @@ struct SimulationOptions {
     std::int64_t exposure_ns = 12'000'000;  // 0: no motion blur
     double depth_baseline_m = 0;  // the depth camera stands so far to the left, its depth is not registered; below 1
     Dirt dirt = {};               // what is not said, the scene says
+    // Depth of a camera of its own, without distortion, which sees all its rows at once: not registered, and without
+    // what dirt does to depth.
+    std::optional<SeparateDepth> separate_depth = std::nullopt;
 };
 
 struct SimulatedScene {

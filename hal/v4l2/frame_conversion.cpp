@@ -18,8 +18,7 @@ FrameConversion::FrameConversion(const CameraPair& cameras, const V4l2Format& co
     colour_.resize(pixels * channels_of(engine_format(colour.fourcc)));
     depth_.resize(pixels);
     if (!cameras.is_same_view()) {
-        registration_.emplace(cameras.depth, cameras.colour, -cameras.colour_from_depth.translation_m[0],
-                              cameras.depth_units_per_m);
+        registration_.emplace(cameras.depth, cameras.colour, cameras.colour_from_depth, cameras.depth_units_per_m);
     }
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/features/hamming.hpp"
+#include "engine/geometry/lens.hpp"
 
 namespace stillmesh {
 namespace {
@@ -14,45 +15,6 @@ constexpr std::int32_t kColumns = 52, kRows = 52;  // of pictures up to 2047 px
 // Of 256 bits. Below 60 a pair of ORB descriptors is seldom wrong, with the next best a fifth worse hardly ever.
 constexpr int kDistanceMax = 60;
 constexpr int kFar = 257;
-
-// How far off the axis a fisheye sees what it draws at `rd`, both as tangents: Newton's steps, rd being near theta.
-double fisheye_tangent(const CameraModel& m, double rd) {
-    constexpr double kWidest = 1.5;  // rad
-    double theta = std::min(rd, kWidest);
-    for (int i = 0; i < 8; ++i) {
-        const double t2 = theta * theta;
-        const double value = theta * (1.0 + t2 * (m.k1 + t2 * (m.k2 + t2 * (m.k3 + t2 * m.k4))));
-        const double slope = 1.0 + t2 * (3 * m.k1 + t2 * (5 * m.k2 + t2 * (7 * m.k3 + t2 * 9 * m.k4)));
-        if (!(slope > 0.1)) break;
-        theta = std::clamp(theta + (rd - value) / slope, 0.0, kWidest);
-    }
-    return std::tan(theta);
-}
-
-// The fixed point x = distorted / factor(x): lenses of depth cameras need five rounds to 1e-4.
-void undistort(const CameraModel& m, float u, float v, float& x_out, float& y_out) {
-    const double xd = (u - m.cx) / m.fx, yd = (v - m.cy) / m.fy;
-    double x = xd, y = yd;
-    if (m.lens == Lens::kFisheye) {
-        const double rd = std::sqrt(xd * xd + yd * yd);
-        const double factor = rd > 1e-6 ? fisheye_tangent(m, rd) / rd : 1.0;
-        x_out = static_cast<float>(xd * factor);
-        y_out = static_cast<float>(yd * factor);
-        return;
-    }
-    for (int i = 0; i < 8; ++i) {
-        const double r2 = x * x + y * y;
-        const double below = 1.0 + r2 * (m.k4 + r2 * (m.k5 + r2 * m.k6));
-        const double radial = (1.0 + r2 * (m.k1 + r2 * (m.k2 + r2 * m.k3))) / below;
-        if (!(radial > 0.2 && below > 0.2)) break;
-        const double dx = 2 * m.p1 * x * y + m.p2 * (r2 + 2 * x * x);
-        const double dy = m.p1 * (r2 + 2 * y * y) + 2 * m.p2 * x * y;
-        x = (xd - dx) / radial;
-        y = (yd - dy) / radial;
-    }
-    x_out = static_cast<float>(x);
-    y_out = static_cast<float>(y);
-}
 
 // The mean of the inverse over 5x5 pixels, where all is one surface: on a border, depth of one side would be mixed with
 // the picture of the other.
@@ -99,7 +61,9 @@ void View::take(const Frame& frame, const FeatureSet& features, const CameraMode
         if (f.inverse_depth <= 0) continue;
         f.u = k.x;
         f.v = k.y;
-        undistort(camera, k.x, k.y, f.x, f.y);
+        const ImagePoint ray = ray_of_pixel(camera, {double{k.x}, double{k.y}});
+        f.x = static_cast<float>(ray.x);
+        f.y = static_cast<float>(ray.y);
         f.level = k.level;
         f.noise_px = std::pow(1.2F, static_cast<float>(k.level));
         f.descriptor = features.descriptors[i];

@@ -388,9 +388,16 @@ int program(int argc, char** argv) {
     simulate_command->add_option("--every", simulation.every, "of these each so many-th: a camera that moves faster")
         ->check(CLI::Range(1U, 1000U))
         ->type_name("N");
-    simulate_command->add_option("--width", simulation.width, "px; the height is three quarters of it (640)")
+    simulate_command->add_option("--width", simulation.width, "of the images, px (640)")
         ->check(CLI::Range(64U, 2044U))
         ->type_name("N");
+    simulate_command->add_option("--height", simulation.height, "px; three quarters of the width if not given")
+        ->check(CLI::Range(48U, 2044U))
+        ->type_name("N");
+    simulate_command->add_flag(
+        "--separate-depth", simulation.is_depth_separate,
+        "depth of a camera of its own, as in a RealSense: 848x480, 90 degrees wide, 15 mm aside, "
+        "not registered; camera.toml names both");
     simulate_command->add_option("--dirt", simulation.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...");
     simulate_command->add_flag("--motion", simulation.has_motion,
                                "odometry.txt (2 % off) and gyro.txt (.5 degrees/s) beside the frames");

@@ -295,7 +295,11 @@ void note_what_was_read(const ReplayCamera& camera, double pair_gap_s, RunRecord
                                            time_unit_name(counts.unit), counts.step));
     }
     const CameraModel& model = camera.info().model;
-    if (counts.depth_width != model.width) {
+    if (counts.is_registered_here) {
+        record.notes.push_back(fmt::format("depth is {}x{}, of the depth camera in {}: registered to colour, {}x{}.",
+                                           counts.depth_width, counts.depth_height, camera.calibration_source(),
+                                           model.width, model.height));
+    } else if (counts.depth_width != model.width) {
         record.notes.push_back(
             fmt::format("depth is {}x{}, colour {}x{}: taken for the same view, the nearest pixel counts.",
                         counts.depth_width, counts.depth_height, model.width, model.height));

@@ -12,12 +12,14 @@ struct SimulateOptions {
     std::string scene;  // such as walking_xyz
     std::string out;    // folder to make; must not be there, or be empty
     std::uint64_t seed = 1;
-    std::uint64_t day = 0;      // not 0: the same room, another day
-    std::uint32_t frames = 0;   // of the camera; 0: the scene's own length
-    std::uint32_t width = 640;  // px; the height is three quarters of it
-    std::uint32_t every = 1;    // of the camera's frames each so many-th is written: a camera that moves faster
-    bool has_motion = false;    // odometry.txt and gyro.txt, with errors of the seed
-    bool is_json = false;       // summary as JSON, no progress
+    std::uint64_t day = 0;           // not 0: the same room, another day
+    std::uint32_t frames = 0;        // of the camera; 0: the scene's own length
+    std::uint32_t width = 640;       // px
+    std::uint32_t height = 0;        // px; 0: three quarters of the width
+    std::uint32_t every = 1;         // of the camera's frames each so many-th is written: a camera that moves faster
+    bool is_depth_separate = false;  // depth of a camera of its own, as a RealSense D435 has it, not registered
+    bool has_motion = false;         // odometry.txt and gyro.txt, with errors of the seed
+    bool is_json = false;            // summary as JSON, no progress
     std::string dirt = {};  // strengths, as shake=1,rolling=.5 (hal/simulated/dirt.hpp); what the scene has if empty
 };
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/base/random.hpp"
+#include "engine/geometry/lens.hpp"
 
 namespace stillmesh {
 namespace {
@@ -125,6 +126,20 @@ TEST(Camera, UndistortsEveryPixel) {
             for (std::uint32_t x = 0; x < model.width; ++x) worst = std::max(worst, residual_px(model, Vector2(x, y)));
         }
         EXPECT_LT(worst, 1e-6);
+    }
+}
+
+// Promise: what programs see of the lens is the engine's own, to the bit, both ways.
+TEST(Camera, ProgramsSeeTheSameLens) {
+    for (const CameraModel& model : {freiburg1(), freiburg3(), azure(), t265()}) {
+        for (const Vector2& pixel :
+             {Vector2(0, 0), Vector2(100.5, 37.25), Vector2(model.width - 1, model.height - 1)}) {
+            const Vector2 ray = undistort_to_normalised(model, pixel);
+            const ImagePoint seen = ray_of_pixel(model, {pixel.x(), pixel.y()});
+            EXPECT_EQ(Vector2(seen.x, seen.y), ray);
+            const ImagePoint back = pixel_of_ray(model, seen);
+            EXPECT_EQ(Vector2(back.x, back.y), distort_to_pixel(model, ray));
+        }
     }
 }
 

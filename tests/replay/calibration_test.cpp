@@ -409,5 +409,94 @@ TEST(Calibration, LoadsNamesAndFiles) {
     EXPECT_NE(message.find("missing.toml: cannot be opened"), std::string::npos) << message;
 }
 
+// Promise: our own file names two cameras and how they stand to each other; written and read again they are the same to
+// the bit, lens and all; and what is missing or cannot be is named.
+TEST(CameraPair, OwnFile) {
+    CameraInfo info = *built_in_calibration("tum-fr1");
+    SeparateDepth depth;
+    depth.model = {848, 480, 424.1, 424.2, 424.3, 238.4, 0.1, -0.2, 0.003, 0.004, 0.05};
+    depth.colour_from_depth = {{0.6, 0, 0, 0.8}, {0.015, -0.001, 0.0002}};
+    info.separate_depth = depth;
+    const std::string text = calibration_toml(info);
+    CameraInfo read;
+    std::string message;
+    ASSERT_EQ(parse_calibration(text, CalibrationFormat::kToml, "f", read, message), Status::kOk) << message;
+    expect_equal(read, info);
+    ASSERT_TRUE(read.separate_depth);
+    EXPECT_EQ(read.separate_depth->model, depth.model);
+    for (int i = 0; i < 4; ++i) {
+        EXPECT_EQ(read.separate_depth->colour_from_depth.rotation_xyzw[i], depth.colour_from_depth.rotation_xyzw[i]);
+    }
+    for (int i = 0; i < 3; ++i) {
+        EXPECT_EQ(read.separate_depth->colour_from_depth.translation_m[i], depth.colour_from_depth.translation_m[i]);
+    }
+    const auto error = [&text](const char* from, const char* to) {
+        return error_of(replaced(text, from, to), CalibrationFormat::kToml);
+    };
+    EXPECT_NE(error("tx = 0.015", "").find("'depth.tx' is missing"), std::string::npos);
+    EXPECT_NE(error("tx = 0.015", "tx = 15").find("in mm"), std::string::npos);
+    EXPECT_NE(error("fx = 424.1", "").find("'depth.fx' is missing"), std::string::npos);
+    EXPECT_NE(error("fx = 424.1", "fx = 424.1\nfocal = 3").find("'depth.focal' is unknown"), std::string::npos);
+    EXPECT_NE(error("qw = 0.8", "qw = 0.9").find("length 1"), std::string::npos);
+}
+
+// Promise: Kalibr's chain and librealsense's numbers give the pose between the two cameras, whichever comes first: a
+// point that the depth camera sees lies in the colour camera where the file's own matrices put it.
+TEST(CameraPair, FilesOfOthers) {
+    const std::string colour =
+        ":\n  camera_model: pinhole\n  distortion_model: radtan\n  distortion_coeffs: [0, 0, 0, 0]\n"
+        "  intrinsics: [600, 601, 320, 240]\n  resolution: [640, 480]\n  rostopic: /camera/color/image_raw\n";
+    const std::string infrared =
+        ":\n  camera_model: pinhole\n  distortion_model: radtan\n  distortion_coeffs: [0, 0, 0, 0]\n"
+        "  intrinsics: [424, 425, 420, 240]\n  resolution: [848, 480]\n  rostopic: /camera/infra1/image_rect_raw\n";
+    // A quarter turn about z, and (.01, .02, .03) m.
+    const std::string forth = "  T_cn_cnm1: [[0, -1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, 1, 0.03], [0, 0, 0, 1]]\n";
+    const std::string realsense =
+        R"({"color": {"width": 640, "height": 480, "fx": 600, "fy": 601, "ppx": 320, "ppy": 240, "model": "none"},
+            "depth": {"width": 848, "height": 480, "fx": 424, "fy": 425, "ppx": 420, "ppy": 240, "model": "none"},
+            "depth_scale": 0.001,
+            "depth_to_color": {"rotation": [0, 1, 0, -1, 0, 0, 0, 0, 1], "translation": [0.01, 0.02, 0.03]}})";
+    const auto seen_in_colour = [](const std::string& text) {
+        CameraInfo info;
+        std::string message;
+        EXPECT_EQ(parse_calibration(text, CalibrationFormat::kYaml, "f", info, message), Status::kOk) << message;
+        EXPECT_EQ(info.model.fx, 600);
+        std::array<double, 3> out{};
+        EXPECT_TRUE(info.separate_depth) << text;
+        if (!info.separate_depth) return out;
+        EXPECT_EQ(info.separate_depth->model.fx, 424);
+        const auto [x, y, z, w] = info.separate_depth->colour_from_depth.rotation_xyzw;
+        const double* const t = info.separate_depth->colour_from_depth.translation_m;
+        const double p[3] = {0.1, 0.2, 1.0};
+        out = {(1 - 2 * (y * y + z * z)) * p[0] + 2 * (x * y - z * w) * p[1] + 2 * (x * z + y * w) * p[2] + t[0],
+               2 * (x * y + z * w) * p[0] + (1 - 2 * (x * x + z * z)) * p[1] + 2 * (y * z - x * w) * p[2] + t[1],
+               2 * (x * z - y * w) * p[0] + 2 * (y * z + x * w) * p[1] + (1 - 2 * (x * x + y * y)) * p[2] + t[2]};
+        return out;
+    };
+    const auto expect_at = [](const std::array<double, 3>& got, double x, double y, double z) {
+        EXPECT_NEAR(got[0], x, 1e-12);
+        EXPECT_NEAR(got[1], y, 1e-12);
+        EXPECT_NEAR(got[2], z, 1e-12);
+    };
+    // Infrared first: colour_from_depth is the matrix itself.
+    expect_at(seen_in_colour("cam0" + infrared + "cam1" + colour + forth), -0.19, 0.12, 1.03);
+    expect_at(seen_in_colour(realsense), -0.19, 0.12, 1.03);
+    // Colour first: its inverse.
+    expect_at(seen_in_colour("cam0" + colour + "cam1" + infrared + forth), 0.18, -0.09, 0.97);
+
+    // No place, no second camera; of one size, depth is taken for registered.
+    CameraInfo info;
+    std::string message;
+    ASSERT_EQ(parse_calibration("cam0" + infrared + "cam1" + colour, CalibrationFormat::kYaml, "f", info, message),
+              Status::kOk)
+        << message;
+    EXPECT_FALSE(info.separate_depth);
+    const std::string same = "cam0" + replaced(infrared, "[848, 480]", "[640, 480]") + "cam1" + colour + forth;
+    ASSERT_EQ(parse_calibration(same, CalibrationFormat::kYaml, "f", info, message), Status::kOk) << message;
+    EXPECT_FALSE(info.separate_depth);
+    const std::string skewed = "cam0" + infrared + "cam1" + colour + replaced(forth, "[1, 0,", "[1, 0.5,");
+    EXPECT_NE(error_of(skewed, CalibrationFormat::kYaml).find("no rigid motion"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace stillmesh

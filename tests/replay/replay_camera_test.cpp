@@ -14,6 +14,8 @@ namespace stillmesh {
 namespace {
 
 using test::TemporaryFolder;
+using test::kCameraToml;
+using test::write_depth;
 using test::write_recording;
 using test::write_text;
 
@@ -51,6 +53,45 @@ TEST(ReplayCamera, PlaysWhatWasRecorded) {
             EXPECT_EQ(camera.poll(frame), Status::kEnd);
         }
     }
+}
+
+// Promise: depth of a camera of its own, named in the camera file, comes out registered, as DepthRegistration makes it
+// of the images in the folder, and info() speaks of no second camera; of another size than that camera's it is refused
+// with both sizes, and without that camera the sentence says that it could be given.
+TEST(ReplayCamera, RegistersDepthOfASecondCamera) {
+    const std::string second =
+        "[depth]\nwidth = 52\nheight = 40\nfx = 30\nfy = 30\ncx = 25.5\ncy = 19.5\ntx = 0.02\nty = 0\ntz = 0\n";
+    TemporaryFolder folder;
+    write_recording(folder.path());
+    for (std::uint32_t i = 0; i < 3; ++i)
+        write_depth(folder.path() + "/depth/" + std::to_string(i) + ".png", 52, 40, i);
+    ReplayCamera camera({.folder = folder.path(), .calibration = ""});
+    EXPECT_EQ(camera.open(), Status::kInvalid);
+    EXPECT_NE(camera.message().find("52x40 but colour is 64x48"), std::string::npos) << camera.message();
+    EXPECT_NE(camera.message().find("give the depth camera in camera.toml"), std::string::npos) << camera.message();
+
+    write_text(folder.path() + "/camera.toml", kCameraToml + second);
+    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+    EXPECT_TRUE(camera.counts().is_registered_here);
+    EXPECT_FALSE(camera.info().separate_depth);
+    CameraModel depth;
+    depth.width = 52, depth.height = 40, depth.fx = depth.fy = 30, depth.cx = 25.5, depth.cy = 19.5;
+    RigidTransform pose;
+    pose.translation_m[0] = 0.02;
+    DepthRegistration registration(depth, camera.info().model, pose, 5000);
+    std::vector<std::uint16_t> source(52 * 40), expected(64 * 48);
+    for (std::uint32_t i = 0; i < 3; ++i) {
+        Frame frame;
+        ASSERT_EQ(camera.poll(frame), Status::kOk) << camera.message();
+        for (std::size_t at = 0; at < source.size(); ++at) source[at] = test::depth_value(i, at);
+        registration.reproject({source.data(), 52, 40, 52}, expected.data());
+        ASSERT_EQ(frame.depth.width, 64U);
+        ASSERT_TRUE(std::equal(expected.begin(), expected.end(), frame.depth.data));
+    }
+
+    write_text(folder.path() + "/camera.toml", kCameraToml + second.substr(0, 8) + "width = 53" + second.substr(18));
+    EXPECT_EQ(camera.open(), Status::kInvalid);
+    EXPECT_NE(camera.message().find("has 53x40"), std::string::npos) << camera.message();
 }
 
 // Promise: colour without depth within 20 ms is skipped and counted; gaps are counted with their place.

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "engine/geometry/rigid_transform.hpp"
+#include "engine/geometry/se3.hpp"
 #include "tests/support/synthetic.hpp"
 
 namespace stillmesh {
