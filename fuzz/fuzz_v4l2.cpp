@@ -66,60 +66,62 @@ public:
     ~ByteLink() { fuzz::expect(open_ == 0 && mapped_.empty(), "everything is given back"); }
 
     std::vector<V4l2Node> nodes() override {
-        std::vector<V4l2Node> nodes(bytes_.u8() % 5);
+        std::vector<V4l2Node> nodes(2 + bytes_.u8() % 3U);
         for (std::size_t i = 0; i < nodes.size(); ++i) {
             nodes[i].path = "/dev/video" + std::to_string(i);
-            nodes[i].usb_port = bytes_.u8() % 8 == 0 ? "" : "2-1";
-            nodes[i].vendor_id = bytes_.u8() % 8 == 0 ? 0x1234 : v4l2::kRealSenseVendor;
-            nodes[i].product_id = bytes_.u8() % 2 == 0 ? v4l2::kD435 : v4l2::kD405;
-            nodes[i].interface = static_cast<std::uint8_t>(i / 2);
+            nodes[i].usb_port = rarely() ? "" : "2-1";
+            nodes[i].vendor_id = rarely() ? std::uint16_t{0x1234} : v4l2::kRealSenseVendor;
+            nodes[i].product_id = rarely() ? v4l2::kD405 : v4l2::kD435;
+            nodes[i].interface = static_cast<std::uint8_t>(i);
         }
         return nodes;
     }
-    int open(const std::string&, int& handle) override {
+    int open(const std::string& path, int& handle) override {
         if (const int error = fails(); error != 0) return error;
         handle = next_++;
+        is_first_[handle] = path == "/dev/video0";
         ++open_;
         return 0;
     }
     void close(int) override { --open_; }
     int query_capability(int, std::uint32_t& capabilities) override {
-        capabilities = bytes_.u8() % 8 == 0 ? bytes_.u32() : kV4l2Capture | kV4l2Streaming;
+        capabilities = rarely() ? bytes_.u32() : kV4l2Capture | kV4l2Streaming;
         return fails();
     }
-    int format_at(int, std::uint32_t, std::uint32_t& code) override {
-        constexpr std::uint32_t kCodes[] = {v4l2::kZ16,  v4l2::kYuyv, v4l2::kGrey, v4l2::kMjpg,
-                                            v4l2::kUyvy, v4l2::kRgb3, v4l2::kY8i,  v4l2::kY16};
-        code = bytes_.u8() % 16 == 0 ? bytes_.u32() : kCodes[bytes_.u8() % 8];
-        return bytes_.u8() % 2 == 0 ? EINVAL : fails();
+    int format_at(int handle, std::uint32_t index, std::uint32_t& code) override {
+        constexpr std::uint32_t kCodes[] = {v4l2::kYuyv, v4l2::kGrey, v4l2::kMjpg, v4l2::kUyvy,
+                                            v4l2::kRgb3, v4l2::kY8i,  v4l2::kY16};
+        code = is_first_[handle] ? v4l2::kZ16 : kCodes[bytes_.u8() % 7];
+        if (rarely()) code = bytes_.u32();
+        return index > 0 && !rarely() ? EINVAL : fails();
     }
-    int size_at(int, std::uint32_t, std::uint32_t, V4l2Size& size) override {
-        size = {std::uint32_t{bytes_.u8()}, std::uint32_t{bytes_.u8()}};
-        if (bytes_.u8() % 16 == 0) size = {bytes_.u32(), bytes_.u32()};
-        return bytes_.u8() % 2 == 0 ? EINVAL : fails();
+    int size_at(int, std::uint32_t, std::uint32_t index, V4l2Size& size) override {
+        size = {40U + bytes_.u8() % 64U, 40U + bytes_.u8() % 64U};
+        if (rarely()) size = {bytes_.u32(), bytes_.u32()};
+        return index > 0 && !rarely() ? EINVAL : fails();
     }
-    int interval_at(int, const V4l2Format&, std::uint32_t, V4l2Interval& interval) override {
-        interval = {1, std::uint32_t{bytes_.u8()}};
-        if (bytes_.u8() % 16 == 0) interval = {bytes_.u32(), bytes_.u32()};
-        return bytes_.u8() % 2 == 0 ? EINVAL : fails();
+    int interval_at(int, const V4l2Format&, std::uint32_t index, V4l2Interval& interval) override {
+        interval = {1, 30};
+        if (rarely()) interval = {bytes_.u32(), bytes_.u32()};
+        return index > 0 && !rarely() ? EINVAL : fails();
     }
     int set_format(int handle, V4l2Format& format) override {
         const std::uint32_t pixel = std::max(v4l2::bytes_per_pixel(format.fourcc), 1U);
-        format.bytes_per_line = pixel * format.width + (bytes_.u8() % 8 == 0 ? bytes_.u8() : 0U);
+        format.bytes_per_line = pixel * format.width + (rarely() ? bytes_.u8() : 0U);
         format.bytes = format.bytes_per_line * format.height;
-        if (bytes_.u8() % 16 == 0) format.bytes = bytes_.u32();
-        if (bytes_.u8() % 16 == 0) format.bytes_per_line = bytes_.u32();
-        if (bytes_.u8() % 16 == 0) format.width = bytes_.u32();
-        sizes_[handle] = std::min(format.bytes, 1U << 18U);
+        if (rarely()) format.bytes = bytes_.u32();
+        if (rarely()) format.bytes_per_line = bytes_.u32();
+        if (rarely()) format.width = bytes_.u32();
+        sizes_[handle] = std::min(format.bytes, 1U << 20U);
         return fails();
     }
     int set_interval(int, V4l2Interval& interval) override {
-        if (bytes_.u8() % 8 == 0) interval = {bytes_.u32(), bytes_.u32()};
+        if (rarely()) interval = {bytes_.u32(), bytes_.u32()};
         return fails();
     }
     int set_control(int, std::uint32_t, std::int32_t) override { return fails(); }
     int request_buffers(int, std::uint32_t& count) override {
-        if (count != 0 && bytes_.u8() % 8 == 0) count = bytes_.u8();
+        if (count != 0 && rarely()) count = bytes_.u8();
         return fails();
     }
     int map(int handle, std::uint32_t, std::span<const std::uint8_t>& bytes) override {
@@ -137,19 +139,19 @@ public:
     }
     int queue(int, std::uint32_t) override { return fails(); }
     int dequeue(int handle, V4l2Buffer& buffer) override {
-        if (bytes_.is_empty() || bytes_.u8() % 4 == 0) return EAGAIN;
-        buffer.index = bytes_.u8() % 8 == 0 ? bytes_.u32() : bytes_.u8() % 6U;
-        buffer.bytes_used = bytes_.u8() % 8 == 0 ? bytes_.u32() : sizes_[handle];
+        if (bytes_.is_empty() || bytes_.u8() % 4 == 3) return EAGAIN;
+        buffer.index = rarely() ? bytes_.u32() : next_buffer_++ % 6U;
+        buffer.bytes_used = rarely() ? bytes_.u32() : sizes_[handle];
         buffer.sequence = bytes_.u8();
-        buffer.stamp_us = static_cast<std::int64_t>(bytes_.u8() % 8 == 0 ? bytes_.u64() : bytes_.u8() * 10'000U);
-        buffer.is_broken = bytes_.u8() % 8 == 0;
-        buffer.is_monotonic = bytes_.u8() % 4 != 0;
+        buffer.stamp_us = rarely() ? static_cast<std::int64_t>(bytes_.u64()) : 1'000'000 + bytes_.u8() * 100;
+        buffer.is_broken = rarely();
+        buffer.is_monotonic = !rarely();
         return fails();
     }
     int set_streaming(int, bool) override { return fails(); }
     int wait(std::span<const int>, std::uint32_t timeout_ms, std::span<V4l2Ready> ready) override {
         now_ns_ += std::int64_t{timeout_ms} * 1'000'000 + 1;
-        for (V4l2Ready& one : ready) one = {bytes_.u8() % 4 != 0, bytes_.u8() % 16 == 0};
+        for (V4l2Ready& one : ready) one = {!rarely(), rarely()};
         return fails();
     }
     int extension(int, std::uint8_t, std::uint8_t, V4l2Query query, std::span<std::uint8_t> data) override {
@@ -160,7 +162,7 @@ public:
         }
         std::fill(data.begin(), data.end(), std::uint8_t{0});
         data[0] = code_;
-        if (code_ == 0x15 && bytes_.u8() % 4 != 0) {
+        if (code_ == 0x15 && !rarely()) {
             write_table(data);
         } else {
             for (std::size_t i = 0; i < 64; ++i) data[i] = bytes_.u8();
@@ -194,17 +196,20 @@ private:
         data[1020] = static_cast<std::uint8_t>(table.size() & 0xffU);
         data[1021] = static_cast<std::uint8_t>(table.size() >> 8U);
     }
+    [[nodiscard]] bool rarely() { return bytes_.u8() >= 248; }
     int fails() {
         constexpr int kErrors[] = {EIO, ENODEV, EBUSY, ENOSPC, EINVAL, EACCES, ENOENT, EPIPE};
-        return bytes_.u8() < 248 ? 0 : kErrors[bytes_.u8() % 8];
+        return bytes_.u8() < 253 ? 0 : kErrors[bytes_.u8() % 8];
     }
 
     fuzz::Bytes bytes_;
     int open_ = 0, next_ = 3;
+    std::uint32_t next_buffer_ = 0;
     std::int64_t now_ns_ = 1'000'000'000;
     std::uint8_t code_ = 0;
     bool is_depth_ = false;
     std::map<int, std::uint32_t> sizes_;
+    std::map<int, bool> is_first_;
     std::vector<std::unique_ptr<std::vector<std::uint8_t>>> mapped_;
 };
 

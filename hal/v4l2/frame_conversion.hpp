@@ -10,7 +10,7 @@
 
 #include "engine/base/status.hpp"
 #include "engine/frame/frame.hpp"
-#include "engine/outputs.hpp"
+#include "engine/geometry/rigid_transform.hpp"
 #include "hal/live/depth_registration.hpp"
 #include "hal/v4l2/image_stream.hpp"
 

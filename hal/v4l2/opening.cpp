@@ -13,7 +13,7 @@ namespace {
 
 // Images/s that pairing believes in: half a period is at most 33 ms, at least 8.
 constexpr double kPairingRateMin = 15, kPairingRateMax = 60;
-constexpr double kOtherUnitsPerM = 1000;  // what is sent as Z16 or Y16 is mm, unless somebody knows better
+constexpr double kOtherUnitsPerM = 1000;  // what is sent as Z16 or Y16 is mm, unless the calibration says other
 constexpr int kTriesMax = 32;             // of modes
 constexpr std::uint32_t kUsb2_mbit_per_s = 480;
 
@@ -123,31 +123,31 @@ Status Opening::calibrate_realsense(const V4l2Node& node, const OpeningWishes& w
                                     std::string& message) {
     RealSenseDevice device(link_, depth_handle_);
     CameraPair& cameras = opened.cameras;
-    RealSenseCalibration read{cameras.depth, cameras.colour, {}};
-    std::string why;
-    Status status = device.read_depth(read.depth, why);
-    if (status == Status::kOk) status = device.read_colour(node.product_id, read, why);
-    if (status == Status::kUnavailable) {
-        message = why_not(node.path, ENODEV);
-        return status;
-    }
     const bool is_given = !wishes.calibration.empty();
-    if (status != Status::kOk && !is_given) {
-        message = camera_text(node) + ": its calibration cannot be read: " + why +
-                  "; unplug it and plug it in again, or give one of your own (--calibration FILE).";
-        return Status::kInvalid;
+    std::string why;
+    Status status = Status::kOk;
+    if (!wishes.given.separate_depth) {
+        RealSenseCalibration read{cameras.depth, cameras.colour, {}};
+        status = device.read_depth(read.depth, why);
+        if (status == Status::kOk) status = device.read_colour(node.product_id, read, why);
+        if (status == Status::kOk) {
+            cameras.depth = read.depth;
+            cameras.colour_from_depth = read.colour_from_depth;
+            if (!is_given) cameras.colour = read.colour;
+        } else if (status == Status::kCorrupt && is_given) {
+            nominal_depth(node.product_id, cameras.depth, cameras.colour_from_depth);
+            opened.notes.push_back("the camera's own calibration cannot be read: " + why +
+                                   "; depth is registered as the data sheet's camera sees it, which may be some px "
+                                   "off.");
+        } else {
+            message = status == Status::kUnavailable
+                          ? why_not(node.path, ENODEV)
+                          : camera_text(node) + ": its calibration cannot be read: " + why +
+                                "; unplug it and plug it in again, or give one of your own (--calibration FILE).";
+            return status == Status::kUnavailable ? status : Status::kInvalid;
+        }
     }
-    if (status == Status::kOk) {
-        cameras.depth = read.depth;
-        cameras.colour_from_depth = read.colour_from_depth;
-        if (!is_given) cameras.colour = read.colour;
-        opened.calibration_source = is_given ? wishes.calibration : "the camera's own";
-    } else {
-        nominal_depth(node.product_id, cameras.depth, cameras.colour_from_depth);
-        opened.calibration_source = wishes.calibration;
-        opened.notes.push_back("the camera's own calibration cannot be read: " + why +
-                               "; depth is registered as the data sheet's camera sees it, which may be some px off.");
-    }
+    opened.calibration_source = is_given ? wishes.calibration : "the camera's own";
     status = device.read_depth_units(cameras.depth_units_per_m, why);
     if (status != Status::kOk) {
         cameras.depth_units_per_m = node.product_id == kD405 ? 10'000 : 1000;
@@ -158,14 +158,32 @@ Status Opening::calibrate_realsense(const V4l2Node& node, const OpeningWishes& w
 
 Status Opening::calibrate_other(const OpeningWishes& wishes, Opened& opened, std::string& message) {
     CameraPair& cameras = opened.cameras;
-    cameras.depth_units_per_m = kOtherUnitsPerM;
     if (wishes.calibration.empty()) {
         message = opened.description + ": nothing is known of its lens; give its calibration (--calibration FILE).";
         return Status::kInvalid;
     }
-    take_as_registered(cameras);
+    cameras.depth_units_per_m = wishes.given.depth_units_per_m > 0 ? wishes.given.depth_units_per_m : kOtherUnitsPerM;
     opened.calibration_source = wishes.calibration;
-    opened.notes.emplace_back("depth is taken as registered to colour, in mm.");
+    if (wishes.given.separate_depth) return Status::kOk;
+    take_as_registered(cameras);
+    opened.notes.emplace_back("depth is taken as registered to colour: the calibration names one camera only.");
+    return Status::kOk;
+}
+
+// What the calibration says of both cameras, in the sizes that stream.
+Status Opening::adopt_given(const OpeningWishes& wishes, Opened& opened, std::string& message) {
+    CameraPair& cameras = opened.cameras;
+    const auto refuse = [&](const CameraModel& given, const CameraModel& model) {
+        message = wishes.calibration + ": is for " + size_text(given.width, given.height) +
+                  " pixels, the camera gives " + size_text(model.width, model.height) + ".";
+        return Status::kInvalid;
+    };
+    opened.readout_s = wishes.given.readout_s;
+    if (!scale_given(wishes.given.model, cameras.colour)) return refuse(wishes.given.model, cameras.colour);
+    if (!wishes.given.separate_depth) return Status::kOk;
+    const SeparateDepth& depth_given = *wishes.given.separate_depth;
+    if (!scale_given(depth_given.model, cameras.depth)) return refuse(depth_given.model, cameras.depth);
+    cameras.colour_from_depth = depth_given.colour_from_depth;
     return Status::kOk;
 }
 
@@ -198,16 +216,12 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     cameras.depth.height = depth.format().height;
     cameras.colour.width = colour.format().width;
     cameras.colour.height = colour.format().height;
-    if (!wishes.calibration.empty() && !scale_given(wishes.given.model, cameras.colour)) {
-        message = wishes.calibration + ": is for " + size_text(wishes.given.model.width, wishes.given.model.height) +
-                  " pixels, the camera gives " + size_text(cameras.colour.width, cameras.colour.height) + ".";
-        return Status::kInvalid;
-    }
-    if (!wishes.calibration.empty()) opened.readout_s = wishes.given.readout_s;
+    if (!wishes.calibration.empty()) STILLMESH_TRY(adopt_given(wishes, opened, message));
     const bool is_realsense = realsense_name(node.vendor_id, node.product_id) != nullptr;
     STILLMESH_TRY(is_realsense ? calibrate_realsense(node, wishes, opened, message)
                                : calibrate_other(wishes, opened, message));
-    if (wishes.is_registered && is_realsense) take_as_registered(cameras);
+    if (wishes.is_registered) take_as_registered(cameras);
+    const bool is_taken = wishes.is_registered || (!is_realsense && !wishes.given.separate_depth);
     set_exposure(wishes, opened);
     const double depth_rate = depth.mode().frames_per_s();
     opened.frames_per_s = colour.mode().frames_per_s();
@@ -222,7 +236,7 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     const double rate = std::clamp(std::max(depth_rate, opened.frames_per_s), kPairingRateMin, kPairingRateMax);
     opened.period_us = static_cast<std::int64_t>(1e6 / rate);
     opened.description += ", " + mode_text(colour.mode()) + ", depth " + mode_text(depth.mode()) +
-                          (cameras.is_same_view() || !is_realsense ? ", taken as registered" : ", registered here");
+                          (is_taken ? ", taken as registered" : ", registered here");
     return Status::kOk;
 }
 

@@ -16,7 +16,7 @@ namespace stillmesh::v4l2 {
 struct OpeningWishes {
     std::string device;       // as of choose_camera
     std::string calibration;  // what `given` was read from; empty: the camera's own is wanted
-    CameraInfo given;         // of the colour camera
+    CameraInfo given;         // of the colour camera, perhaps of depth's too
     ModeWishes modes;
     Identity known;  // of the camera that was opened before
     bool is_exposure_fixed = false;
@@ -53,6 +53,7 @@ private:
     [[nodiscard]] Status calibrate_realsense(const V4l2Node& node, const OpeningWishes& wishes, Opened& opened,
                                              std::string& message);
     [[nodiscard]] Status calibrate_other(const OpeningWishes& wishes, Opened& opened, std::string& message);
+    [[nodiscard]] Status adopt_given(const OpeningWishes& wishes, Opened& opened, std::string& message);
     void set_exposure(const OpeningWishes& wishes, Opened& opened);
 
     V4l2Link& link_;

@@ -12,7 +12,7 @@
 
 #include "engine/base/status.hpp"
 #include "engine/geometry/camera_model.hpp"
-#include "engine/outputs.hpp"
+#include "engine/geometry/rigid_transform.hpp"
 
 namespace stillmesh::v4l2 {
 

@@ -354,7 +354,8 @@ TEST(V4l2Camera, DepthUnit) {
     EXPECT_NE(silent.camera->notes()[0].find("depth unit cannot be read"), std::string::npos);
 }
 
-// Promise: a camera nobody knows needs a calibration, and is then taken as registered, in mm.
+// Promise: a camera nobody knows needs a calibration, and is then taken as registered, in its unit; one of both cameras
+// registers depth, also a RealSense's, whose own is then not asked for.
 TEST(V4l2Camera, OtherCameras) {
     V4l2Options options;
     Rig rig(options);
@@ -365,10 +366,25 @@ TEST(V4l2Camera, OtherCameras) {
     offer_640x480_only(*given.device);
     for (auto& node : given.device->devices) node.node.vendor_id = 0x1234;
     ASSERT_EQ(given.camera->open(), Status::kOk) << given.camera->message();
-    EXPECT_EQ(given.camera->info().depth_units_per_m, 1000);
+    EXPECT_EQ(given.camera->info().depth_units_per_m, 5000);
     Frame frame;
     ASSERT_EQ(given.next(frame), Status::kOk);
     expect_image(frame, depth_number(frame));
+
+    const std::string file = testing::TempDir() + "stillmesh_v4l2_pair.toml";
+    std::ofstream(file) << "width = 640\nheight = 480\nfx = 600.0\nfy = 600.0\ncx = 320.0\ncy = 240.0\n[depth]\n"
+                        << "width = 848\nheight = 480\nfx = 430.0\nfy = 430.0\ncx = 424.0\ncy = 240.0\n"
+                        << "tx = 0.015\nty = 0.0\ntz = 0.0\nqx = 0.0\nqy = 0.0\nqz = 0.0\nqw = 1.0\n";
+    for (const bool is_realsense : {false, true}) {
+        Rig pair({.calibration = file});
+        pair.device->answers.erase(25 * 256 + 0x15);
+        for (auto& node : pair.device->devices) node.node.vendor_id = is_realsense ? 0x8086 : 0x1234;
+        ASSERT_EQ(pair.camera->open(), Status::kOk) << pair.camera->message();
+        EXPECT_TRUE(pair.camera->notes().empty());
+        EXPECT_NE(pair.camera->device().find("registered here"), std::string::npos) << pair.camera->device();
+        EXPECT_EQ(pair.next(frame), Status::kOk);
+    }
+    std::filesystem::remove(file);
 }
 
 // Promise: it is said which stream is silent; the camera behind ReconnectingCamera is then reset and opened again, and
