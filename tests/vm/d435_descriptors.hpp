@@ -35,7 +35,8 @@ inline constexpr std::uint32_t kFastest = 333'333, kSlowest = 666'666;  // frame
 
 [[nodiscard]] std::span<const VideoStream> video_streams();
 
-inline constexpr char kSerial[] = "733512070321";
+inline constexpr char kSerial[] = "735413060999";  // of the board, which USB says
+inline constexpr char kLabel[] = "733512070321";   // of the camera
 
 [[nodiscard]] StandardAnswers d435_descriptors(UsbSpeed speed);
 

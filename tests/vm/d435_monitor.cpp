@@ -101,10 +101,13 @@ Bytes version_data() {
     Bytes data(276);
     const std::uint8_t firmware[] = {0, 15, 12, 5};  // 5.12.15.0, from the end
     std::memcpy(data.data() + 12, firmware, sizeof(firmware));
-    for (std::size_t i = 0; i < 6; ++i) {  // as binary-coded digits
-        const auto value = static_cast<std::uint8_t>((kSerial[2 * i] - '0') << 4 | (kSerial[2 * i + 1] - '0'));
-        data[48 + i] = data[64 + i] = value;
-    }
+    const auto put_digits = [&data](const char* digits, std::size_t at) {  // two in a byte
+        for (std::size_t i = 0; i < 6; ++i) {
+            data[at + i] = static_cast<std::uint8_t>((digits[2 * i] - '0') << 4 | (digits[2 * i + 1] - '0'));
+        }
+    };
+    put_digits(kLabel, 48);
+    put_digits(kSerial, 64);
     return data;
 }
 
