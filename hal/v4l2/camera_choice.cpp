@@ -34,11 +34,17 @@ struct Device {
     }
     return best;
 }
-[[nodiscard]] const AskedNode* colour_node(const Device& device, const AskedNode* depth) {
+[[nodiscard]] bool has_grey(const AskedNode& node) {
+    return std::any_of(node.modes.begin(), node.modes.end(), [](const Mode& mode) { return mode.fourcc == kGrey; });
+}
+[[nodiscard]] bool is_realsense(const V4l2Node& node) {
+    return realsense_name(node.vendor_id, node.product_id) != nullptr;
+}
+[[nodiscard]] const AskedNode* colour_node(const Device& device, const AskedNode* depth, bool is_infrared) {
     const AskedNode* best = nullptr;
     for (const AskedNode& node : device.nodes) {
         // A node streams one format at a time.
-        if (&node == depth || colour_rank(node) == 0) continue;
+        if (&node == depth || colour_rank(node) == 0 || (is_infrared && !has_grey(node))) continue;
         if (best == nullptr || colour_rank(node) > colour_rank(*best)) best = &node;
     }
     return best;
@@ -145,12 +151,15 @@ struct Device {
     return is_same;
 }
 
-[[nodiscard]] CameraChoice choose_first(V4l2Link& link, const std::vector<V4l2Node>& nodes, const std::string& serial) {
+[[nodiscard]] CameraChoice choose_first(V4l2Link& link, const std::vector<V4l2Node>& nodes, const std::string& serial,
+                                        bool is_infrared) {
     std::string seen, last;
     for (auto first = nodes.begin(); first != nodes.end(); ++first) {
         const auto is_sibling = [&first](const V4l2Node& node) { return node.usb_port == first->usb_port; };
         // What is no USB device is used when it is named.
-        if (first->usb_port.empty() || std::any_of(nodes.begin(), first, is_sibling)) continue;
+        if (first->usb_port.empty() || (is_infrared && !is_realsense(*first)) ||
+            std::any_of(nodes.begin(), first, is_sibling))
+            continue;
         Device device{*first, {}};
         if (!serial.empty() && !has_serial(link, device.first, serial)) {
             seen += (seen.empty() ? "" : "; ") + camera_text(device.first);
@@ -160,7 +169,7 @@ struct Device {
             if (is_sibling(node)) device.nodes.push_back(ask_node(link, node));
         }
         const AskedNode* const depth = depth_node(device);
-        const AskedNode* const colour = colour_node(device, depth);
+        const AskedNode* const colour = colour_node(device, depth, is_infrared);
         if (depth != nullptr && colour != nullptr) return chosen(*depth, *colour);
         const auto failed =
             std::find_if(device.nodes.begin(), device.nodes.end(), [](const AskedNode& n) { return n.error != 0; });
@@ -170,7 +179,10 @@ struct Device {
         if (may_be_it && failed != device.nodes.end()) {
             last = camera_text(device.first) + ": " + why_not(failed->node.path, failed->error);
         } else if (may_be_it || depth != nullptr) {
-            last = camera_text(device.first) + ": has no " + (depth == nullptr ? "depth" : "colour") +
+            last = camera_text(device.first) + ": has no " +
+                   (depth == nullptr ? "depth"
+                    : is_infrared    ? "infrared"
+                                     : "colour") +
                    " images; both are needed.";
         } else {
             seen += (seen.empty() ? "" : "; ") + camera_text(device.first);
@@ -239,9 +251,20 @@ std::string camera_text(const V4l2Node& node) {
 
 CameraChoice choose_camera(V4l2Link& link, const std::string& wanted, const Identity& known) {
     const std::vector<V4l2Node> nodes = link.nodes();
-    if (known.is_known()) return choose_known(link, nodes, known);
-    if (wanted.find(',') != std::string::npos || wanted.starts_with("/dev/")) return choose_named(link, nodes, wanted);
-    return choose_first(link, nodes, wanted);
+    CameraChoice choice;
+    const bool is_infrared = wanted == "ir" || wanted.ends_with(",ir");
+    if (known.is_known()) {
+        choice = choose_known(link, nodes, known);
+        choice.is_infrared = known.is_infrared;
+    } else if (is_infrared) {
+        choice = choose_first(link, nodes, wanted == "ir" ? "" : wanted.substr(0, wanted.size() - 3), true);
+        choice.is_infrared = true;
+    } else if (wanted.find(',') != std::string::npos || wanted.starts_with("/dev/")) {
+        choice = choose_named(link, nodes, wanted);
+    } else {
+        choice = choose_first(link, nodes, wanted, false);
+    }
+    return choice;
 }
 
 }  // namespace stillmesh::v4l2

@@ -31,6 +31,8 @@ struct Identity {
     std::string depth_path, colour_path;
     std::uint8_t depth_interface = 0, colour_interface = 0;
 
+    bool is_infrared = false;
+
     [[nodiscard]] bool is_known() const noexcept { return !depth_path.empty(); }
 };
 
@@ -38,8 +40,10 @@ struct CameraChoice {
     Status status = Status::kUnavailable;  // kOk: both nodes are there; kUnavailable: not now; kInvalid: never
     std::string message{};                 // why not
     AskedNode depth{}, colour{};
+    bool is_infrared = false;  // a RealSense's left infrared camera stands for colour
 };
-// `wanted`: empty, a serial number, or "DEPTH_NODE,COLOUR_NODE". `known`: then only that camera.
+// `wanted`: empty, a serial number, or "DEPTH_NODE,COLOUR_NODE"; "ir" or "SERIAL,ir": of a RealSense the left infrared
+// camera for colour. `known`: then only that camera.
 [[nodiscard]] CameraChoice choose_camera(V4l2Link& link, const std::string& wanted, const Identity& known);
 
 // A sentence about a node that cannot be used, for the user.

@@ -1,6 +1,7 @@
 // What a pair of images becomes: colour as RGB or grey, depth in the colour camera's view and size. Everything is
 // copied on the way, so that the buffers can go back to the driver at once. Memory: one colour and one depth image,
-// taken in the constructor. Cost: some 0.6 ms for colour, and what DepthRegistration says.
+// taken in the constructor, and what DepthRegistration takes. Cost: 2.5 ms for depth of 848x480 into colour of 640x480,
+// 3.5 ms where colour's lens distorts.
 #pragma once
 
 #include <cstdint>

@@ -19,6 +19,7 @@ constexpr std::uint32_t kUsb2_mbit_per_s = 480;
 
 // Controls of the USB Video Class as V4L2 numbers them (linux/v4l2-controls.h).
 constexpr std::uint32_t kExposureAuto = 0x009a0901;      // 1: manual, 3: by aperture priority
+constexpr std::uint32_t kExposureMaySlow = 0x009a0903;   // 1: in dim light longer than a period
 constexpr std::uint32_t kWhiteBalanceAuto = 0x0098090c;  // 0, 1
 
 // The given colour camera for images of that size. False: it is for another shape.
@@ -60,6 +61,15 @@ void take_as_registered(CameraPair& cameras) {
     return std::to_string(width) + "x" + std::to_string(height);
 }
 
+[[nodiscard]] Status refuse_calibration(const V4l2Node& node, Status status, const std::string& why,
+                                        std::string& message) {
+    const bool is_gone = status == Status::kUnavailable;
+    message = is_gone ? why_not(node.path, ENODEV)
+                      : camera_text(node) + ": its calibration cannot be read: " + why +
+                            "; unplug it and plug it in again, or give one of your own (--calibration FILE).";
+    return is_gone ? status : Status::kInvalid;
+}
+
 [[nodiscard]] Identity identity_of(const CameraChoice& choice) {
     const V4l2Node& node = choice.depth.node;
     return {.serial = node.serial,
@@ -69,7 +79,8 @@ void take_as_registered(CameraPair& cameras) {
             .depth_path = node.path,
             .colour_path = choice.colour.node.path,
             .depth_interface = node.interface,
-            .colour_interface = choice.colour.node.interface};
+            .colour_interface = choice.colour.node.interface,
+            .is_infrared = choice.is_infrared};
 }
 
 }  // namespace
@@ -87,6 +98,7 @@ Status Opening::start_streams(const CameraChoice& choice, const OpeningWishes& w
     ModeWishes modes = wishes.modes;
     const V4l2Node& node = choice.depth.node;
     modes.has_y16_depth = realsense_name(node.vendor_id, node.product_id) == nullptr;
+    modes.is_one_view = choice.is_infrared;
     const std::vector<ModePair> pairs = rank_modes(choice.depth.modes, choice.colour.modes, modes);
     if (pairs.empty()) {
         message = camera_text(node) + ": offers no modes that can be used within " +
@@ -126,7 +138,12 @@ Status Opening::calibrate_realsense(const V4l2Node& node, const OpeningWishes& w
     const bool is_given = !wishes.calibration.empty();
     std::string why;
     Status status = Status::kOk;
-    if (!wishes.given.separate_depth) {
+    if (opened.is_infrared) {
+        // Depth is in the left infrared camera's view, and both are rectified.
+        if (!is_given) status = device.read_depth(cameras.colour, why);
+        if (status != Status::kOk) return refuse_calibration(node, status, why, message);
+        take_as_registered(cameras);
+    } else if (!wishes.given.separate_depth) {
         RealSenseCalibration read{cameras.depth, cameras.colour, {}};
         status = device.read_depth(read.depth, why);
         if (status == Status::kOk) status = device.read_colour(node.product_id, read, why);
@@ -140,11 +157,7 @@ Status Opening::calibrate_realsense(const V4l2Node& node, const OpeningWishes& w
                                    "; depth is registered as the data sheet's camera sees it, which may be some px "
                                    "off.");
         } else {
-            message = status == Status::kUnavailable
-                          ? why_not(node.path, ENODEV)
-                          : camera_text(node) + ": its calibration cannot be read: " + why +
-                                "; unplug it and plug it in again, or give one of your own (--calibration FILE).";
-            return status == Status::kUnavailable ? status : Status::kInvalid;
+            return refuse_calibration(node, status, why, message);
         }
     }
     opened.calibration_source = is_given ? wishes.calibration : "the camera's own";
@@ -191,7 +204,19 @@ void Opening::set_exposure(const OpeningWishes& wishes, Opened& opened) {
     const bool is_fixed = wishes.is_exposure_fixed;
     const int error = link_.set_control(colour_handle_, kExposureAuto, is_fixed ? 1 : 3);
     static_cast<void>(link_.set_control(colour_handle_, kWhiteBalanceAuto, is_fixed ? 0 : 1));
+    // Dark images of every instant are worth more than bright ones of every second: the others' depth has no partner.
+    static_cast<void>(link_.set_control(colour_handle_, kExposureMaySlow, 0));
     if (error != 0 && is_fixed) opened.notes.emplace_back("this camera's exposure cannot be fixed.");
+}
+
+// The projector's dots move with the camera: in an image that is tracked they would hold it in its place.
+void Opening::set_emitter(Opened& opened) {
+    std::uint8_t is_on = opened.is_infrared ? 0 : 1;
+    const int error =
+        link_.extension(depth_handle_, kRealSenseUnit, kEmitterControl, V4l2Query::kSet, std::span(&is_on, 1));
+    if (error != 0 && opened.is_infrared) {
+        opened.notes.emplace_back("the projector cannot be switched off: its dots move with the camera, poses suffer.");
+    }
 }
 
 Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& message) {
@@ -211,6 +236,7 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     STILLMESH_TRY(start_streams(choice, wishes, message));
     opened.identity = identity_of(choice);
     opened.description = camera_text(node);
+    opened.is_infrared = choice.is_infrared;
     CameraPair& cameras = opened.cameras;
     cameras.depth.width = depth.format().width;
     cameras.depth.height = depth.format().height;
@@ -223,6 +249,7 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     if (wishes.is_registered) take_as_registered(cameras);
     const bool is_taken = wishes.is_registered || (!is_realsense && !wishes.given.separate_depth);
     set_exposure(wishes, opened);
+    if (is_realsense) set_emitter(opened);
     const double depth_rate = depth.mode().frames_per_s();
     opened.frames_per_s = colour.mode().frames_per_s();
     if (std::abs(depth_rate - opened.frames_per_s) > 0.5) {
@@ -236,7 +263,9 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     const double rate = std::clamp(std::max(depth_rate, opened.frames_per_s), kPairingRateMin, kPairingRateMax);
     opened.period_us = static_cast<std::int64_t>(1e6 / rate);
     opened.description += ", " + mode_text(colour.mode()) + ", depth " + mode_text(depth.mode()) +
-                          (is_taken ? ", taken as registered" : ", registered here");
+                          (opened.is_infrared ? ", in the left infrared camera's view"
+                           : is_taken         ? ", taken as registered"
+                                              : ", registered here");
     return Status::kOk;
 }
 

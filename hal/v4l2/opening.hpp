@@ -28,6 +28,7 @@ struct Opened {
     CameraPair cameras;
     double frames_per_s = 30;
     double readout_s = -1;
+    bool is_infrared = false;         // the left infrared camera stands for colour
     std::int64_t period_us = 33'333;  // for pairing
     std::string description, calibration_source;
     std::vector<std::string> notes;
@@ -55,6 +56,7 @@ private:
     [[nodiscard]] Status calibrate_other(const OpeningWishes& wishes, Opened& opened, std::string& message);
     [[nodiscard]] Status adopt_given(const OpeningWishes& wishes, Opened& opened, std::string& message);
     void set_exposure(const OpeningWishes& wishes, Opened& opened);
+    void set_emitter(Opened& opened);
 
     V4l2Link& link_;
     int depth_handle_ = -1, colour_handle_ = -1;

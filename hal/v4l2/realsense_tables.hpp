@@ -21,9 +21,10 @@ inline constexpr std::uint16_t kD405 = 0x0b5b, kD415 = 0x0ad3, kD435 = 0x0b07, k
 // "RealSense D435"; nullptr: none of these.
 [[nodiscard]] const char* realsense_name(std::uint16_t vendor_id, std::uint16_t product_id) noexcept;
 
-// The extension unit (GUID C9606CCB-594C-4D25-AF47-CCC496435995) and its control for commands.
+// The extension unit (GUID C9606CCB-594C-4D25-AF47-CCC496435995) and its controls.
 inline constexpr std::uint8_t kRealSenseUnit = 3;
 inline constexpr std::uint8_t kCommandControl = 1;
+inline constexpr std::uint8_t kEmitterControl = 2;  // a byte: 0 off, 1 on
 inline constexpr std::size_t kMessageBytes = 1024;
 using Message = std::array<std::uint8_t, kMessageBytes>;
 

@@ -119,9 +119,11 @@ std::vector<ModePair> rank_modes(const std::vector<Mode>& depth, const std::vect
         for (const Mode& c : colour) {
             const bool is_grey = engine_format(c.fourcc) == PixelFormat::kGrey8;
             if (!is_colour(c.fourcc) || c.size.width > wishes.width_max || c.size.height > wishes.height_max ||
-                (c.fourcc == kMjpg && !wishes.has_jpeg) || (is_grey && !wishes.has_infrared_colour)) {
+                (c.fourcc == kMjpg && !wishes.has_jpeg) || (is_grey && !wishes.has_infrared_colour) ||
+                (!is_grey && wishes.is_one_view)) {
                 continue;
             }
+            if (wishes.is_one_view && (c.size.width != d.size.width || c.size.height != d.size.height)) continue;
             // Images that find no partner cost the bus and are dropped.
             const double rates_apart = std::abs(d.frames_per_s() - c.frames_per_s()) > 0.5 ? 10 : 0;
             ranked.push_back({depth_cost + cost(c, kColourBest, wishes.colour_first) + rates_apart, {d, c}});

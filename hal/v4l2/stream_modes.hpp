@@ -42,6 +42,7 @@ struct ModeWishes {
     bool has_y16_depth = true;                        // 16-bit grey is depth; RealSense sends raw infrared in it
     bool has_jpeg = true;                             // this build decodes it
     bool has_infrared_colour = true;                  // grey images will do
+    bool is_one_view = false;                         // grey of depth's size: the same camera's, pixel by pixel
     V4l2Size depth_first, colour_first;               // sizes of before; 0: none
 };
 // Best first, at most 4096. Empty: no two modes can be used.

@@ -1,5 +1,5 @@
 // Video nodes and the USB devices behind them, from the files of sysfs, without opening a device and without libudev.
-// Takes sysfs as untrusted: what is not there or is no number stays empty. Cost: some ten small files per node.
+// Takes sysfs as untrusted: what is not there or is no number stays empty. Cost: six small files per node.
 #pragma once
 
 #include <string>

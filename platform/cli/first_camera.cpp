@@ -16,7 +16,7 @@ Status FirstLiveCamera::open() noexcept {
         message_ = chosen().message();
         return status;
     }
-    Status worst = Status::kInvalid;
+    Status worst = Status::kUnavailable;
     std::string found;
     for (std::size_t i = 0; i < candidates_.size(); ++i) {
         const Status status = candidates_[i].camera->camera().open();
@@ -27,8 +27,8 @@ Status FirstLiveCamera::open() noexcept {
             return status;
         }
         candidates_[i].camera->camera().close();
-        // One that may come is waited for.
-        if (status == Status::kUnavailable) worst = status;
+        // What has to be mended first is not waited for: `--camera v4l2` and its kind wait for one driver's camera.
+        if (status != Status::kUnavailable) worst = status;
         found += (found.empty() ? "" : " ") + candidates_[i].driver + ": " + candidates_[i].camera->message();
     }
     message_ = std::move(found);

@@ -235,8 +235,8 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
     const bool is_driver = driver == "openni2" || driver == "freenect" || driver == "v4l2";
     if ((!is_driver && !is_auto) || (colon != std::string::npos && device.empty())) {
         message = "--camera " + options.camera +
-                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni, freenect, v4l2, v4l2:SERIAL or "
-                  "v4l2:DEPTH_NODE,COLOUR_NODE.";
+                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni, freenect, v4l2, v4l2:SERIAL, "
+                  "v4l2:ir, v4l2:SERIAL,ir or v4l2:DEPTH_NODE,COLOUR_NODE.";
         return nullptr;
     }
     message = why_missing(driver);

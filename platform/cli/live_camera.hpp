@@ -13,7 +13,7 @@
 namespace stillmesh {
 
 struct LiveCameraOptions {
-    std::string camera;       // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], v4l2[:SERIAL|:DEPTH,COLOUR]
+    std::string camera;       // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], v4l2[:SERIAL|:ir|:DEPTH,COLOUR]
     std::string calibration;  // file or name; empty: the camera's own
     std::string exposure = "auto";      // auto, fixed
     std::string registration = "auto";  // auto, here, none

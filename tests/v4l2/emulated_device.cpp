@@ -388,7 +388,11 @@ int EmulatedDevice::extension(int handle, std::uint8_t unit, std::uint8_t contro
         return error;
     }
     Open& open = of(handle);
-    if (unit != 3 || control != 1 || open.node != 0) return ENOENT;
+    if (unit != 3 || control < 1 || control > 2 || open.node != 0) return ENOENT;
+    if (control == 2 && query == V4l2Query::kSet && data.size() == 1) {
+        emitter = data[0];
+        return 0;
+    }
     if (data.size() != 1024) return ENOBUFS;
     if (query == V4l2Query::kSet) {
         open.asked.assign(data.begin(), data.end());

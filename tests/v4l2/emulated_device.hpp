@@ -72,6 +72,7 @@ public:
     [[nodiscard]] int mapped_now() const { return mapped_; }
     [[nodiscard]] std::uint64_t mapped_ever() const { return mapped_ever_; }
     std::map<std::uint32_t, std::int32_t> controls;  // that were set
+    int emitter = -1;                                // as it was set; -1: not yet
     std::string misuse;                              // the first wrong call; empty: none
 
     [[nodiscard]] std::vector<V4l2Node> nodes() override;

@@ -85,6 +85,10 @@ TEST(PixelFormats, Yuv) {
     const Bytes pair = convert({kYuyv, 2, 1, 4, 4}, {100, 90, 110, 200});
     EXPECT_TRUE(std::equal(pair.begin(), pair.end(), pixels.begin()));
     EXPECT_TRUE(std::equal(pair.begin(), pair.end(), pixels.begin() + 9));
+    // Each pixel has its own Y.
+    const Bytes second = convert({kYuyv, 2, 1, 4, 4}, {110, 90, 110, 200});
+    EXPECT_TRUE(std::equal(pair.begin() + 3, pair.end(), second.begin()));
+    EXPECT_NE(pair[0], pair[3]);
 }
 
 // Promise: RGB and grey are copied without their padding; of two interleaved infrared images the left one is taken.

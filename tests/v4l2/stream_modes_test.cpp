@@ -47,6 +47,10 @@ TEST(StreamModes, BestFirst) {
     EXPECT_EQ(best(depth, {mode(kMjpg, 640, 480, 30)}, wishes), "none");
     wishes.has_y16_depth = false;
     EXPECT_EQ(best({mode(kY16, 640, 480, 30)}, colour, wishes), "none");
+    wishes = {};
+    wishes.is_one_view = true;
+    EXPECT_EQ(best(depth, colour, wishes), "Z16 640x480@30 + GREY 640x480@30");
+    wishes = {};
     wishes.has_infrared_colour = false;
     EXPECT_EQ(best(depth, {mode(kGrey, 640, 480, 30)}, wishes), "none");
 }

@@ -306,8 +306,15 @@ TEST(V4l2Camera, RefusalsSayWhy) {
     }
     Rig narrow;
     narrow.device->bytes_per_s_max = 3e7;
+    int starts = 0;
+    narrow.device->fault = [&starts](const char* call) {
+        starts += std::string(call) == "set_streaming" ? 1 : 0;
+        return 0;
+    };
     ASSERT_EQ(narrow.camera->open(), Status::kOk) << narrow.camera->message();
     EXPECT_EQ(narrow.camera->device().find("848x480@30"), std::string::npos) << narrow.camera->device();
+    EXPECT_LE(starts, 12) << "modes that need as much are not tried";
+    narrow.device->fault = {};
 }
 
 // Promise: a calibration that cannot be right, or is refused, is a sentence and no camera; with a given one it goes on,
@@ -385,6 +392,42 @@ TEST(V4l2Camera, OtherCameras) {
         EXPECT_EQ(pair.next(frame), Status::kOk);
     }
     std::filesystem::remove(file);
+}
+
+// Promise: the left infrared camera for colour: one lens, depth as it comes, the projector off; the same when it is
+// opened again; whoever takes colour next has the projector on. A camera without says so.
+TEST(V4l2Camera, Infrared) {
+    for (const char* const name : {"ir", "012345,ir"}) {
+        Rig rig({.device = name});
+        ASSERT_EQ(rig.camera->open(), Status::kOk) << rig.camera->message();
+        EXPECT_NE(
+            rig.camera->device().find("GREY 640x480@30, depth Z16 640x480@30, in the left infrared camera's view"),
+            std::string::npos)
+            << rig.camera->device();
+        EXPECT_EQ(rig.device->emitter, 0);
+        const auto numbers = test::depth_numbers(2);
+        EXPECT_EQ(rig.camera->info().model.fx, numbers[0]);
+        EXPECT_EQ(rig.camera->info().model.cy, numbers[3]);
+        EXPECT_EQ(rig.camera->info().model.k1, 0);
+        Frame frame;
+        for (int opening = 0; opening < 2; ++opening) {
+            ASSERT_EQ(rig.next(frame), Status::kOk);
+            EXPECT_EQ(frame.format, PixelFormat::kGrey8);
+            expect_image(frame, depth_number(frame));
+            EXPECT_EQ(frame.colour.row(9)[7], test::colour_byte(depth_number(frame), 7, 9));
+            rig.device->unplug();
+            EXPECT_EQ(rig.next(frame), Status::kUnavailable);
+            rig.device->plug(3);
+            ASSERT_EQ(rig.camera->open(), Status::kOk) << rig.camera->message();
+        }
+    }
+    Rig colour;
+    ASSERT_EQ(colour.camera->open(), Status::kOk);
+    EXPECT_EQ(colour.device->emitter, 1);
+    Rig without({.device = "ir"});
+    without.device->infrared().modes.clear();
+    EXPECT_EQ(without.camera->open(), Status::kUnavailable);
+    EXPECT_NE(without.camera->message().find("has no infrared images"), std::string::npos) << without.camera->message();
 }
 
 // Promise: it is said which stream is silent; the camera behind ReconnectingCamera is then reset and opened again, and
