@@ -9,7 +9,9 @@
 //     short STREAM NUMBER                   so many of its next pictures end after half their lines
 //     crc good|bad                          the calibration tables' checksums
 //     commands answered|refused             Intel's commands stall
+//     stereo aside|together                 the stereo module stands 15 mm beside the colour camera, or in its place
 //     counts                                a line per stream: how often it began, pictures sent, short ones, skipped
+//     projector                             0: off, 1: on
 //     clock                                 when picture 0 was due, s since 1970
 #include <poll.h>
 #include <sys/socket.h>
@@ -142,9 +144,15 @@ std::string Bench::obey(const std::string& line) {
         return "unplugged\n";
     }
     if (verb == "counts") return counts();
+    if (verb == "projector") return std::to_string(camera_.extension_unit.values()[0]) + '\n';
     if (verb == "clock") {
         const std::int64_t ahead_ns = clock_ns(CLOCK_REALTIME) - now_ns();
         return std::to_string(static_cast<double>(camera_.streams()[0].epoch_ns() + ahead_ns) * 1e-9) + '\n';
+    }
+    if (verb == "stereo" && (what == "aside" || what == "together")) {
+        camera_.extension_unit.monitor_faults.is_together = what == "together";
+        for (vm::StreamSource& one : camera_.streams()) one.faults().is_together = what == "together";
+        return line + '\n';
     }
     const bool is_good = what == "good" || what == "answered";
     if (verb == "crc") camera_.extension_unit.monitor_faults.is_corrupt = !is_good;

@@ -81,20 +81,21 @@ Bytes depth_table(bool is_corrupt) {
 }
 
 // 256 bytes: lens, distortion, place; then the rectified lens and place, which are those of the pictures.
-Bytes colour_table(bool is_corrupt) {
+Bytes colour_table(const MonitorFaults& faults) {
+    const double aside_mm = faults.is_together ? 0 : kColourAside_mm;
     Bytes body;
     put_floats(body, normalised_lens(640, 480));
     put_floats(body, {0, 0, 0, 0, 0});
     put_floats(body, {0, 0, 0});
-    put_floats(body, {kColourAside_mm, 0, 0});
+    put_floats(body, {aside_mm, 0, 0});
     body.resize(body.size() + 48);  // the projection
     put16(body, 640);
     put16(body, 480);
     put_floats(body, normalised_lens(640, 480));
     put_floats(body, kNoTurn);
-    put_floats(body, {kColourAside_mm, 0, 0});
+    put_floats(body, {aside_mm, 0, 0});
     body.resize(240);
-    return with_header(kColourTable, body, is_corrupt);
+    return with_header(kColourTable, body, faults.is_corrupt);
 }
 
 Bytes version_data() {
@@ -119,13 +120,14 @@ Bytes depth_control() {
 }
 
 // True: known, and `data` is what it asks for.
-bool run_command(std::uint32_t operation, std::uint32_t parameter, bool is_corrupt, Bytes& data, std::int32_t& error) {
+bool run_command(std::uint32_t operation, std::uint32_t parameter, const MonitorFaults& faults, Bytes& data,
+                 std::int32_t& error) {
     switch (operation) {
         case kGvd: data = version_data(); return true;
         case kGetTable:
             error = kWrongParameter;
-            if (parameter == kDepthTable) data = depth_table(is_corrupt);
-            if (parameter == kColourTable) data = colour_table(is_corrupt);
+            if (parameter == kDepthTable) data = depth_table(faults.is_corrupt);
+            if (parameter == kColourTable) data = colour_table(faults);
             return !data.empty();
         case kGetAdvanced:
             error = kWrongParameter;
@@ -142,7 +144,7 @@ Bytes answer_message(const Bytes& message, const MonitorFaults& faults) {
     std::int32_t error = kWrongCommand;
     const bool is_message = message.size() == kMessageBytes && message[0] == 20 && message[1] == 0 &&
                             message[2] == 0xab && message[3] == 0xcd;
-    const bool is_known = is_message && run_command(word(message, 4), word(message, 8), faults.is_corrupt, data, error);
+    const bool is_known = is_message && run_command(word(message, 4), word(message, 8), faults, data, error);
     put32(answer, is_known ? word(message, 4) : static_cast<std::uint32_t>(error));
     answer.insert(answer.end(), data.begin(), data.end());
     answer.resize(kMessageBytes - 4);

@@ -17,7 +17,8 @@ inline constexpr double kColourAside_mm = 15;  // the colour camera stands so fa
 inline constexpr double kFocalOf640_px = 528;
 
 struct MonitorFaults {
-    bool is_corrupt = false;  // tables do not have their checksum
+    bool is_corrupt = false;   // tables do not have their checksum
+    bool is_together = false;  // no fault: both cameras stand in one place, and the table says so
 };
 
 [[nodiscard]] Bytes answer_message(const Bytes& message, const MonitorFaults& faults);

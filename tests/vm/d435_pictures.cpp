@@ -1,7 +1,7 @@
 // Renders the pictures that the emulated D435 gives out, once, on the building machine: a kind and a size per file, row
 // by row without padding. Depth in units of 1 mm, 16 bits; colour as 8-bit grey. The depth camera stands 15 mm to the
 // right of the colour camera, and its pictures are as it sees them. `truth`: where the colour camera is, a line per
-// picture, x y z in m; `registered_640x480`: the depth of each pixel of colour.
+// picture, x y z in m; `registered_640x480`: depth from the colour camera's place.
 //   d435_pictures FOLDER PICTURES [SCENE]
 #include <algorithm>
 #include <cstdint>

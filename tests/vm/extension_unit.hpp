@@ -14,6 +14,7 @@ public:
     // False: stalled; error_code() then says why, as the host asks next.
     bool control(const Setup& setup, const Bytes& written, Bytes& data);
     [[nodiscard]] std::uint8_t error_code() const { return error_code_; }
+    [[nodiscard]] const std::array<std::uint32_t, 3>& values() const { return values_; }  // of controls 2 to 4
 
     MonitorFaults monitor_faults;
     bool is_refused = false;  // commands are

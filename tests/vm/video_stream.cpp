@@ -104,8 +104,9 @@ bool StreamSource::control(const Setup& setup, const Bytes& written, Bytes& data
 bool StreamSource::start() {
     const FrameSize size = stream_.sizes[committed_.size - 1U];
     const bool is_depth = stream_.format[0] == 'Z';
-    const std::string name = std::string(is_depth ? "depth" : "colour") + '_' + std::to_string(size.width) + 'x' +
-                             std::to_string(size.height);
+    if (stream_.bits_per_pixel == 8 && !faults_.is_together) return false;
+    const std::string kind = !is_depth ? "colour" : faults_.is_together ? "registered" : "depth";
+    const std::string name = kind + '_' + std::to_string(size.width) + 'x' + std::to_string(size.height);
     const std::size_t file_picture = std::size_t{size.width} * size.height * (is_depth ? 2 : 1);
     if (!pictures_.open(folder_ + '/' + name, file_picture)) return false;
     is_streaming_ = true;

@@ -14,6 +14,7 @@ namespace vm {
 
 struct StreamFaults {
     bool is_stalled = false;           // answers no request for pictures any more
+    bool is_together = false;          // no fault: the stereo module stands where the colour camera does
     std::uint32_t short_pictures = 0;  // so many still end after half their lines
 };
 
@@ -43,7 +44,8 @@ private:
 
 class StreamSource {
 public:
-    // `folder` holds a file per kind and size: depth_848x480 (16 bits), colour_640x480 (8 bits, grey).
+    // `folder` holds a file per kind and size (d435_pictures). Infrared has the colour camera's pictures: it streams
+    // only while both stand in one place.
     StreamSource(const VideoStream& stream, std::string folder) : stream_(stream), folder_(std::move(folder)) {}
 
     // A class request to this interface; false: stalled.
