@@ -150,19 +150,19 @@ std::string Bench::obey(const std::string& line) {
         return std::to_string(static_cast<double>(camera_.streams()[0].epoch_ns() + ahead_ns) * 1e-9) + '\n';
     }
     if (verb == "stereo" && (what == "aside" || what == "together")) {
-        camera_.extension_unit.monitor_faults.is_together = what == "together";
-        for (vm::StreamSource& one : camera_.streams()) one.faults().is_together = what == "together";
+        camera_.extension_unit.monitor.is_together = what == "together";
+        for (vm::StreamSource& one : camera_.streams()) one.settings().is_together = what == "together";
         return line + '\n';
     }
     const bool is_good = what == "good" || what == "answered";
-    if (verb == "crc") camera_.extension_unit.monitor_faults.is_corrupt = !is_good;
+    if (verb == "crc") camera_.extension_unit.monitor.is_corrupt = !is_good;
     if (verb == "commands") camera_.extension_unit.is_refused = !is_good;
     bool is_known = ((verb == "crc" || verb == "commands") && (is_good || what == "bad" || what == "refused")) ||
                     (verb == "stall" && what == "none");
     for (vm::StreamSource& one : camera_.streams()) {
         const bool is_meant = what == one.stream().name;
-        if (verb == "stall") one.faults().is_stalled = is_meant;
-        if (verb == "short" && is_meant) words >> one.faults().short_pictures;
+        if (verb == "stall") one.settings().is_stalled = is_meant;
+        if (verb == "short" && is_meant) words >> one.settings().short_pictures;
         is_known = is_known || (is_meant && (verb == "stall" || (verb == "short" && words)));
     }
     return is_known ? line + '\n' : "no: '" + line + "' is not understood\n";

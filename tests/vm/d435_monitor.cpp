@@ -81,8 +81,8 @@ Bytes depth_table(bool is_corrupt) {
 }
 
 // 256 bytes: lens, distortion, place; then the rectified lens and place, which are those of the pictures.
-Bytes colour_table(const MonitorFaults& faults) {
-    const double aside_mm = faults.is_together ? 0 : kColourAside_mm;
+Bytes colour_table(const MonitorSettings& settings) {
+    const double aside_mm = settings.is_together ? 0 : kColourAside_mm;
     Bytes body;
     put_floats(body, normalised_lens(640, 480));
     put_floats(body, {0, 0, 0, 0, 0});
@@ -95,7 +95,7 @@ Bytes colour_table(const MonitorFaults& faults) {
     put_floats(body, kNoTurn);
     put_floats(body, {aside_mm, 0, 0});
     body.resize(240);
-    return with_header(kColourTable, body, faults.is_corrupt);
+    return with_header(kColourTable, body, settings.is_corrupt);
 }
 
 Bytes version_data() {
@@ -120,14 +120,14 @@ Bytes depth_control() {
 }
 
 // True: known, and `data` is what it asks for.
-bool run_command(std::uint32_t operation, std::uint32_t parameter, const MonitorFaults& faults, Bytes& data,
+bool run_command(std::uint32_t operation, std::uint32_t parameter, const MonitorSettings& settings, Bytes& data,
                  std::int32_t& error) {
     switch (operation) {
         case kGvd: data = version_data(); return true;
         case kGetTable:
             error = kWrongParameter;
-            if (parameter == kDepthTable) data = depth_table(faults.is_corrupt);
-            if (parameter == kColourTable) data = colour_table(faults);
+            if (parameter == kDepthTable) data = depth_table(settings.is_corrupt);
+            if (parameter == kColourTable) data = colour_table(settings);
             return !data.empty();
         case kGetAdvanced:
             error = kWrongParameter;
@@ -139,12 +139,12 @@ bool run_command(std::uint32_t operation, std::uint32_t parameter, const Monitor
 
 }  // namespace
 
-Bytes answer_message(const Bytes& message, const MonitorFaults& faults) {
+Bytes answer_message(const Bytes& message, const MonitorSettings& settings) {
     Bytes data, answer;
     std::int32_t error = kWrongCommand;
     const bool is_message = message.size() == kMessageBytes && message[0] == 20 && message[1] == 0 &&
                             message[2] == 0xab && message[3] == 0xcd;
-    const bool is_known = is_message && run_command(word(message, 4), word(message, 8), faults, data, error);
+    const bool is_known = is_message && run_command(word(message, 4), word(message, 8), settings, data, error);
     put32(answer, is_known ? word(message, 4) : static_cast<std::uint32_t>(error));
     answer.insert(answer.end(), data.begin(), data.end());
     answer.resize(kMessageBytes - 4);

@@ -16,11 +16,11 @@ inline constexpr double kColourAside_mm = 15;  // the colour camera stands so fa
 // Of both rendered cameras: focal length in px at a width of 640 px, and with the width; the axis through the middle.
 inline constexpr double kFocalOf640_px = 528;
 
-struct MonitorFaults {
+struct MonitorSettings {
     bool is_corrupt = false;   // tables do not have their checksum
-    bool is_together = false;  // no fault: both cameras stand in one place, and the table says so
+    bool is_together = false;  // both cameras stand in one place, and the table says so
 };
 
-[[nodiscard]] Bytes answer_message(const Bytes& message, const MonitorFaults& faults);
+[[nodiscard]] Bytes answer_message(const Bytes& message, const MonitorSettings& settings);
 
 }  // namespace vm

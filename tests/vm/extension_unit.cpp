@@ -46,7 +46,7 @@ bool ExtensionUnit::control(const Setup& setup, const Bytes& written, Bytes& dat
         return true;
     }
     if (is_monitor) {
-        if (setup.request == kGetCurrent) data = answer_message(message_, monitor_faults);
+        if (setup.request == kGetCurrent) data = answer_message(message_, monitor);
     } else {
         put32(data, setup.request == kGetCurrent ? values_[selector - 2] : value);
     }

@@ -16,7 +16,7 @@ public:
     [[nodiscard]] std::uint8_t error_code() const { return error_code_; }
     [[nodiscard]] const std::array<std::uint32_t, 3>& values() const { return values_; }  // of controls 2 to 4
 
-    MonitorFaults monitor_faults;
+    MonitorSettings monitor;
     bool is_refused = false;  // commands are
 
 private:

@@ -104,8 +104,8 @@ bool StreamSource::control(const Setup& setup, const Bytes& written, Bytes& data
 bool StreamSource::start() {
     const FrameSize size = stream_.sizes[committed_.size - 1U];
     const bool is_depth = stream_.format[0] == 'Z';
-    if (stream_.bits_per_pixel == 8 && !faults_.is_together) return false;
-    const std::string kind = !is_depth ? "colour" : faults_.is_together ? "registered" : "depth";
+    if (stream_.bits_per_pixel == 8 && !settings_.is_together) return false;
+    const std::string kind = !is_depth ? "colour" : settings_.is_together ? "registered" : "depth";
     const std::string name = kind + '_' + std::to_string(size.width) + 'x' + std::to_string(size.height);
     const std::size_t file_picture = std::size_t{size.width} * size.height * (is_depth ? 2 : 1);
     if (!pictures_.open(folder_ + '/' + name, file_picture)) return false;
@@ -129,9 +129,9 @@ void StreamSource::begin_picture(std::int64_t now_ns) {
     payload_.push_back(static_cast<std::uint8_t>(parity_ | kEndOfFrame | kHasStamp | kEndOfHeader));
     put32(payload_, static_cast<std::uint32_t>(now_ns / 1000));
     const std::uint8_t* const picture = pictures_.at(number);
-    is_short_ = faults_.short_pictures > 0;
+    is_short_ = settings_.short_pictures > 0;
     const std::size_t bytes = picture_bytes() / (is_short_ ? 2 : 1);
-    if (is_short_) --faults_.short_pictures;
+    if (is_short_) --settings_.short_pictures;
     if (stream_.format[0] == 'Y') {  // no colour
         payload_.resize(kHeaderBytes + bytes, 128);
         for (std::size_t i = 0; i < bytes / 2; ++i) payload_[kHeaderBytes + 2 * i] = picture[i];
@@ -143,7 +143,7 @@ void StreamSource::begin_picture(std::int64_t now_ns) {
 
 // A request that is not filled ends the payload; so does one that is filled by its last byte.
 bool StreamSource::take(std::uint32_t most, Bytes& data, std::int64_t now_ns) {
-    if (!is_streaming_ || faults_.is_stalled) return false;
+    if (!is_streaming_ || settings_.is_stalled) return false;
     if (!is_sending()) {
         if (due_ == 0) due_ = ((now_ns - epoch_ns_) / kGrid_ns / step() + 1) * step();  // the first
         if (now_ns < due_ns()) return false;

@@ -12,9 +12,9 @@
 
 namespace vm {
 
-struct StreamFaults {
+struct StreamSettings {
     bool is_stalled = false;           // answers no request for pictures any more
-    bool is_together = false;          // no fault: the stereo module stands where the colour camera does
+    bool is_together = false;          // the stereo module stands where the colour camera does
     std::uint32_t short_pictures = 0;  // so many still end after half their lines
 };
 
@@ -57,12 +57,12 @@ public:
         epoch_ns_ = now_ns;
     }
 
-    [[nodiscard]] bool is_streaming() const { return is_streaming_ && !faults_.is_stalled; }
+    [[nodiscard]] bool is_streaming() const { return is_streaming_ && !settings_.is_stalled; }
     [[nodiscard]] std::int64_t epoch_ns() const { return epoch_ns_; }                  // when picture 0 was due
     [[nodiscard]] std::int64_t due_ns() const { return epoch_ns_ + due_ * kGrid_ns; }  // when the next picture begins
     [[nodiscard]] const VideoStream& stream() const { return stream_; }
     [[nodiscard]] const StreamCounts& counts() const { return counts_; }
-    [[nodiscard]] StreamFaults& faults() { return faults_; }
+    [[nodiscard]] StreamSettings& settings() { return settings_; }
 
 private:
     static constexpr std::int64_t kGrid_ns = std::int64_t{kFastest} * 100;
@@ -84,7 +84,7 @@ private:
     std::string folder_;
     Pictures pictures_;
     Mode probed_, committed_;
-    StreamFaults faults_;
+    StreamSettings settings_;
     StreamCounts counts_;
     bool is_streaming_ = false;
     bool is_short_ = false;
