@@ -54,6 +54,7 @@ int ImageStream::start(int handle, const Mode& mode) {
     stop();
     handle_ = handle;
     held_ = errors_ = 0;
+    returned_ = 0;
     has_failed_ = has_sequence_ = false;
     int error = set_mode(mode);
     if (error == 0) error = map_buffers();
@@ -68,7 +69,7 @@ int ImageStream::start(int handle, const Mode& mode) {
 
 void ImageStream::stop() noexcept {
     if (handle_ < 0) return;
-    STILLMESH_CHECK(held_ == 0);
+    STILLMESH_CHECK((held_ & ~returned_) == 0);
     if (is_on_) static_cast<void>(link_.set_streaming(handle_, false));
     is_on_ = false;
     for (auto& buffer : buffers_) {
@@ -83,15 +84,25 @@ void ImageStream::stop() noexcept {
 }
 
 void ImageStream::give_back(std::uint32_t index) noexcept {
-    held_ &= ~(1U << index);
-    if (is_on_ && link_.queue(handle_, index) != 0) has_failed_ = true;
+    returned_ |= 1U << index;
+}
+
+void ImageStream::queue_returned() noexcept {
+    const std::uint32_t returned = returned_.exchange(0);
+    held_ &= ~returned;
+    for (std::uint32_t i = 0; i < buffer_count_; ++i) {
+        if ((returned >> i & 1U) != 0 && link_.queue(handle_, i) != 0) has_failed_ = true;
+    }
 }
 
 int ImageStream::take(Image& image) noexcept {
-    if (!is_on_ || has_failed_) return EIO;
+    if (!is_on_) return EIO;
+    queue_returned();
     V4l2Buffer buffer;
     const int error = link_.dequeue(handle_, buffer);
-    if (error == EAGAIN || error == ENODEV) return error;
+    if (error == ENODEV) return error;
+    if (has_failed_) return EIO;
+    if (error == EAGAIN) return error;
     if (error != 0 || buffer.index >= buffer_count_ || (held_ >> buffer.index & 1U) != 0) {
         // A buffer whose number is wrong is nobody's: it is lost.
         ++broken_;

@@ -1,10 +1,12 @@
 // The images of one video node: format and rate set and read back, buffers mapped and queued, and each image handed out
-// as something that gives its buffer back when it goes out of use. No pixel is copied. Damaged images and those of a
+// as something that gives its buffer back when it goes out of use, on whatever thread; the driver is only called by the
+// thread that takes, which may hang in it. No pixel is copied. Damaged images and those of a
 // wrong length are given back at once and counted. Memory: kBuffers images in the kernel (0.8 MB each for depth of
 // 848x480).
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -81,6 +83,7 @@ private:
     [[nodiscard]] int set_mode(const Mode& mode);
     [[nodiscard]] int map_buffers();
     void give_back(std::uint32_t index) noexcept;
+    void queue_returned() noexcept;
 
     V4l2Link& link_;
     int handle_ = -1;
@@ -89,8 +92,9 @@ private:
     V4l2Format format_;
     std::array<std::span<const std::uint8_t>, kBuffers> buffers_{};
     std::uint32_t buffer_count_ = 0;
-    std::uint32_t held_ = 0;    // bits of buffers that are out
-    std::uint32_t errors_ = 0;  // in a row
+    std::uint32_t held_ = 0;                   // bits of buffers that are out, or returned
+    std::atomic<std::uint32_t> returned_ = 0;  // of those that may be queued again
+    std::uint32_t errors_ = 0;                 // in a row
     bool is_on_ = false;
     bool has_failed_ = false;  // a buffer could not be given back
     bool has_sequence_ = false;

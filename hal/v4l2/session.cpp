@@ -49,9 +49,10 @@ void Session::pair(std::optional<Pairer::Pair> made, std::int64_t arrival_ns) {
     changed.notify_all();
 }
 
-bool Session::take(bool is_colour, std::int64_t arrival_ns) {
-    Image image;
-    switch ((is_colour ? opening.colour : opening.depth).take(image)) {
+bool Session::add(bool is_colour, int error, Image image, std::int64_t arrival_ns) {
+    counts.images_missing = opening.colour.missing() + opening.depth.missing();
+    counts.images_broken = opening.colour.broken() + opening.depth.broken();
+    switch (error) {
         case 0: break;
         case EAGAIN: return false;
         case EBADMSG: broken_ns = arrival_ns; return true;
@@ -76,21 +77,22 @@ void Session::read(std::uint32_t timeout_ms) {
     const int handles[] = {opening.depth.handle(), opening.colour.handle()};
     V4l2Ready ready[2];
     const int error = link->wait(handles, timeout_ms, ready);
-    const std::lock_guard lock(mutex);
     const std::int64_t arrival_ns = link->now_ns();
-    if (error == ENODEV) gone_why = "unplugged";
-    if (error == 0 && gone_why == nullptr && !is_closing) {
-        // By turns, so that images of one instant find each other where several wait.
-        bool has_more[2] = {true, true};
-        for (std::uint32_t round = 0; round < kRoundsMax && (has_more[0] || has_more[1]); ++round) {
-            for (const bool is_colour : {false, true}) {
-                if (has_more[is_colour]) has_more[is_colour] = take(is_colour, arrival_ns);
-            }
+    // By turns, so that images of one instant find each other where several wait.
+    bool has_more[2] = {error == 0, error == 0};
+    for (std::uint32_t round = 0; round < kRoundsMax && (has_more[0] || has_more[1]); ++round) {
+        for (const bool is_colour : {false, true}) {
+            if (!has_more[is_colour]) continue;
+            Image image;
+            const int taken = (is_colour ? opening.colour : opening.depth).take(image);
+            const std::lock_guard lock(mutex);
+            has_more[is_colour] = !is_closing && add(is_colour, taken, std::move(image), arrival_ns);
         }
-        const bool is_broken =
-            (ready[0].is_broken && !ready[0].has_image) || (ready[1].is_broken && !ready[1].has_image);
-        if (is_broken && gone_why == nullptr) gone_why = "its driver reports an error";
     }
+    const bool is_broken = (ready[0].is_broken && !ready[0].has_image) || (ready[1].is_broken && !ready[1].has_image);
+    const std::lock_guard lock(mutex);
+    if (error == ENODEV) gone_why = "unplugged";
+    if (is_broken && gone_why == nullptr) gone_why = "its driver reports an error";
     counts.reader_cpu_ns += thread_cpu_ns() - cpu_ns;
     if (gone_why != nullptr) changed.notify_all();
 }

@@ -40,7 +40,7 @@ struct Session {
     Status status = Status::kUnavailable;
     std::string message;
 
-    mutable std::mutex mutex;  // of all below, and of every call of the link while both threads may make some
+    mutable std::mutex mutex;  // of all below; no call of the link is made under it
     std::condition_variable changed;
     bool is_opened = false, is_closing = false, is_closed = false;
     const char* gone_why = nullptr;  // null: it is there
@@ -62,8 +62,8 @@ struct Session {
     void serve(const std::function<void()>& thread_begins) noexcept;
 
 private:
-    // One image of a stream; false: there was none.
-    [[nodiscard]] bool take(bool is_colour, std::int64_t arrival_ns);
+    // What a stream gave, with the lock; false: nothing more is there.
+    [[nodiscard]] bool add(bool is_colour, int error, Image image, std::int64_t arrival_ns);
     void pair(std::optional<Pairer::Pair> made, std::int64_t arrival_ns);
 };
 

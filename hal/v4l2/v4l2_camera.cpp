@@ -213,8 +213,8 @@ V4l2Counts V4l2Camera::counts() const noexcept {
     sum.pairing.add(session_->pairer.counts());
     sum.images_colour += now.images_colour;
     sum.images_depth += now.images_depth;
-    sum.images_missing += session_->opening.colour.missing() + session_->opening.depth.missing();
-    sum.images_broken += session_->opening.colour.broken() + session_->opening.depth.broken();
+    sum.images_missing += now.images_missing;
+    sum.images_broken += now.images_broken;
     sum.dropped += now.dropped;
     sum.reader_cpu_ns += now.reader_cpu_ns;
     return sum;

@@ -223,7 +223,6 @@ int EmulatedDevice::map(int handle, std::uint32_t index, std::span<const std::ui
     bytes = open.buffers[index];
     mappings_.push_back(bytes.data());
     ++mapped_;
-    ++mapped_ever_;
     return 0;
 }
 

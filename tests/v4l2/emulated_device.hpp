@@ -68,9 +68,14 @@ public:
     void advance_ns(std::int64_t ns) { now_ns_ += ns; }
 
     // What was left behind: nodes open, buffers mapped. Streams are counted while they run.
-    [[nodiscard]] int open_now() const { return static_cast<int>(handles_.size()); }
-    [[nodiscard]] int mapped_now() const { return mapped_; }
-    [[nodiscard]] std::uint64_t mapped_ever() const { return mapped_ever_; }
+    [[nodiscard]] int open_now() const {
+        const std::lock_guard lock(mutex_);
+        return static_cast<int>(handles_.size());
+    }
+    [[nodiscard]] int mapped_now() const {
+        const std::lock_guard lock(mutex_);
+        return mapped_;
+    }
     std::map<std::uint32_t, std::int32_t> controls;  // that were set
     int emitter = -1;                                // as it was set; -1: not yet
     std::string misuse;                              // the first wrong call; empty: none
@@ -127,14 +132,13 @@ private:
     [[nodiscard]] const EmulatedMode* mode_of(const Node& node, const V4l2Format& format) const;
     [[nodiscard]] std::int64_t next_image_ns(std::span<const int> handles);
 
-    std::recursive_mutex mutex_;
+    mutable std::recursive_mutex mutex_;
     std::int64_t now_ns_ = 1'000'000'000'000;
     bool is_plugged_ = true;
     std::uint32_t life_ = 1;
     int next_handle_ = 3;
     std::map<int, Open> handles_;
     int mapped_ = 0;
-    std::uint64_t mapped_ever_ = 0;
     std::vector<const std::uint8_t*> mappings_;
     std::vector<Bytes> left_;  // buffers of closed nodes that are still mapped
 };

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <filesystem>
@@ -522,6 +523,45 @@ TEST(V4l2Camera, WithItsThread) {
     EXPECT_EQ(device->open_now(), 0);
     EXPECT_EQ(device->mapped_now(), 0);
     EXPECT_EQ(device->misuse, "");
+}
+
+// Promise: a driver that hangs while it is opened, or while it streams and is closed, is left behind: nobody waits
+// longer than was asked for; when it comes back, everything is given back.
+TEST(V4l2Camera, AHangIsLeftBehind) {
+    for (const char* const where : {"query_capability", "set_streaming", "extension_get", "dequeue"}) {
+        auto device = std::make_shared<EmulatedDevice>();
+        device->is_real_time = true;
+        std::atomic<bool> hangs = true;
+        std::atomic<bool> is_caught = false;
+        device->fault = [&, where = std::string(where)](const char* call) {
+            while (hangs && where == call) {
+                is_caught = true;
+                std::this_thread::sleep_for(std::chrono::milliseconds(2));
+            }
+            return 0;
+        };
+        V4l2Options options;
+        options.open_max_ms = 300;
+        {
+            V4l2Camera camera(options, device);
+            if (std::string(where) == "dequeue") {
+                static_cast<void>(camera.open());
+            } else {
+                EXPECT_EQ(camera.open(), Status::kUnavailable);
+                EXPECT_EQ(camera.message(), "the camera does not answer; unplug it and plug it in again.");
+            }
+            for (int i = 0; i < 5000 && !is_caught; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            EXPECT_TRUE(is_caught) << where;
+        }
+        hangs = false;
+        for (int i = 0; i < 5000 && device->open_now() > 0; ++i) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+        EXPECT_EQ(device->open_now(), 0) << where;
+        EXPECT_EQ(device->mapped_now(), 0) << where;
+        EXPECT_EQ(device->misuse, "");
+        device->fault = {};
+    }
 }
 
 // Promise: `stillmesh cameras` hears what the nodes say, and nobody who streams is disturbed by it.
