@@ -154,7 +154,8 @@ public:
         for (V4l2Ready& one : ready) one = {!rarely(), rarely()};
         return fails();
     }
-    int extension(int, std::uint8_t, std::uint8_t, V4l2Query query, std::span<std::uint8_t> data) override {
+    int extension(int, std::uint8_t, std::uint8_t control, V4l2Query query, std::span<std::uint8_t> data) override {
+        if (control != v4l2::kCommandControl || data.size() != v4l2::kMessageBytes) return fails();
         if (query == V4l2Query::kSet) {
             code_ = data[4];
             is_depth_ = data[8] == v4l2::kDepthTable;
@@ -214,10 +215,10 @@ private:
 };
 
 void run_device(fuzz::Bytes bytes) {
-    constexpr const char* kDevices[] = {"", "", "/dev/video0,/dev/video2", "123"};
+    constexpr const char* kDevices[] = {"", "", "/dev/video0,/dev/video1", "123", "ir"};
     V4l2Options options;
     options.has_thread = false;
-    options.device = kDevices[bytes.u8() % 4];
+    options.device = kDevices[bytes.u8() % 5];
     if (bytes.u8() % 2 == 0) options.calibration = "tum-fr1";
     options.is_registered = bytes.u8() % 4 == 0;
     V4l2Camera camera(options, std::make_shared<ByteLink>(bytes));
