@@ -10,6 +10,7 @@
 //     crc good|bad                          the calibration tables' checksums
 //     commands answered|refused             Intel's commands stall
 //     stereo aside|together                 the stereo module stands 15 mm beside the colour camera, or in its place
+//     control answered|deaf                no control request is answered, none stalled: the kernel gives up
 //     counts                                a line per stream: how often it began, pictures sent, short ones, skipped
 //     projector                             0: off, 1: on
 //     clock                                 when picture 0 was due, s since 1970
@@ -156,9 +157,11 @@ std::string Bench::obey(const std::string& line) {
     }
     const bool is_good = what == "good" || what == "answered";
     if (verb == "crc") camera_.extension_unit.monitor.is_corrupt = !is_good;
+    if (verb == "control") port_.set_deaf(!is_good);
     if (verb == "commands") camera_.extension_unit.is_refused = !is_good;
-    bool is_known = ((verb == "crc" || verb == "commands") && (is_good || what == "bad" || what == "refused")) ||
-                    (verb == "stall" && what == "none");
+    bool is_known = (verb == "crc" && (is_good || what == "bad")) ||
+                    (verb == "commands" && (is_good || what == "refused")) ||
+                    (verb == "control" && (is_good || what == "deaf")) || (verb == "stall" && what == "none");
     for (vm::StreamSource& one : camera_.streams()) {
         const bool is_meant = what == one.stream().name;
         if (verb == "stall") one.settings().is_stalled = is_meant;

@@ -148,7 +148,7 @@ bool UsbPort::submit(const std::uint32_t* words, const std::uint8_t* raw) {
     const std::uint32_t length = words[kLength];
     Bytes written(words[kDirection] == 0 ? length : 0), data;
     if (!read_all(socket_, written.data(), written.size())) return false;
-    if (words[kEndpoint] != 0) {
+    if (words[kEndpoint] != 0 || is_deaf_) {
         waiting_.push_back({words[kSequence], words[kEndpoint], length});
         return true;
     }

@@ -54,6 +54,7 @@ public:
     void unplug();
     [[nodiscard]] bool is_plugged() const { return socket_ >= 0; }
     [[nodiscard]] int socket() const { return socket_; }  // readable when the kernel asks something
+    void set_deaf(bool is_deaf) { is_deaf_ = is_deaf; }   // control requests wait for ever
     void serve_one();                                     // reads a message and answers it, or keeps it waiting
     void serve_waiting();                                 // asks the device again for what waits
     [[nodiscard]] bool has_waiting(std::uint32_t endpoint) const;
@@ -70,6 +71,7 @@ private:
     UsbDevice& device_;
     UsbSpeed speed_ = UsbSpeed::kHigh;
     int socket_ = -1;
+    bool is_deaf_ = false;
     std::deque<Waiting> waiting_;
 };
 
