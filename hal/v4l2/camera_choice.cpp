@@ -192,6 +192,7 @@ struct Device {
     return refused(Status::kUnavailable, "no depth camera of the USB Video Class" +
                                              (serial.empty() ? std::string() : " with serial number " + serial) +
                                              " is plugged in" + (seen.empty() ? "" : " (there is: " + seen + ")") +
+                                             (nodes.empty() ? ", or the kernel's driver uvcvideo is not loaded" : "") +
                                              "; " + kAskWhat + ".");
 }
 

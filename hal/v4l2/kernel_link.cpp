@@ -23,7 +23,7 @@ static_assert(kV4l2Capture == V4L2_CAP_VIDEO_CAPTURE && kV4l2Streaming == V4L2_C
 
 // Tried again where a signal came between.
 template <typename Argument>
-[[nodiscard]] int control(int handle, unsigned long request, Argument& argument) noexcept {
+[[nodiscard]] int call(int handle, unsigned long request, Argument& argument) noexcept {
     int result = 0;
     do {
         result = ::ioctl(handle, request, &argument);
@@ -56,7 +56,7 @@ void KernelV4l2Link::close(int handle) {
 
 int KernelV4l2Link::query_capability(int handle, std::uint32_t& capabilities) {
     v4l2_capability answer{};
-    if (const int error = control(handle, VIDIOC_QUERYCAP, answer); error != 0) return error;
+    if (const int error = call(handle, VIDIOC_QUERYCAP, answer); error != 0) return error;
     // Of this node, where the driver tells it apart from the whole device.
     capabilities = (answer.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? answer.device_caps : answer.capabilities;
     return 0;
@@ -66,7 +66,7 @@ int KernelV4l2Link::format_at(int handle, std::uint32_t index, std::uint32_t& fo
     v4l2_fmtdesc answer{};
     answer.index = index;
     answer.type = kType;
-    const int error = control(handle, VIDIOC_ENUM_FMT, answer);
+    const int error = call(handle, VIDIOC_ENUM_FMT, answer);
     fourcc = answer.pixelformat;
     return error;
 }
@@ -75,7 +75,7 @@ int KernelV4l2Link::size_at(int handle, std::uint32_t fourcc, std::uint32_t inde
     v4l2_frmsizeenum answer{};
     answer.index = index;
     answer.pixel_format = fourcc;
-    if (const int error = control(handle, VIDIOC_ENUM_FRAMESIZES, answer); error != 0) return error;
+    if (const int error = call(handle, VIDIOC_ENUM_FRAMESIZES, answer); error != 0) return error;
     // USB video cameras have a list; ranges are for what scales.
     if (answer.type != V4L2_FRMSIZE_TYPE_DISCRETE) return EINVAL;
     size = {answer.discrete.width, answer.discrete.height};
@@ -88,7 +88,7 @@ int KernelV4l2Link::interval_at(int handle, const V4l2Format& format, std::uint3
     answer.pixel_format = format.fourcc;
     answer.width = format.width;
     answer.height = format.height;
-    if (const int error = control(handle, VIDIOC_ENUM_FRAMEINTERVALS, answer); error != 0) return error;
+    if (const int error = call(handle, VIDIOC_ENUM_FRAMEINTERVALS, answer); error != 0) return error;
     // Of a range of intervals, the shortest.
     if (answer.type != V4L2_FRMIVAL_TYPE_DISCRETE && index > 0) return EINVAL;
     const v4l2_fract& fraction = answer.type == V4L2_FRMIVAL_TYPE_DISCRETE ? answer.discrete : answer.stepwise.min;
@@ -103,7 +103,7 @@ int KernelV4l2Link::set_format(int handle, V4l2Format& format) {
     answer.fmt.pix.width = format.width;
     answer.fmt.pix.height = format.height;
     answer.fmt.pix.field = V4L2_FIELD_NONE;
-    if (const int error = control(handle, VIDIOC_S_FMT, answer); error != 0) return error;
+    if (const int error = call(handle, VIDIOC_S_FMT, answer); error != 0) return error;
     const v4l2_pix_format& pix = answer.fmt.pix;
     format = {pix.pixelformat, pix.width, pix.height, pix.bytesperline, pix.sizeimage};
     return 0;
@@ -113,16 +113,16 @@ int KernelV4l2Link::set_interval(int handle, V4l2Interval& interval) {
     v4l2_streamparm answer{};
     answer.type = kType;
     answer.parm.capture.timeperframe = {interval.numerator, interval.denominator};
-    if (const int error = control(handle, VIDIOC_S_PARM, answer); error != 0) return error;
+    if (const int error = call(handle, VIDIOC_S_PARM, answer); error != 0) return error;
     interval = {answer.parm.capture.timeperframe.numerator, answer.parm.capture.timeperframe.denominator};
     return 0;
 }
 
-int KernelV4l2Link::set_control(int handle, std::uint32_t id, std::int32_t value) {
+int KernelV4l2Link::set_control(int handle, std::uint32_t control, std::int32_t value) {
     v4l2_control answer{};
-    answer.id = id;
+    answer.id = control;
     answer.value = value;
-    return control(handle, VIDIOC_S_CTRL, answer);
+    return call(handle, VIDIOC_S_CTRL, answer);
 }
 
 int KernelV4l2Link::request_buffers(int handle, std::uint32_t& count) {
@@ -130,14 +130,14 @@ int KernelV4l2Link::request_buffers(int handle, std::uint32_t& count) {
     answer.count = count;
     answer.type = kType;
     answer.memory = V4L2_MEMORY_MMAP;
-    const int error = control(handle, VIDIOC_REQBUFS, answer);
+    const int error = call(handle, VIDIOC_REQBUFS, answer);
     count = error == 0 ? answer.count : 0;
     return error;
 }
 
 int KernelV4l2Link::map(int handle, std::uint32_t index, std::span<const std::uint8_t>& bytes) {
     v4l2_buffer buffer = buffer_of(index);
-    if (const int error = control(handle, VIDIOC_QUERYBUF, buffer); error != 0) return error;
+    if (const int error = call(handle, VIDIOC_QUERYBUF, buffer); error != 0) return error;
     void* const at = ::mmap(nullptr, buffer.length, PROT_READ, MAP_SHARED, handle, static_cast<off_t>(buffer.m.offset));
     if (at == MAP_FAILED) return errno;
     bytes = {static_cast<const std::uint8_t*>(at), buffer.length};
@@ -150,24 +150,24 @@ void KernelV4l2Link::unmap(std::span<const std::uint8_t> bytes) {
 
 int KernelV4l2Link::queue(int handle, std::uint32_t index) {
     v4l2_buffer buffer = buffer_of(index);
-    return control(handle, VIDIOC_QBUF, buffer);
+    return call(handle, VIDIOC_QBUF, buffer);
 }
 
-int KernelV4l2Link::dequeue(int handle, V4l2Buffer& out) {
-    v4l2_buffer buffer = buffer_of(0);
-    if (const int error = control(handle, VIDIOC_DQBUF, buffer); error != 0) return error;
-    out.index = buffer.index;
-    out.bytes_used = buffer.bytesused;
-    out.sequence = buffer.sequence;
-    out.stamp_us = std::int64_t{buffer.timestamp.tv_sec} * 1'000'000 + buffer.timestamp.tv_usec;
-    out.is_broken = (buffer.flags & V4L2_BUF_FLAG_ERROR) != 0;
-    out.is_monotonic = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+int KernelV4l2Link::dequeue(int handle, V4l2Buffer& buffer) {
+    v4l2_buffer answer = buffer_of(0);
+    if (const int error = call(handle, VIDIOC_DQBUF, answer); error != 0) return error;
+    buffer.index = answer.index;
+    buffer.bytes_used = answer.bytesused;
+    buffer.sequence = answer.sequence;
+    buffer.stamp_us = std::int64_t{answer.timestamp.tv_sec} * 1'000'000 + answer.timestamp.tv_usec;
+    buffer.is_broken = (answer.flags & V4L2_BUF_FLAG_ERROR) != 0;
+    buffer.is_monotonic = (answer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
     return 0;
 }
 
 int KernelV4l2Link::set_streaming(int handle, bool is_on) {
     int type = static_cast<int>(kType);
-    return control(handle, is_on ? VIDIOC_STREAMON : VIDIOC_STREAMOFF, type);
+    return call(handle, is_on ? VIDIOC_STREAMON : VIDIOC_STREAMOFF, type);
 }
 
 int KernelV4l2Link::wait(std::span<const int> handles, std::uint32_t timeout_ms, std::span<V4l2Ready> ready) {
@@ -182,15 +182,15 @@ int KernelV4l2Link::wait(std::span<const int> handles, std::uint32_t timeout_ms,
     return count >= 0 || errno == EINTR ? 0 : errno;
 }
 
-int KernelV4l2Link::extension(int handle, std::uint8_t unit, std::uint8_t selector, V4l2Query query,
+int KernelV4l2Link::extension(int handle, std::uint8_t unit, std::uint8_t control, V4l2Query query,
                               std::span<std::uint8_t> data) {
     uvc_xu_control_query request{};
     request.unit = unit;
-    request.selector = selector;
+    request.selector = control;
     request.query = query == V4l2Query::kSet ? UVC_SET_CUR : UVC_GET_CUR;
     request.size = static_cast<std::uint16_t>(data.size());
     request.data = data.data();
-    return control(handle, UVCIOC_CTRL_QUERY, request);
+    return call(handle, UVCIOC_CTRL_QUERY, request);
 }
 
 std::int64_t KernelV4l2Link::now_ns() {

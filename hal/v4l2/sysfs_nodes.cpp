@@ -57,6 +57,7 @@ std::vector<V4l2Node> nodes_of_sysfs(const std::string& root, const std::string&
     }
     std::sort(numbered.begin(), numbered.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
     std::vector<V4l2Node> nodes;
+    nodes.reserve(numbered.size());
     for (auto& [number, node] : numbered) nodes.push_back(std::move(node));
     return nodes;
 }

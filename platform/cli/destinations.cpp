@@ -47,7 +47,8 @@ namespace {
     }
     if (to.path == "-") {
         if (to.may_be_standard_output) return {};
-        return name + "only --trajectory can go to standard output; give a name (a file called '-' is './-').";
+        return name +
+               "only --trajectory or --poses can go to standard output; give a name (a file called '-' is './-').";
     }
     struct stat status {};
     if (::stat(to.path.c_str(), &status) == 0) {

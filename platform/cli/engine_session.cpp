@@ -262,6 +262,9 @@ public:
         out.static_features = count16(statistics.static_matches);
         out.dynamic_features = count16(statistics.dynamic_matches);
         out.unsure = statistics.unsure;
+        out.estimate = pose;
+        out.statistics = statistics;
+        out.keyframe = engine_->reference_keyframe();
         out.state_hash = engine_->state_hash();
         return Status::kOk;
     }

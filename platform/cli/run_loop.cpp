@@ -14,6 +14,7 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/loss_watch.hpp"
 #include "platform/cli/maps_of_run.hpp"
+#include "platform/cli/pose_outputs.hpp"
 #include "platform/cli/progress.hpp"
 #include "platform/cli/snapshot_keeper.hpp"
 #include "platform/cli/stream_log.hpp"
@@ -64,7 +65,11 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     if (options.adds_to_trajectory) trajectory.add_to_it();
     trajectory.limit_to(options.trajectory_bytes_max);
     constexpr int kReaderPatience_ms = 5000;  // a recording waits for whoever reads its path, a camera does not
-    if (options.trajectory == "-" && options.times == nullptr) trajectory.wait_for_reader(kReaderPatience_ms);
+    const int patience_ms = options.times == nullptr ? kReaderPatience_ms : 0;
+    if (options.trajectory == "-") trajectory.wait_for_reader(patience_ms);
+    PoseOutputs poses;
+    const LineOutputOptions pose_options{options.adds_to_trajectory, options.trajectory_bytes_max, patience_ms};
+    if (!poses.open(options.poses, pose_options, message)) return give_up(kExitUsage);
     if (!options.trajectory.empty() && !trajectory.open(options.trajectory, message)) return give_up(kExitUsage);
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
     if (!session.begin(message)) return give_up(kExitUsage);
@@ -73,9 +78,17 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     service.ready();
     ProgressLine progress(options.show_progress, options.frames_expected);
     // What cannot be written ends nothing: it is said once, counted, and the run fails when it is over.
-    const auto put = [&progress](CountedLines& lines, std::string_view text) {
-        if (!lines.is_open()) return;
-        if (const std::string sentence = lines.write(text); !sentence.empty()) progress.say(sentence);
+    const auto say = [&progress](const std::string& sentence) {
+        if (!sentence.empty()) progress.say(sentence);
+    };
+    const auto put = [&say](CountedLines& lines, std::string_view text) {
+        if (lines.is_open()) say(lines.write(text));
+    };
+    // Poses stop here, or mean another thing from here on: whoever reads the path later sees why.
+    const auto tell = [&](const std::string& sentence) {
+        progress.say(sentence);
+        put(trajectory, "# " + sentence + "\n");
+        say(poses.event(sentence));
     };
     put(trajectory, kHeader);
     std::string line;  // keeps its memory from frame to frame
@@ -99,7 +112,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     const double cpu_begin = cpu_seconds();
 
     while (options.frames_max == 0 || record.frames_total < options.frames_max) {
-        if (take_reopen_signal() && trajectory.is_open() && !trajectory.reopen(message)) {
+        if (take_reopen_signal() && !((!trajectory.is_open() || trajectory.reopen(message)) && poses.reopen(message))) {
             record.problems.push_back(message);  // the old file is still there
             code = kExitFailed;
         }
@@ -121,9 +134,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         if (options.news) {
             for (std::string sentence = options.news(); !sentence.empty(); sentence = options.news()) {
                 const double second = static_cast<double>(monotonic_ns() - wall_begin_ns) * 1e-9;
-                progress.say(sentence);
-                // Poses stop here: whoever reads the path later sees why.
-                put(trajectory, "# " + sentence + "\n");
+                tell(sentence);
                 if (record.camera.events.size() < CameraRecord::kEventsMax) {
                     record.camera.events.push_back(fmt::format("second {:.1f}: {}", second, sentence));
                 }
@@ -159,13 +170,11 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             options.frames->add(frame);
         }
         streams.frame(frame);
-        if (const std::string sentence = streams.take_news(); !sentence.empty()) {
-            progress.say(sentence);
-            put(trajectory, "# " + sentence + "\n");
-        }
+        if (const std::string sentence = streams.take_news(); !sentence.empty()) tell(sentence);
         SessionFrame out;
         const std::int64_t begin_ns = monotonic_ns();
         if (streams.fault() != FrameFault::kNone) {  // old pictures: a pose of them would be of another time
+            say(poses.no_pose(record.frames_total, frame.time_ns, "old pictures"));
             record.add({frame.time_ns, 0, 0, 0, 0, PoseState::kNone}, false);
             loss.frame(frame, PoseState::kNone, streams.fault());
             progress.frame(record.frames_total, PoseState::kNone, begin_ns);
@@ -184,11 +193,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         line.clear();
         append_trajectory_line(out.state, out.world_from_camera, line);
         put(trajectory, line);
+        say(poses.pose(record.frames_total, maps.count(), out));
         watch.frame(camera, frame, session);
-        for (std::string sentence = watch.news(); !sentence.empty(); sentence = watch.news()) {
-            progress.say(sentence);
-            put(trajectory, "# " + sentence + "\n");
-        }
+        for (std::string sentence = watch.news(); !sentence.empty(); sentence = watch.news()) tell(sentence);
         snapshots.frame(record.frames_total, frame, out, session);
         session.work(options.times != nullptr ? std::optional(options.times->next_due_ns()) : std::nullopt, out);
         if (hashes.is_open()) {
@@ -197,7 +204,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             fmt::format_to(std::back_inserter(line), " {:016x}\n", out.state_hash);
             put(hashes, line);
         }
-        if (std::string sentence = session.news(); !sentence.empty()) progress.say(sentence);
+        say(session.news());
         if (!options.trajectory_final.empty() && out.state != PoseState::kNone) {
             given.push_back(out.world_from_camera);
             given_states.push_back(out.state);
@@ -212,8 +219,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         if (options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns && loss.is_good_picture()) {
             if (const std::string begun = session.begin_new_map(); !begun.empty()) {
                 const std::string sentence = loss.begin_anew() + ": " + begun + ".";
-                progress.say(sentence);
-                put(trajectory, fmt::format("# map {}: {}\n", maps.count() + 1, sentence));
+                tell(fmt::format("map {}: {}", maps.count() + 1, sentence));
                 maps.begin_another(record, given.size());
                 record.new_maps.push_back({loss.second(frame.time_ns), sentence});
             }
@@ -232,6 +238,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     for (const CountedLines* const lines : {&trajectory, &hashes}) {
         if (std::string problem = lines->problem(); !problem.empty()) record.problems.push_back(std::move(problem));
     }
+    poses.account(record);
     session.account(record);
     streams.account(record);
     if (options.frames != nullptr) {

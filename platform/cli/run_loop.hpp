@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "hal/depth_camera.hpp"
 #include "hal/live/frame_times.hpp"
@@ -21,6 +22,7 @@ struct RunLoopOptions {
     std::string trajectory;                  // file; "-": standard output; empty: none
     bool adds_to_trajectory = false;         // to what is in the file already
     std::uint64_t trajectory_bytes_max = 0;  // beyond, it becomes FILE.1 and begins anew; 0: no limit
+    std::vector<std::string> poses;          // destinations of poses with their trust; files as the trajectory's
     std::string trajectory_final;            // file; empty: none
     std::string state_hashes;                // file, a line per frame; empty: none
     std::uint64_t frames_max = 0;            // 0: all

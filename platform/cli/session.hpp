@@ -23,6 +23,9 @@ struct SessionFrame {
     std::uint16_t dynamic_features = 0;
     std::uint64_t state_hash = 0;
     UnsureReason unsure = UnsureReason::kNone;  // by the engine
+    PoseEstimate estimate;                      // as the engine gave it
+    FrameStatistics statistics;
+    std::uint64_t keyframe = kNoKeyframe;  // that the pose hangs on
 };
 
 class TrackingSession {

@@ -66,14 +66,15 @@ class World:
 
 
 RUN = ("run --replay {frames} --limits pocket --map room.map --map-every 0.1 --map-store store --trajectory path.txt --append "
-       "--trajectory-final final.txt --state-hashes hashes.txt --record run.rec --record-frames recorded --report report "
+       "--poses poses.jsonl --trajectory-final final.txt --state-hashes hashes.txt --record run.rec --record-frames recorded --report report "
        "--set region.is_enabled=true")
 COMMANDS = {  # name: words, share of the calls that are tried when all are (each such run waits for its camera or renders)
     "run": (RUN, 1),
     "realtime": ("run --replay {frames} --limits pocket --realtime --map room.map --map-every 0.1 --map-store store "
                  "--trajectory path.txt --append --json", 5),
     "faulty": ("run --replay {frames} --inject 1 --limits pocket --map-in room.map --map-out room.map", 3),
-    "simulated": ("run --simulate static_xyz:1 --frames 2 --limits pocket --trajectory path.txt --append", 8),
+    "simulated": ("run --simulate static_xyz:1 --frames 2 --limits pocket --trajectory path.txt --append "
+                  "--poses unix:poses.sock --poses udp:127.0.0.1:9", 8),
     "rerun": ("rerun {before}/run.rec --replay {frames}", 1),
     "eval": ("eval --groundtruth {frames}/groundtruth.txt --trajectory {before}/path.txt", 1),
     "info": ("vocabulary info", 1),

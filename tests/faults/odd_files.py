@@ -45,6 +45,7 @@ WRITES = [
     "simulate static_xyz --frames 1 --out {odd}",
     "vocabulary train --images {frames} --every 5 --levels 2 --out {odd}",
     "run --replay {frames} --trajectory {odd}",
+    "run --replay {frames} --poses {odd}",
     "run --replay {frames} --trajectory-final {odd}",
     "run --replay {frames} --state-hashes {odd}",
     "run --replay {frames} --record {odd}",

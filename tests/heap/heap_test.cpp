@@ -17,9 +17,11 @@ constexpr long kFrom = 40, kTo = 100;
 [[nodiscard]] test::HeapTrace::Calls calls_of(const std::string& arguments) {
     const test::TemporaryFolder scratch;
     const test::HeapTrace trace(STILLMESH_HEAP_TRACE_MODULE, scratch.path("heap"), kFrom, kTo);
-    test::Program run(
-        STILLMESH_PROGRAM, "",
-        "run " + arguments + " --frames 105 --limits pocket --json --trajectory " + scratch.path("path.txt"), scratch);
+    test::Program run(STILLMESH_PROGRAM, "",
+                      "run " + arguments + " --frames 105 --limits pocket --json --trajectory " +
+                          scratch.path("path.txt") + " --poses " + scratch.path("poses.jsonl") +
+                          " --poses unix:" + scratch.path("poses.sock"),
+                      scratch);
     EXPECT_GE(run.wait(120'000), 0) << run.err();
     return trace.calls();
 }

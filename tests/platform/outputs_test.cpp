@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -104,6 +105,48 @@ TEST(Outputs, AHyphenIsStandardOutput) {
         EXPECT_NE(read_text(folder.path("err")).find(std::string(option) + " -: only --trajectory"), std::string::npos);
     }
     EXPECT_FALSE(std::filesystem::exists(folder.path("-")));
+}
+
+// Promise: poses with their trust go to several places at once; one that takes nothing (a full disk, a port without a
+// listener) is said once while it runs and once at the end, and neither it nor a reader that never reads changes a bit.
+TEST(Outputs, PosesGoToManyAndWaitForNobody) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(shell(folder, run("--trajectory t.txt --poses p.jsonl --poses unix:s > out")), 0);
+    const std::string poses = read_text(folder.path("p.jsonl"));
+    EXPECT_EQ(lines_of(poses), 20U);
+    std::size_t tracked = 0;
+    for (std::size_t at = 0; at < poses.size(); at = poses.find('\n', at) + 1) {
+        const auto line = nlohmann::json::parse(poses.substr(at, poses.find('\n', at) - at));
+        tracked += line["state"] == "tracked" ? 1U : 0U;
+        EXPECT_EQ(line["covariance"].size(), 36U);
+    }
+    EXPECT_EQ(tracked, 20U);
+    const auto hash_of = [&](const char* file) {
+        const std::string text = read_text(folder.path(file));
+        const std::size_t at = text.find("state hash");
+        return at == std::string::npos ? text : text.substr(at, text.find('\n', at) - at);
+    };
+    // A reader that connects and never reads, as long as the run lasts.
+    write_text(folder.path("stuck.py"),
+               "import socket, time\ns = socket.socket(socket.AF_UNIX)\nfor i in range(600):\n    try:\n"
+               "        s.connect('s')\n        break\n    except OSError:\n        time.sleep(.05)\ntime.sleep(60)\n");
+    EXPECT_EQ(shell(folder, "{ python3 stuck.py & reader=$!; " +
+                                run("--poses /dev/full --poses udp:127.0.0.1:9 --poses unix:s > out2 2> err") +
+                                "; code=$?; kill $reader; exit $code; }"),
+              1);
+    EXPECT_EQ(hash_of("out"), hash_of("out2"));
+    const std::string err = read_text(folder.path("err"));
+    EXPECT_NE(err.find("/dev/full: cannot be written: No space left on device. The run goes on"), std::string::npos)
+        << err;
+    EXPECT_NE(err.find("/dev/full: cannot be written: No space left on device. 20 of 20 lines"), std::string::npos)
+        << err;
+    EXPECT_NE(err.find("--poses udp:127.0.0.1:9: nobody listens there; the run goes on"), std::string::npos) << err;
+    // To standard output nothing else goes; together with a trajectory there it is refused.
+    ASSERT_EQ(shell(folder, run("--poses - > out3 2> err")), 0);
+    EXPECT_EQ(lines_of(read_text(folder.path("out3"))), 20U);
+    EXPECT_EQ(shell(folder, run("--poses - --trajectory - > out3 2> err")), 2);
+    EXPECT_EQ(shell(folder, run("--poses p.jsonl --append > out3 2> err")), 0);
+    EXPECT_EQ(lines_of(read_text(folder.path("p.jsonl"))), 40U);
 }
 
 // Promise: a start that is refused changes no file, whichever destination is wrong and wherever it stands among them.

@@ -291,8 +291,9 @@ TEST(V4l2Camera, RefusalsSayWhy) {
              Case{[](EmulatedDevice& d) { d.depth().ignores_mode = true; }, Status::kInvalid,
                   "/dev/video0: the driver sets another mode than"},
              Case{[](EmulatedDevice& d) { d.colour().buffers_max = 2; }, Status::kInvalid, "its buffers"},
-             Case{[](EmulatedDevice& d) { d.unplug(); }, Status::kUnavailable,
-                  "no depth camera of the USB Video Class"},
+             Case{
+                 [](EmulatedDevice& d) { d.unplug(); }, Status::kUnavailable,
+                 "no depth camera of the USB Video Class is plugged in, or the kernel's driver uvcvideo is not loaded"},
              Case{[](EmulatedDevice& d) { d.colour().modes.clear(), d.infrared().modes.clear(); }, Status::kUnavailable,
                   "has no colour images"},
              Case{[](EmulatedDevice& d) {

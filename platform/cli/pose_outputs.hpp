@@ -1,0 +1,86 @@
+// `--poses`: each pose with its trust, and what happens to the camera, as lines of JSON to any number of readers.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "platform/cli/session.hpp"
+#include "platform/poses/line_outputs.hpp"
+#include "platform/poses/pose_line.hpp"
+#include "platform/report/run_record.hpp"
+
+namespace stillmesh {
+
+class PoseOutputs {
+public:
+    // Sockets first: whether a port is free only opening it tells, and a start that is refused leaves files as they
+    // were. False: `message`.
+    [[nodiscard]] bool open(const std::vector<std::string>& destinations, const LineOutputOptions& options,
+                            std::string& message) {
+        for (const bool are_files : {false, true}) {
+            for (const std::string& destination : destinations) {
+                if (is_file_destination(destination) != are_files) continue;
+                auto output = open_line_output(destination, options, message);
+                if (output == nullptr) return false;
+                outputs_.push_back(std::move(output));
+            }
+        }
+        return true;
+    }
+    // Number `frame` of the run, in its `map`. Here as in event(): what to say when the first line was lost somewhere.
+    [[nodiscard]] std::string pose(std::uint64_t frame, std::size_t map, const SessionFrame& out) {
+        const bool is_camera_fault = out.state != out.estimate.state;  // the camera check does not trust it
+        last_ = {frame,        out.state,      is_camera_fault ? "camera fault" : unsure_reason_name(out.unsure),
+                 out.estimate, out.statistics, out.keyframe,
+                 map};
+        last_.estimate.time_ns = out.world_from_camera.time_ns;
+        return write_pose();
+    }
+    // A frame that was not tracked.
+    [[nodiscard]] std::string no_pose(std::uint64_t frame, std::int64_t time_ns, const char* reason) {
+        last_.frame = frame;
+        last_.state = PoseState::kNone;
+        last_.reason = reason;
+        last_.estimate.time_ns = time_ns;
+        last_.statistics = {};
+        return write_pose();
+    }
+    [[nodiscard]] std::string event(const std::string& sentence) {
+        if (outputs_.empty()) return {};
+        lines_.event(last_.estimate.time_ns, sentence, line_);
+        return write();
+    }
+    [[nodiscard]] bool reopen(std::string& message) {
+        return std::all_of(outputs_.begin(), outputs_.end(), [&message](auto& o) { return o->reopen(message); });
+    }
+    void account(RunRecord& record) const {
+        for (const auto& output : outputs_) {
+            if (std::string problem = output->problem(); !problem.empty())
+                record.problems.push_back(std::move(problem));
+        }
+    }
+
+private:
+    [[nodiscard]] std::string write_pose() {
+        if (outputs_.empty()) return {};
+        lines_.pose(last_, line_);
+        return write();
+    }
+    [[nodiscard]] std::string write() {
+        std::string said;
+        for (const auto& output : outputs_) {
+            if (std::string sentence = output->write(line_); !sentence.empty()) said = std::move(sentence);
+        }
+        return said;
+    }
+
+    std::vector<std::unique_ptr<LineOutput>> outputs_;
+    PoseLines lines_;
+    std::string line_;  // keeps its memory from frame to frame
+    PoseReport last_;
+};
+
+}  // namespace stillmesh
