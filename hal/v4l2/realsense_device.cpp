@@ -4,6 +4,22 @@
 #include <cstring>
 
 namespace stillmesh::v4l2 {
+namespace {
+
+// uvcvideo asks a camera that stalls a request why, and has a number of errno for each answer (uvc_query_ctrl in
+// drivers/media/usb/uvc/uvc_video.c); the text of EILSEQ would be about characters.
+[[nodiscard]] const char* refusal_text(int error) noexcept {
+    switch (error) {
+        case EBUSY: return "not ready";
+        case EILSEQ:
+        case EACCES: return "wrong state";
+        case EREMOTE: return "not enough power";
+        case EBADRQC: return "unknown request";
+        default: return std::strerror(error);
+    }
+}
+
+}  // namespace
 
 Status RealSenseDevice::ask_once(Command command, std::uint32_t parameter, Message& answer,
                                  std::span<const std::uint8_t>& body, std::string& message) {
@@ -12,7 +28,7 @@ Status RealSenseDevice::ask_once(Command command, std::uint32_t parameter, Messa
     answer = {};
     if (error == 0) error = link_.extension(handle_, kRealSenseUnit, kCommandControl, V4l2Query::kGet, answer);
     if (error == 0) return answer_body(command, answer, body, message);
-    message = std::string("the camera refuses to be asked (") + std::strerror(error) + ")";
+    message = std::string("the camera refuses to be asked (") + refusal_text(error) + ")";
     return error == ENODEV ? Status::kUnavailable : Status::kCorrupt;
 }
 
