@@ -1,11 +1,13 @@
 // Every number that a user may know: one line each, with its type, name, default, range, unit and effect. The lines
-// make the struct, --print-config, the reference page (docs/configuration.md), the check of ranges, and what a
-// recording names. Numbers that belong to the method's inside stand beside their modules (engine/*/tuning.hpp).
+// make the struct, --print-config, the reference page, the check of ranges, and what a recording names. Numbers that
+// belong to the method's inside stand beside their modules and are not installed.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "engine/base/parameter_table.hpp"
+#include "engine/limits.hpp"
 
 namespace stillmesh {
 
@@ -33,7 +35,7 @@ struct DepthParameters { STILLMESH_KEYS_depth(STILLMESH_FIELD) };
 // How the static region is extracted: region.method.
 enum class RegionMethod : std::uint32_t {
     kOurs = 0,   // hypotheses of groups, prediction and past, weighed by what the past knows of each point
-    kPaper = 1,  // the paper to the letter (engine/static_region/paper_choice.hpp), to measure what we left it for
+    kPaper = 1,  // the paper to the letter, to measure what we left it for
 };
 #define STILLMESH_KEYS_region(KEY) \
     KEY(region, bool, is_enabled, true, 0.0, 1.0, "", "extract the static region; off: all matches count") \
@@ -131,6 +133,19 @@ struct Configuration {
         out.region.edge_change_max_m = 0.5;
         out.loop.distance_max_m = 3.0;
         return out;
+    }
+    // The same with the three keys that have to be within the limits brought down to them, so that validate() takes
+    // it: Configuration::outdoor().fitted_to(Limits::pocket()).
+    [[nodiscard]] constexpr Configuration fitted_to(const Limits& limits) const noexcept {
+        Configuration out = *this;
+        out.features.count = std::min(out.features.count, limits.features_max);
+        out.features.levels = std::min(out.features.levels, limits.pyramid_levels_max);
+        out.mapping.window_keyframes = std::min(out.mapping.window_keyframes, limits.keyframes_max);
+        return out;
+    }
+    // The defaults, as far as these limits have room for them.
+    [[nodiscard]] static constexpr Configuration for_limits(const Limits& limits) noexcept {
+        return Configuration().fitted_to(limits);
     }
 };
 

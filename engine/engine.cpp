@@ -67,6 +67,27 @@ ConfigurationProblem validate(const Limits& limits) noexcept {
     return problem;
 }
 
+ConfigurationProblem validate(const CameraModel& camera, const Limits& limits) noexcept {
+    constexpr const char* kSize = "is no size of an image that corners fit into and that the limits hold";
+    const double width = camera.width, height = camera.height, min = kLevelSideMin;
+    const double width_max = limits.image_width_max, height_max = limits.image_height_max;
+    if (width < min || width > width_max) return {"camera.width", kSize, width, min, width_max};
+    if (height < min || height > height_max) return {"camera.height", kSize, height, min, height_max};
+    if (!(camera.fx > 0)) return {"camera.fx", "is no focal length in pixels", camera.fx, 1, 1e6};
+    if (!(camera.fy > 0)) return {"camera.fy", "is no focal length in pixels", camera.fy, 1, 1e6};
+    if (validate(camera) == Status::kOk) return {};
+    return {"camera.lens", "has numbers that are none or not of its kind, or folds the image over",
+            static_cast<double>(camera.lens), 0, 1};
+}
+
+ConfigurationProblem validate(std::span<const std::byte> block, const Limits& limits) noexcept {
+    const auto past = reinterpret_cast<std::uintptr_t>(block.data()) % kArenaAlignment;
+    if (past != 0) return {"block.address", "is not aligned: so many bytes past 64", static_cast<double>(past), 0, 0};
+    const auto size = static_cast<double>(block.size()), needed = static_cast<double>(static_bytes_needed(limits));
+    if (size < needed) return {"block.bytes", "is less than bytes_needed(limits)", size, needed, needed};
+    return {};
+}
+
 ConfigurationProblem validate(const Configuration& configuration, const Limits& limits) noexcept {
     return validate(Parameters(configuration), limits);
 }
@@ -120,9 +141,7 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
 Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, const Parameters& parameters,
                               const CameraModel& camera, const EngineParts& parts) noexcept {
     if (validate(limits).key != nullptr || validate(parameters, limits).key != nullptr) return Status::kInvalid;
-    if (camera.width > limits.image_width_max || camera.height > limits.image_height_max) return Status::kInvalid;
-    if (camera.width < kLevelSideMin || camera.height < kLevelSideMin) return Status::kInvalid;  // no corner fits
-    if (validate(camera) != Status::kOk) return Status::kInvalid;
+    if (validate(camera, limits).key != nullptr) return Status::kInvalid;
     if (parts.store != nullptr && limits.store_features_max == 0) return Status::kInvalid;
     if (reinterpret_cast<std::uintptr_t>(block.data()) % kArenaAlignment != 0) return Status::kInvalid;
     if (block.size() < static_bytes_needed(limits)) return Status::kFull;

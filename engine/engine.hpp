@@ -14,6 +14,7 @@
 
 #include "engine/base/api.hpp"
 #include "engine/base/status.hpp"
+#include "engine/base/version.hpp"
 #include "engine/configuration.hpp"
 #include "engine/features/features.hpp"
 #include "engine/frame/frame.hpp"
@@ -29,7 +30,7 @@
 namespace stillmesh {
 
 // Block size for these limits, bytes; exactly what the engine uses. Valid for limits that validate() accepts. The same
-// at compile time, for a static block: engine/static_bytes_needed.hpp.
+// at compile time, for a static block: static_bytes_needed(), which is with the source only.
 [[nodiscard]] STILLMESH_API std::size_t bytes_needed(const Limits& limits) noexcept;
 
 // What is wrong with a configuration: the key's name, why, its value and what is allowed, given the other keys;
@@ -46,6 +47,13 @@ struct ConfigurationProblem {
 // A configuration within its ranges, without contradictions, and within limits that validate() accepts.
 [[nodiscard]] STILLMESH_API ConfigurationProblem validate(const Configuration& configuration,
                                                           const Limits& limits) noexcept;
+// A camera that an engine within these limits takes: the key is "camera.width" and the like; where its lens folds the
+// image over, or is none, "camera.lens".
+[[nodiscard]] STILLMESH_API ConfigurationProblem validate(const CameraModel& camera, const Limits& limits) noexcept;
+// A block that an engine within these limits can lie in: "block.address" not aligned to kArenaAlignment (that of a
+// std::vector seldom is), or "block.bytes" too few.
+[[nodiscard]] STILLMESH_API ConfigurationProblem validate(std::span<const std::byte> block,
+                                                          const Limits& limits) noexcept;
 
 // What to do with a map that was loaded.
 enum class MapUse : std::uint8_t {
@@ -60,8 +68,8 @@ public:
     // ever recognised), which are checked here and then used where they lie.
     // `store`: where places go that memory has no room for (nullptr: nowhere; else limits.store_features_max must not
     // be 0); it must outlive the engine. One with regions in it is a map to begin in, as with load_map().
-    //   kInvalid  camera larger than the limits, below 33x33 px or not usable, a configuration that validate()
-    //             refuses, or a block that is not aligned (that of a std::vector seldom is)
+    //   kInvalid  what one of the four validate() refuses and names: limits, configuration, camera, or a block that is
+    //             not aligned; or a store, and limits.store_features_max is 0
     //   kCorrupt  no vocabulary that Vocabulary::open() takes, which says why
     //   kFull     block too small
     [[nodiscard]] static Result<Engine*> create(std::span<std::byte> block, const Limits& limits,
@@ -123,7 +131,7 @@ public:
     void reset() noexcept;
 
 protected:
-    Engine() noexcept = default;  // what it holds lies behind it in the block (engine.cpp)
+    Engine() noexcept = default;  // what it holds lies behind it in the block
     ~Engine() = default;
 };
 

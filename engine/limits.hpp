@@ -6,16 +6,16 @@
 namespace stillmesh {
 
 struct Limits {
-    std::uint32_t image_width_max = 640;   // px, at most 2047 (exact mesh predicates)
-    std::uint32_t image_height_max = 480;  // px, at most 2047
-    std::uint32_t pyramid_levels_max = 8;  // at most 12
-    std::uint32_t features_max = 1000;     // per frame; more are never kept
-    std::uint32_t keyframes_max = 256;  // full: the least useful is forgotten (engine/map/eviction.hpp); at most 1024
-    std::uint32_t map_points_max = 20000;        // full: each keyframe keeps its share (engine/map/eviction.hpp)
+    std::uint32_t image_width_max = 640;         // px, at most 2047 (exact mesh predicates)
+    std::uint32_t image_height_max = 480;        // px, at most 2047
+    std::uint32_t pyramid_levels_max = 8;        // at most 12
+    std::uint32_t features_max = 1000;           // per frame; more are never kept
+    std::uint32_t keyframes_max = 256;           // full: the least useful is forgotten; at most 1024
+    std::uint32_t map_points_max = 20000;        // full: each keyframe keeps its share
     std::uint32_t groups_max = 128;              // of the mesh; smaller ones beyond it stay without a weight
     std::uint32_t local_points_max = 9000;       // that a frame is matched against; farther ones are left out
     std::uint32_t vocabulary_words_max = 10000;  // a larger vocabulary is refused; at most 65535
-    std::uint32_t store_features_max = 0;        // of a region of a map store (docs/map-store.md); 0: no store
+    std::uint32_t store_features_max = 0;        // of a region of a map store; 0: no store
 
     // The desk and the robot with memory to spare: at most 48 MiB.
     [[nodiscard]] static constexpr Limits room() noexcept { return {}; }

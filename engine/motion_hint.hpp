@@ -1,5 +1,5 @@
 // What something beside the camera says of how the camera moved: wheels, a gyroscope, a visual-inertial odometry. It is
-// evidence among others (docs/method.md 4): it may be wrong for a while, and its deviations too small. Plain data.
+// evidence among others: it may be wrong for a while, and its deviations too small. Plain data.
 #pragma once
 
 #include "engine/outputs.hpp"

@@ -122,7 +122,7 @@ struct LoopStatistics {
     std::uint64_t matched_by_words = 0;  // keyframes that frames of a lost camera were matched with by words
     std::uint64_t relocalisation_queries = 0, relocalisation_candidates = 0;
 };
-// What went to the map store and what came back (docs/map-store.md).
+// What went to the map store and what came back.
 struct StoreStatistics {
     std::uint64_t kept = 0;          // regions given to the store
     std::uint64_t known = 0;         // keyframes not given: one that was sees the same place

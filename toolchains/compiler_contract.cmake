@@ -5,7 +5,11 @@ set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
-    set(CMAKE_BUILD_TYPE Release CACHE STRING "Debug, Release, RelWithDebInfo or None" FORCE)
+    if(PROJECT_IS_TOP_LEVEL)
+        set(CMAKE_BUILD_TYPE Release CACHE STRING "Debug, Release, RelWithDebInfo or None" FORCE)
+    else()
+        set(CMAKE_BUILD_TYPE Release)  # here and below: what the project around this one is built as is its own business
+    endif()
 endif()
 # Nothing may depend on NDEBUG: checks are always on, and Debian builds with CMAKE_BUILD_TYPE=None.
 set(CMAKE_CXX_FLAGS_RELEASE "-O2")

@@ -105,7 +105,7 @@ void measure_path(std::span<const FrameRecord> frames, Measures& out, std::optio
 void measure_sureness(std::span<const FrameRecord> frames, Measures& out) {
     for (std::size_t i = 0; i < frames.size(); ++i) {
         const FrameRecord& now = frames[i];
-        if (!has_pose(now) || !now.has_truth) continue;
+        if (now.state == PoseState::kNone || !now.has_truth) continue;
         const FrameRecord* before = nullptr;
         std::int64_t off_least_ns = kMotionTime_ns / 10 + 1;
         for (std::size_t j = i; j-- > 0;) {
@@ -122,7 +122,14 @@ void measure_sureness(std::span<const FrameRecord> frames, Measures& out) {
         const Rigid error = was.inverse() * said;
         const bool is_right = error.t.norm() <= kWrongTranslation_m &&
                               rotation_vector(error.r).norm() <= kWrongRotation_deg * 3.14159265358979323846 / 180;
+        if (now.state == PoseState::kPredicted) {
+            ++out.judged_predicted;
+            out.wrong_predicted += !is_right;
+            continue;
+        }
         const bool is_tracked = now.state == PoseState::kTracked;
+        out.judged_unsure += !is_tracked;
+        out.wrong_unsure += !is_tracked && !is_right;
         if (is_tracked && !is_right && out.wrong_tracked == 0) out.wrong_first = i;
         out.judged_tracked += is_tracked;
         out.wrong_tracked += is_tracked && !is_right;

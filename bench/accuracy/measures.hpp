@@ -3,8 +3,8 @@
 //
 // Wrong and right. A frame's motion over the last second is its pose seen from the pose given out nearest to one second
 // earlier (within a tenth of a second, tracked or unsure: what a reader of the trajectory file can see). It is wrong
-// when it differs from the true motion by more than 5 cm or 3 degrees. Frames without such an earlier pose (the first
-// second, the second after a loss) are not judged.
+// when it differs from the true motion by more than 5 cm or 3 degrees. A predicted pose is judged as well, by itself.
+// Frames without such an earlier pose (the first second, the second after a loss) are not judged.
 //
 // NEES. The covariance is of xi in odom_from_camera * exp(xi), so xi = log(estimate^-1 * truth) once the truth is
 // expressed in odom, and NEES = xi^T covariance^-1 xi has mean 6 when the covariance is honest. What remains is where
@@ -57,6 +57,8 @@ struct Measures {
     double rpe_deg = -1;
 
     std::uint64_t judged_tracked = 0, wrong_tracked = 0;
+    std::uint64_t judged_unsure = 0, wrong_unsure = 0;
+    std::uint64_t judged_predicted = 0, wrong_predicted = 0;
     std::uint64_t right = 0, right_tracked = 0;
     std::uint64_t wrong_first = 0;  // index of the first wrong tracked frame, when there is one
 

@@ -4,13 +4,15 @@
 
 namespace stillmesh::accuracy {
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Measures, frames, tracked, unsure, predicted, none, hole_longest, ends_with_pose,
-                                   ate_m, ate_max_m, rpe_m, rpe_deg, judged_tracked, wrong_tracked, right,
-                                   right_tracked, wrong_first, nees_frames, covariance_bad, nees_first_sum,
-                                   nees_fit_sum, nees_ate_sum, fit_m2_sum, fit_rad2_sum, said_m2_sum, said_rad2_sum,
-                                   nees_first_translation_sum, nees_first_rotation_sum, nees_fit_translation_sum,
-                                   nees_fit_rotation_sum, masked_frames, wrong_choices, moving, moving_accepted, still,
-                                   still_accepted, keyframes, median_ms, p99_ms)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Measures, frames, tracked, unsure, predicted, none, hole_longest,
+                                                ends_with_pose, ate_m, ate_max_m, rpe_m, rpe_deg, judged_tracked,
+                                                wrong_tracked, judged_unsure, wrong_unsure, judged_predicted,
+                                                wrong_predicted, right, right_tracked, wrong_first, nees_frames,
+                                                covariance_bad, nees_first_sum, nees_fit_sum, nees_ate_sum, fit_m2_sum,
+                                                fit_rad2_sum, said_m2_sum, said_rad2_sum, nees_first_translation_sum,
+                                                nees_first_rotation_sum, nees_fit_translation_sum,
+                                                nees_fit_rotation_sum, masked_frames, wrong_choices, moving,
+                                                moving_accepted, still, still_accepted, keyframes, median_ms, p99_ms)
 
 // Results written before there was dirt are clean.
 static void to_json(nlohmann::json& out, const Result& result) {

@@ -226,8 +226,34 @@ std::string mapping_table(const std::vector<Result>& results) {
                      kMappingMeanMax, kMappingSetGoal, 1000 * kMappingSetSlack_m, kMappingFramesMin);
 }
 
-std::string summary(const std::vector<Result>& results) {
+// How often a pose is wrong, by what the engine said of it: all simulated scenes together, those without a bar too.
+[[nodiscard]] static std::string states_table(const std::vector<Result>& results) {
+    struct Row {
+        const char* name;
+        std::uint64_t Measures::*judged;
+        std::uint64_t Measures::*wrong;
+    };
+    constexpr Row kRows[] = {{"tracked", &Measures::judged_tracked, &Measures::wrong_tracked},
+                             {"unsure", &Measures::judged_unsure, &Measures::wrong_unsure},
+                             {"predicted", &Measures::judged_predicted, &Measures::wrong_predicted}};
     std::string out;
+    for (const Row& row : kRows) {
+        std::uint64_t judged = 0, wrong = 0;
+        for (const Result& result : results) {
+            if (result.variant != "on" || result.is_recording) continue;
+            judged += result.measures.*row.judged;
+            wrong += result.measures.*row.wrong;
+        }
+        if (judged > 0) {
+            out += fmt::format("wrong when {:<10}{} % ({} of {}, all simulated scenes)\n", row.name,
+                               percent(wrong, judged, 3), wrong, judged);
+        }
+    }
+    return out;
+}
+
+std::string summary(const std::vector<Result>& results) {
+    std::string out = states_table(results);
     const Sureness s = sureness_of(results);
     if (s.judged_tracked > 0) {
         out += fmt::format("tracked but wrong    {} % ({} of {}; at most {:.1f} %)\n",

@@ -1,5 +1,5 @@
 // The engine's own feature extractor in memory of its own, for programs that need features without an engine: the
-// trainer of vocabularies. Cost and limits: orb_extractor.hpp.
+// trainer of vocabularies. Cost: that of the features of a frame.
 #pragma once
 
 #include <cstddef>

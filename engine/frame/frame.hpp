@@ -18,8 +18,9 @@ struct Frame {
     std::int64_t time_ns = 0;        // of the colour image; the pose is for this instant
     std::int64_t depth_time_ns = 0;  // of the depth image; 0 or time_ns: not known
     PixelFormat format = PixelFormat::kGrey8;
-    ImageView<std::uint8_t> colour;  // width x height pixels, stride in bytes
-    DepthView depth;                 // registered to colour, same size; 0 = no measurement
+    ImageView<std::uint8_t> colour;  // width x height pixels; stride in bytes
+    // Registered to colour, same size; 0 = no measurement. Its stride is in pixels of 16 bits: half the bytes.
+    DepthView depth;
     double depth_units_per_m = 5000.0;
 };
 

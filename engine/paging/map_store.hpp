@@ -1,6 +1,6 @@
 // The MapStore port: where regions of the map go that memory has no room for, and where they come back from when their
-// words are seen again (docs/map-store.md). A region is one keyframe with the static points that it shows; its bytes
-// are the engine's own business (engine/paging/region.hpp, docs/SPEC-map-store.md). The engine never waits: what is
+// words are seen again. A region is one keyframe with the static points that it shows; its bytes
+// are the engine's own business. The engine never waits: what is
 // kept or asked is copied by the store before the call returns, and an answer is polled for. Bodies fail a CHECK (a
 // pure virtual would pull the C++ runtime into the engine); no call may throw.
 //

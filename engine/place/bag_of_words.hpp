@@ -1,7 +1,7 @@
 // The words of a frame. Every feature has a word; the features sorted by word are the frame's direct index (which
 // features lie under one node of the tree); the words of the features that are known to stand still, weighted by their
-// rarity and their number, are the bag that places are recognised by (method.md 7 and 9). Weights are whole numbers, so
-// a score is exact, whatever the order. Limit: features_max. Cost: per feature branching * levels descriptor distances,
+// rarity and their number, are the bag that places are recognised by. Weights are whole numbers, so a score is exact,
+// whatever the order. Limit: features_max. Cost: per feature branching * levels descriptor distances,
 // 40 with the default vocabulary.
 #pragma once
 

@@ -1,8 +1,8 @@
 // A vocabulary of binary descriptors: a tree of medians whose leaves are words, each with the weight that its rarity
-// gives it (Galvez-Lopez and Tardos 2012; method.md 7 and 9). It is a view over bytes that somebody else keeps,
-// read-only and for as long as it is used: checked once at open(), then used in place, without a copy. Format bit by
-// bit: docs/SPEC-vocabulary.md. Limits: 65535 words, 32 children, 8 levels. A word costs `branching` descriptor
-// distances per level.
+// gives it (Galvez-Lopez and Tardos 2012). It is a view over bytes that somebody else keeps, read-only and for as long
+// as it is used: checked once at open(), then used in place, without a copy. The format is specified with the source
+// (SPEC-vocabulary). Limits: 65535 words, 32 children, 8 levels. A word costs `branching` descriptor distances per
+// level.
 //
 // Words are numbered in the order of the tree, so that the words below any node are one range: a list of features
 // sorted by word is a direct index for every level at once.

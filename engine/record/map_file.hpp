@@ -1,10 +1,11 @@
 // The map on disk: what a file says before it is read, what may be wrong with it, and how a copy of a map becomes a
-// file. Every byte is described in docs/SPEC-map.md. A file is a pure function of the map's content: slots, generations
-// and free lists of the pools are not in it, so that maps of equal content give equal files on every processor.
-// Writing: Engine::begin_map_copy and step_map_copy fill a workspace of map_copy_bytes(limits) between frames, in
-// slices; from then on the workspace is the caller's, and MapFileWriter turns it into bytes on any thread, piece by
-// piece. Reading: Engine::load_map checks all of a file before it touches anything. Limits: those of the engine. Cost:
-// one pass over the map to copy it, one to hash and one to write it; about 68 bytes a feature, 184 a point.
+// file. The bytes are specified with the source (SPEC-map). A file is a pure function of the map's content: slots,
+// generations and free lists of the pools are not in it, so that maps of equal content give equal files on every
+// processor. Writing: Engine::begin_map_copy and step_map_copy fill a workspace of map_copy_bytes(limits) between
+// frames, in slices; from then on the workspace is the caller's, and MapFileWriter turns it into bytes on any thread,
+// piece by piece. Reading: Engine::load_map checks all of a file before it touches anything. Limits: those of the
+// engine. Cost: one pass over the map to copy it, one to hash and one to write it; about 68 bytes a feature, 184 a
+// point.
 #pragma once
 
 #include <array>
@@ -39,7 +40,7 @@ struct MapFileInfo {
     std::uint8_t extractor = 0;  // 0: the engine's own, 1: cv::ORB; others are for whoever brings one
     std::int64_t time_ns = 0;    // of the last frame
     std::uint64_t frames = 0;    // tracked so far
-    std::uint64_t hash = 0;      // of the content: docs/SPEC-map.md
+    std::uint64_t hash = 0;      // of the content
 };
 
 enum class MapFault : std::uint8_t {

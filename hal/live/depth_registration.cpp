@@ -84,7 +84,7 @@ void close_gaps(const std::uint16_t* __restrict z, const std::uint16_t* __restri
     const auto reach = [](std::int32_t here, std::int32_t next, std::int32_t end, std::int32_t begin_next) {
         const std::int32_t step = here > next ? here - next : next - here;
         const bool is_one_surface = (next > 0) & (step < (here >> 5) + 1);
-        return is_one_surface & (begin_next > end) ? begin_next : end;
+        return (is_one_surface & (begin_next > end)) ? begin_next : end;
     };
     for (std::size_t i = 0; i + 1 < width; ++i) right[i] = reach(z[i], z[i + 1], right[i], left[i + 1]);
     for (std::size_t i = 0; i < width; ++i) bottom[i] = reach(z[i], z_below[i], bottom[i], top_below[i]);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -279,6 +280,40 @@ std::optional<std::int64_t> constant_offset_ns(std::span<const ListedImage> colo
     }
     if (2 * most < std::min(colour.size(), depth.size())) return std::nullopt;
     return best_ns;
+}
+
+// Seldom two clocks are all that differs: then the sentence says by how much, and what takes it.
+std::string why_no_pairs(std::span<const ListedImage> colour, std::span<const ListedImage> depth,
+                         std::int64_t gap_max_ns) {
+    constexpr std::int64_t kGap_ns = 100'000'000;  // of images that still show one scene, more or less
+    char text[200];
+    const std::string sentence =
+        "no colour image has a depth image within " + std::to_string(gap_max_ns / 1'000'000) + " ms; ";
+    std::vector<std::int64_t> gaps_ns;  // from each colour image to the nearest depth image
+    for (const ListedImage& image : colour) {
+        auto at = std::lower_bound(depth.begin(), depth.end(), image.time_ns,
+                                   [](const ListedImage& d, std::int64_t time_ns) { return d.time_ns < time_ns; });
+        std::int64_t gap_ns = std::numeric_limits<std::int64_t>::max();
+        if (at != depth.end()) gap_ns = at->time_ns - image.time_ns;
+        if (at != depth.begin()) gap_ns = std::min(gap_ns, image.time_ns - (at - 1)->time_ns);
+        gaps_ns.push_back(gap_ns);
+    }
+    std::sort(gaps_ns.begin(), gaps_ns.end());
+    const std::int64_t gap_ns = gaps_ns[gaps_ns.size() * 9 / 10];  // the last of a list may have none near
+    if (gap_ns <= kGap_ns) {
+        std::snprintf(text, sizeof(text),
+                      "depth is %.1f ms away: --pair-gap %.3f pairs them all the same, --depth-offset takes a "
+                      "constant one off.",
+                      static_cast<double>(gap_ns) * 1e-6, static_cast<double>(gap_ns / 1'000'000 + 1) * 1e-3);
+        return sentence + text;
+    }
+    const auto offset_ns = constant_offset_ns(colour, depth, gap_max_ns);
+    if (!offset_ns) return sentence + "do colour and depth share one clock?";
+    const double offset_s = static_cast<double>(*offset_ns) * 1e-9;
+    std::snprintf(text, sizeof(text),
+                  "two clocks, %.3f s apart throughout? If images of one moment are, give --depth-offset=%.3f.",
+                  std::fabs(offset_s), offset_s);
+    return sentence + text;
 }
 
 }  // namespace stillmesh

@@ -55,5 +55,8 @@ struct ListTimes {
 [[nodiscard]] std::optional<std::int64_t> constant_offset_ns(std::span<const ListedImage> colour,
                                                              std::span<const ListedImage> depth,
                                                              std::int64_t gap_max_ns);
+// Where none of these could be paired: by how much they miss, and which option takes it.
+[[nodiscard]] std::string why_no_pairs(std::span<const ListedImage> colour, std::span<const ListedImage> depth,
+                                       std::int64_t gap_max_ns);
 
 }  // namespace stillmesh

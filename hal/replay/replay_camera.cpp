@@ -7,16 +7,14 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <filesystem>
-#include <limits>
 #include <utility>
 
 #include "hal/calibration/calibration.hpp"
+#include "hal/replay/one_view.hpp"
 
 namespace stillmesh {
 namespace {
@@ -200,41 +198,8 @@ Status ReplayCamera::pair_lists() {
     counts_.depth_images = static_cast<std::uint32_t>(depth.size());
     counts_.frames = static_cast<std::uint32_t>(pairs_.size());
     if (!pairs_.empty()) return Status::kOk;
-    message_ = why_no_pairs(colour, depth);
+    message_ = options_.folder + ": " + why_no_pairs(colour, depth, options_.association_gap_max_ns);
     return Status::kInvalid;
-}
-
-// Seldom two clocks are all that differs: then the sentence says by how much, and what takes it.
-std::string ReplayCamera::why_no_pairs(std::span<const ListedImage> colour, std::span<const ListedImage> depth) const {
-    constexpr std::int64_t kGap_ns = 100'000'000;  // of images that still show one scene, more or less
-    char text[200];
-    const std::string sentence = options_.folder + ": no colour image has a depth image within " +
-                                 std::to_string(options_.association_gap_max_ns / 1'000'000) + " ms; ";
-    std::vector<std::int64_t> gaps_ns;  // from each colour image to the nearest depth image
-    for (const ListedImage& image : colour) {
-        auto at = std::lower_bound(depth.begin(), depth.end(), image.time_ns,
-                                   [](const ListedImage& d, std::int64_t time_ns) { return d.time_ns < time_ns; });
-        std::int64_t gap_ns = std::numeric_limits<std::int64_t>::max();
-        if (at != depth.end()) gap_ns = at->time_ns - image.time_ns;
-        if (at != depth.begin()) gap_ns = std::min(gap_ns, image.time_ns - (at - 1)->time_ns);
-        gaps_ns.push_back(gap_ns);
-    }
-    std::sort(gaps_ns.begin(), gaps_ns.end());
-    const std::int64_t gap_ns = gaps_ns[gaps_ns.size() * 9 / 10];  // the last of a list may have none near
-    if (gap_ns <= kGap_ns) {
-        std::snprintf(text, sizeof(text),
-                      "depth is %.1f ms away: --pair-gap %.3f pairs them all the same, --depth-offset takes a "
-                      "constant one off.",
-                      static_cast<double>(gap_ns) * 1e-6, static_cast<double>(gap_ns / 1'000'000 + 1) * 1e-3);
-        return sentence + text;
-    }
-    const auto offset_ns = constant_offset_ns(colour, depth, options_.association_gap_max_ns);
-    if (!offset_ns) return sentence + "do rgb.txt and depth.txt share one clock?";
-    const double offset_s = static_cast<double>(*offset_ns) * 1e-9;
-    std::snprintf(text, sizeof(text),
-                  "two clocks, %.3f s apart throughout? If images of one moment are, give --depth-offset=%.3f.",
-                  std::fabs(offset_s), offset_s);
-    return sentence + text;
 }
 
 Status ReplayCamera::open_folder() {
@@ -358,14 +323,7 @@ Status ReplayCamera::check_depth_size() {
     const ImageHeader& colour = colour_header_;
     const ImageHeader& depth = depth_header_;
     if (is_of_separate_depth()) return Status::kOk;
-    // The same view in larger or smaller pixels: a whole number of them lies in each of the others.
-    constexpr std::uint32_t kRatioMax = 8;
-    const auto is_multiple = [](const ImageHeader& large, const ImageHeader& small) {
-        const std::uint32_t ratio = small.width == 0 ? 0 : large.width / small.width;
-        return ratio >= 1 && ratio <= kRatioMax && small.width * ratio == large.width &&
-               small.height * ratio == large.height;
-    };
-    if (is_multiple(colour, depth) || is_multiple(depth, colour)) return Status::kOk;
+    if (is_of_one_view({colour.width, colour.height}, {depth.width, depth.height})) return Status::kOk;
     message_ = depth_file_ + ": depth is " + size_text(depth) + " but colour is " + size_text(colour);
     if (info_.separate_depth) {
         const CameraModel& model = info_.separate_depth->model;
@@ -378,19 +336,6 @@ Status ReplayCamera::check_depth_size() {
             "\"Two cameras\").";
     }
     return Status::kInvalid;
-}
-
-// Of smaller images each pixel is there several times, of larger ones the middle of each square counts.
-void ReplayCamera::resize_depth() {
-    const std::uint32_t width = info_.model.width, height = info_.model.height;
-    const bool is_smaller = depth_header_.width < width;
-    const std::uint32_t ratio = is_smaller ? width / depth_header_.width : depth_header_.width / width;
-    for (std::uint32_t y = 0; y < height; ++y) {
-        const std::uint32_t row = is_smaller ? y / ratio : y * ratio + (ratio - 1) / 2;
-        const std::uint16_t* const from = &depth_read_[std::size_t{row} * depth_header_.width];
-        std::uint16_t* const to = &depth_pixels_[std::size_t{y} * width];
-        for (std::uint32_t x = 0; x < width; ++x) to[x] = from[is_smaller ? x / ratio : x * ratio + (ratio - 1) / 2];
-    }
 }
 
 Status ReplayCamera::read_pair(const ImagePair& pair, Frame& frame) {
@@ -407,14 +352,14 @@ Status ReplayCamera::read_pair(const ImagePair& pair, Frame& frame) {
     STILLMESH_TRY(image_path(kDepth, pair.depth, path_));
     STILLMESH_TRY(
         read_image(path_, depth_header_, bytes_of(depth_read_.empty() ? depth_pixels_ : depth_read_), message_));
+    const std::uint32_t width = info_.model.width;
+    const std::uint32_t height = info_.model.height;
     if (registration_) {
         registration_->reproject({depth_read_.data(), depth_header_.width, depth_header_.height, depth_header_.width},
                                  depth_pixels_.data());
     } else if (!depth_read_.empty()) {
-        resize_depth();
+        resize_depth(depth_read_, {depth_header_.width, depth_header_.height}, depth_pixels_, {width, height});
     }
-    const std::uint32_t width = info_.model.width;
-    const std::uint32_t height = info_.model.height;
     frame.time_ns = pair.colour.time_ns;
     frame.depth_time_ns = pair.depth.time_ns;
     frame.format = colour_header_.kind == ImageKind::kRgb8 ? PixelFormat::kRgb8 : PixelFormat::kGrey8;

@@ -84,14 +84,11 @@ private:
     [[nodiscard]] Status pair_lists();
     [[nodiscard]] Status read_file(int list, const std::string& file, std::string& text);
     [[nodiscard]] Status read_list(int list, const char* name, std::vector<ListedImage>& images, ListTimes& times);
-    [[nodiscard]] std::string why_no_pairs(std::span<const ListedImage> colour,
-                                           std::span<const ListedImage> depth) const;
     [[nodiscard]] Status find_first_images();
     [[nodiscard]] Status check_images();
     [[nodiscard]] Status check_sizes();
     [[nodiscard]] Status check_depth_size();
     [[nodiscard]] bool is_of_separate_depth() const noexcept;
-    void resize_depth();
     [[nodiscard]] Status read_pair(const ImagePair& pair, Frame& frame);
     [[nodiscard]] Status image_path(int list, const ListedImage& image, std::string& path);
 

@@ -48,7 +48,7 @@ void find(CameraReport& report, CameraVerdict verdict, std::string problem, std:
     const UsbDevice* const hub = device_at(devices, hub_port);
     if (camera.role == CameraRole::kUnsupported) {
         find(report, CameraVerdict::kUnsupported, std::string("Stillmesh cannot use it: ") + camera.remark,
-             "use an ASUS Xtion PRO Live, a PrimeSense Carmine, an Orbbec Astra or a Kinect for Xbox 360");
+             "use an ASUS Xtion PRO Live, an Intel RealSense D4xx, an Orbbec Astra or a Kinect for Xbox 360");
     } else if (camera.role == CameraRole::kBootloader) {
         find(report, CameraVerdict::kBootloader, "it has not loaded its firmware and waits in its boot loader",
              "unplug it for ten seconds and plug it in again, straight into the computer; if that does not help, load "
@@ -158,6 +158,55 @@ void find_held(UsbLink& link, CameraReport& report) {
     }
 }
 
+// What its video nodes tell of a camera that V4L2 serves. Nobody else opens it meanwhile: it may stream.
+void find_in_video_nodes(UsbLink& link, const CameraSurroundings& surroundings, CameraReport& report) {
+    if (!surroundings.has_v4l2) {
+        find(report, CameraVerdict::kDriverMissing, "this program was built without V4L2",
+             "install the kernel's headers and build again",
+             {"sudo apt-get install linux-libc-dev", "cmake --preset release -DSTILLMESH_WITH_V4L2=ON",
+              "cmake --build build/release"});
+        return;
+    }
+    const auto nodes =
+        std::find_if(surroundings.video_nodes.begin(), surroundings.video_nodes.end(),
+                     [&report](const VideoNodes& one) { return one.usb_port == port_text(report.device.port); });
+    if (nodes == surroundings.video_nodes.end()) {
+        // A program with a USB driver of its own sends the kernel's away.
+        if (link.kernel_driver(report.device) == "usbfs") {
+            find_held(link, report);
+        } else {
+            find(report, CameraVerdict::kDriverMissing,
+                 "the kernel has no video node for it: its driver uvcvideo is not loaded, or has not taken it",
+                 "load it; if it still fails, unplug the camera and plug it in again", {"sudo modprobe uvcvideo"});
+        }
+        return;
+    }
+    report.modes = "depth " + (nodes->depth_modes.empty() ? "none" : nodes->depth_modes) + "; colour " +
+                   (nodes->colour_modes.empty() ? "none" : nodes->colour_modes);
+    if (!nodes->absent.empty()) {
+        find(report, CameraVerdict::kNoNode, "its file " + nodes->absent + " is not there, as in a container",
+             "start the container with the camera's video nodes", {"docker run --device " + nodes->absent + " ..."});
+    } else if (!nodes->denied.empty()) {
+        find(report, CameraVerdict::kDenied,
+             "this user may not open " + nodes->denied + ", which the group '" + kUdevGroup + "' may",
+             "join the group, then log out and in again",
+             {std::string("sudo usermod -aG ") + kUdevGroup + " \"$USER\""});
+    } else if (!nodes->busy.empty()) {
+        find(report, CameraVerdict::kHeld, "another program streams from " + nodes->busy, "ask which it is, and end it",
+             {"sudo fuser -v " + nodes->busy});
+    } else if (!nodes->broken.empty() || nodes->depth_modes.empty() || nodes->colour_modes.empty()) {
+        find(report, CameraVerdict::kNoAnswer,
+             "it is stuck: " + (nodes->broken.empty() ? std::string("it offers no modes of ") +
+                                                            (nodes->depth_modes.empty() ? "depth" : "colour")
+                                                      : nodes->broken + " does not answer as a camera does"),
+             "reset it; if that does not help, unplug it and plug it in again",
+             {"stillmesh cameras --reset " + port_text(report.device.port)});
+    } else if (report.device.speed == UsbSpeed::kHigh) {
+        find(report, CameraVerdict::kSlowBus, "it is connected as USB 2, which leaves it its smaller modes",
+             "plug it with a USB 3 cable into a USB 3 port");
+    }
+}
+
 [[nodiscard]] bool is_halted(UsbLink& link, UsbHandle handle, const UsbDevice& device) {
     for (const std::uint8_t endpoint : device.endpoints_in) {
         std::array<std::uint8_t, 2> answer{};
@@ -223,7 +272,8 @@ void find_shared_buses(std::vector<CameraReport>& reports) {
                (can_stream(report.verdict) || report.verdict == CameraVerdict::kHeld);
     };
     for (CameraReport& report : reports) {
-        if (report.verdict != CameraVerdict::kReady || !takes_part(report)) continue;
+        const bool is_fit = report.verdict == CameraVerdict::kReady || report.verdict == CameraVerdict::kSlowBus;
+        if (!is_fit || !takes_part(report)) continue;
         std::string others;
         std::uint32_t megabytes = kCameraMegabytesPerS;
         for (const CameraReport& other : reports) {
@@ -244,6 +294,7 @@ void find_shared_buses(std::vector<CameraReport>& reports) {
 const char* verdict_name(CameraVerdict verdict) noexcept {
     switch (verdict) {
         case CameraVerdict::kReady: return "ready";
+        case CameraVerdict::kSlowBus: return "usb_2";
         case CameraVerdict::kSharedBus: return "shared_bus";
         case CameraVerdict::kUnsupported: return "unsupported";
         case CameraVerdict::kBootloader: return "boot_loader";
@@ -271,8 +322,12 @@ UsbStatus check_cameras(UsbLink& link, const CameraSurroundings& surroundings, s
         CameraReport report;
         report.camera = camera;
         report.device = device;
-        if (!find_on_bus(devices, report) && !find_driver(surroundings, report)) {
-            find_by_opening(link, surroundings, report);
+        if (!find_on_bus(devices, report)) {
+            if (camera->driver == CameraDriver::kV4l2) {
+                find_in_video_nodes(link, surroundings, report);
+            } else if (!find_driver(surroundings, report)) {
+                find_by_opening(link, surroundings, report);
+            }
         }
         reports.push_back(std::move(report));
     }

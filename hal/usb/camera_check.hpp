@@ -19,6 +19,7 @@ inline constexpr std::uint32_t kAnswerMax_ms = 500;
 
 enum class CameraVerdict : std::uint8_t {
     kReady = 0,
+    kSlowBus,        // connected as USB 2: streams its smaller modes
     kSharedBus,      // streams alone, but not together with another camera on the same USB 2 bus
     kUnsupported,    // nothing here serves it
     kBootloader,     // it has not loaded its firmware
@@ -34,13 +35,28 @@ enum class CameraVerdict : std::uint8_t {
 };
 [[nodiscard]] const char* verdict_name(CameraVerdict verdict) noexcept;
 [[nodiscard]] constexpr bool can_stream(CameraVerdict verdict) noexcept {
-    return verdict == CameraVerdict::kReady || verdict == CameraVerdict::kSharedBus;
+    return verdict == CameraVerdict::kReady || verdict == CameraVerdict::kSlowBus ||
+           verdict == CameraVerdict::kSharedBus;
 }
+
+// What the kernel's video nodes of a camera say that is served through them.
+struct VideoNodes {
+    std::string usb_port;            // as port_text writes it
+    std::vector<std::string> paths;  // /dev/video0, ...
+    std::string absent;              // a path that is not there; empty: all are
+    std::string denied;              // that this user may not open
+    std::string busy;                // that another process streams from
+    std::string broken;              // that does not answer as a camera does
+    std::string depth_modes;         // "848x480@30 640x480@30"; empty: none
+    std::string colour_modes;
+};
 
 // What the check cannot see on the bus: what is installed.
 struct CameraSurroundings {
     bool has_openni2 = false;                    // in this build
     bool has_freenect = false;                   // in this build
+    bool has_v4l2 = false;                       // in this build
+    std::vector<VideoNodes> video_nodes;         // of the cameras that V4L2 serves
     std::string plug_in_folder;                  // where OpenNI2 looks for its drivers
     std::vector<std::string> plug_ins;           // file names there, such as libPS1080.so.0
     std::vector<std::string> unusable_plug_ins;  // there too, but damaged or for another processor
@@ -54,6 +70,7 @@ struct CameraReport {
     std::string problem;                // why it cannot stream, one sentence; empty: it can
     std::string advice;                 // the one thing to do, one sentence
     std::vector<std::string> commands;  // to type for it, if that is how it is done
+    std::string modes;                  // what it offers, where that was asked; else empty
 };
 
 // One report per camera, ordered by port.  kOk    else as UsbLink::enumerate

@@ -13,6 +13,7 @@ namespace {
 //   e  Orbbec's udev rules (github.com/orbbec/ros_astra_camera, 56-orbbec-usb.rules)
 //   f  the id tables of Orbbec's own OpenNI2 (XnDeviceEnumeration), which name the boot loaders
 //   g  libfreenect2's udev rules (90-kinect2.rules)
+//   h  librealsense (github.com/IntelRealSense/librealsense, Apache 2.0): src/ds/d400/d400-private.h
 constexpr const char* kUvcColour =
     "its colour camera is a webcam of its own (UVC) that OpenNI2 does not serve, so it gives depth alone";
 constexpr SupportedCamera kCameras[] = {
@@ -43,6 +44,11 @@ constexpr SupportedCamera kCameras[] = {
     {0x045e, 0x02ad, CameraRole::kKinectPart,  CameraDriver::kFreenect, "Kinect microphones", ""},                 // c, d
     {0x045e, 0x02bb, CameraRole::kKinectPart,  CameraDriver::kFreenect, "Kinect microphones", ""},                 // c
     {0x045e, 0x02be, CameraRole::kKinectPart,  CameraDriver::kFreenect, "Kinect microphones", ""},                 // c, b
+    {0x8086, 0x0ad3, CameraRole::kCamera,      CameraDriver::kV4l2,     "Intel RealSense D415", ""},               // c, h
+    {0x8086, 0x0b07, CameraRole::kCamera,      CameraDriver::kV4l2,     "Intel RealSense D435", ""},               // c, h
+    {0x8086, 0x0b3a, CameraRole::kCamera,      CameraDriver::kV4l2,     "Intel RealSense D435i", ""},              // c, h
+    {0x8086, 0x0b5b, CameraRole::kCamera,      CameraDriver::kV4l2,     "Intel RealSense D405", ""},               // h
+    {0x8086, 0x0b5c, CameraRole::kCamera,      CameraDriver::kV4l2,     "Intel RealSense D455", ""},               // h
     {0x045e, 0x02c4, CameraRole::kUnsupported, CameraDriver::kNone,     "Kinect for Windows v2", "it speaks another protocol than the first Kinect"},  // g
     {0x045e, 0x02d8, CameraRole::kUnsupported, CameraDriver::kNone,     "Kinect for Xbox One", "it speaks another protocol than the first Kinect"},    // g
     {0x045e, 0x097c, CameraRole::kUnsupported, CameraDriver::kNone,     "Azure Kinect", "its driver is not free software"},                            // c
@@ -57,6 +63,7 @@ const char* driver_name(CameraDriver driver) noexcept {
         case CameraDriver::kPsLink: return "OpenNI2 (libPSLink)";
         case CameraDriver::kOrbbec: return "OpenNI2 (liborbbec)";
         case CameraDriver::kFreenect: return "libfreenect";
+        case CameraDriver::kV4l2: return "V4L2 (the kernel's uvcvideo)";
         case CameraDriver::kNone: break;
     }
     return "none";
@@ -68,6 +75,7 @@ std::string_view openni2_plug_in(CameraDriver driver) noexcept {
         case CameraDriver::kPsLink: return "libPSLink";
         case CameraDriver::kOrbbec: return "liborbbec";
         case CameraDriver::kFreenect:
+        case CameraDriver::kV4l2:
         case CameraDriver::kNone: break;
     }
     return {};

@@ -15,6 +15,7 @@ enum class CameraDriver : std::uint8_t {
     kPsLink,    // OpenNI2's libPSLink
     kOrbbec,    // OpenNI2's liborbbec, from Orbbec's SDK: Debian does not have it
     kFreenect,  // libfreenect
+    kV4l2,      // the kernel's uvcvideo, through its video nodes
 };
 // "OpenNI2 (libPS1080)"
 [[nodiscard]] const char* driver_name(CameraDriver driver) noexcept;

@@ -13,6 +13,10 @@
 #ifdef STILLMESH_HAS_USB
 #include "hal/usb/libusb_link.hpp"
 #endif
+#ifdef STILLMESH_HAS_V4L2
+#include "hal/v4l2/kernel_link.hpp"
+#include "hal/v4l2/survey.hpp"
+#endif
 
 namespace stillmesh {
 namespace {
@@ -50,6 +54,10 @@ int find_openni2(dl_phdr_info* library, std::size_t, void* folder) {
 
 [[nodiscard]] std::string how_to_run(const CameraReport& report, bool is_only) {
     if (report.camera->driver == CameraDriver::kFreenect) return "stillmesh run --camera freenect";
+    if (report.camera->driver == CameraDriver::kV4l2) {
+        const std::string serial = is_only ? std::string() : report.device.serial;
+        return "stillmesh run --camera v4l2" + (serial.empty() ? serial : ":" + serial);
+    }
     return is_only ? "stillmesh run --camera auto" : "stillmesh run --camera openni2:" + openni2_uri(report.device);
 }
 
@@ -74,6 +82,11 @@ CameraSurroundings camera_surroundings() {
 #ifdef STILLMESH_HAS_FREENECT
     surroundings.has_freenect = true;
 #endif
+#ifdef STILLMESH_HAS_V4L2
+    KernelV4l2Link video;
+    surroundings.has_v4l2 = true;
+    surroundings.video_nodes = v4l2::survey(video);
+#endif
     std::string library_folder;
     static_cast<void>(::dl_iterate_phdr(&find_openni2, &library_folder));
     std::error_code error;
@@ -96,9 +109,9 @@ CameraSurroundings camera_surroundings() {
 std::string cameras_text(const std::vector<CameraReport>& reports) {
     if (reports.empty()) {
         return "No depth camera is plugged in.\n"
-               "  do        plug one in: an ASUS Xtion PRO Live, a PrimeSense Carmine, an Orbbec Astra or a Kinect for "
-               "Xbox "
-               "360; if it is plugged in, try another cable and another port\n";
+               "  do        plug one in: an ASUS Xtion PRO Live, a PrimeSense Carmine, an Intel RealSense D4xx, an "
+               "Orbbec "
+               "Astra or a Kinect for Xbox 360; if it is plugged in, try another cable and another port\n";
     }
     std::string text;
     for (const CameraReport& report : reports) {
@@ -109,6 +122,7 @@ std::string cameras_text(const std::vector<CameraReport>& reports) {
         text += "\n  at        USB port " + port_text(device.port) + ", " + speed_text(device.speed);
         if (device.power_ma > 0) text += ", asks for " + std::to_string(device.power_ma) + " mA";
         text += "\n  driver    " + std::string(driver_name(report.camera->driver));
+        if (!report.modes.empty()) text += "\n  modes     " + report.modes;
         if (report.problem.empty()) {
             text += "\n  streams   yes\n  do        " + how_to_run(report, reports.size() == 1) + "\n";
             continue;
@@ -133,6 +147,7 @@ std::string cameras_json(const std::vector<CameraReport>& reports) {
                         {"speed_mbit_per_s", mbit_per_s(device.speed)},
                         {"power_ma", device.power_ma},
                         {"driver", driver_name(report.camera->driver)},
+                        {"modes", report.modes},
                         {"can_stream", can_stream(report.verdict)},
                         {"verdict", verdict_name(report.verdict)},
                         {"problem", report.problem},

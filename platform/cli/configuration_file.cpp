@@ -53,6 +53,17 @@ namespace {
 
 }  // namespace
 
+std::vector<ParameterView> parameters_of(Limits& limits, Configuration& configuration) {
+    std::vector<ParameterView> parameters;
+    const auto add = [&parameters](const char* name, auto& value, double min, double max, const char* unit,
+                                   const char* sentence) {
+        parameters.push_back({name, &value, min, max, unit, sentence});
+    };
+    visit_limits(limits, add);
+    visit_parameters(configuration, add);
+    return parameters;
+}
+
 Status apply_configuration(std::string_view toml, const std::string& file, std::span<const ParameterView> parameters,
                            std::string& message) {
     std::vector<TomlEntry> entries;

@@ -7,8 +7,11 @@
 #include <string>
 #include <string_view>
 #include <variant>
+#include <vector>
 
 #include "engine/base/status.hpp"
+#include "engine/configuration.hpp"
+#include "engine/limits.hpp"
 
 namespace stillmesh {
 
@@ -21,6 +24,9 @@ struct ParameterView {
     std::string unit;      // empty: none
     std::string sentence;  // what it does
 };
+
+// Every key of the engine, those of the limits first. Points into both.
+[[nodiscard]] std::vector<ParameterView> parameters_of(Limits& limits, Configuration& configuration);
 
 // Nothing is changed unless all of the file is good.
 [[nodiscard]] Status apply_configuration(std::string_view toml, const std::string& file,

@@ -16,8 +16,9 @@
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/configuration_file.hpp"
 #include "platform/cli/place_probe.hpp"
-#include "platform/cli/step_pacer.hpp"
 #include "platform/evaluation/final_trajectory.hpp"
+#include "platform/library/step_pacer.hpp"
+#include "platform/library/transform.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/linux/process.hpp"
@@ -39,17 +40,6 @@ constexpr std::uint32_t kSideMax = 2047;  // px, of limits.image_width_max and _
     return name == "pocket" ? Limits::pocket() : Limits::room();
 }
 
-[[nodiscard]] std::vector<ParameterView> parameters_of(Limits& limits, Configuration& configuration) {
-    std::vector<ParameterView> parameters;
-    const auto add = [&parameters](const char* name, auto& value, double min, double max, const char* unit,
-                                   const char* sentence) {
-        parameters.push_back({name, &value, min, max, unit, sentence});
-    };
-    visit_limits(limits, add);
-    visit_parameters(configuration, add);
-    return parameters;
-}
-
 // What the options give: the preset's limits, the scene's and the method's defaults, fitted into them, and what the
 // camera knows of itself, then the file, then single assignments.
 [[nodiscard]] Status configuration_of(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
@@ -66,10 +56,8 @@ constexpr std::uint32_t kSideMax = 2047;  // px, of limits.image_width_max and _
     if (configuration.features.count > limits.features_max) {
         note = fmt::format("features.count is {} instead of {}: the limits '{}' have no room for more.",
                            limits.features_max, configuration.features.count, options.limits);
-        configuration.features.count = limits.features_max;
     }
-    configuration.features.levels = std::min(configuration.features.levels, limits.pyramid_levels_max);
-    configuration.mapping.window_keyframes = std::min(configuration.mapping.window_keyframes, limits.keyframes_max);
+    configuration = configuration.fitted_to(limits);
     const std::vector<ParameterView> parameters = parameters_of(limits, configuration);
     std::string source = "the defaults";
     if (!options.configuration.empty()) {
@@ -104,28 +92,6 @@ constexpr std::uint32_t kSideMax = 2047;  // px, of limits.image_width_max and _
     out.time_ns = time_ns;
     std::copy_n(transform.translation_m, 3, out.t.begin());
     std::copy_n(transform.rotation_xyzw, 4, out.q.begin());
-    return out;
-}
-
-[[nodiscard]] std::array<double, 4> product(const double (&a)[4], const double (&b)[4]) {
-    return {
-        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1], a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2],
-        a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0], a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]};
-}
-
-// map_from_odom * odom_from_camera.
-[[nodiscard]] TrajectoryPose map_from_camera(const PoseEstimate& pose) {
-    const double(&q)[4] = pose.map_from_odom.rotation_xyzw;
-    const double(&p)[3] = pose.odom_from_camera.translation_m;
-    TrajectoryPose out;
-    out.time_ns = pose.time_ns;
-    out.q = product(q, pose.odom_from_camera.rotation_xyzw);
-    // v + 2 w (u x v) + 2 u x (u x v)
-    const std::array<double, 3> c = {q[1] * p[2] - q[2] * p[1], q[2] * p[0] - q[0] * p[2], q[0] * p[1] - q[1] * p[0]};
-    const std::array<double, 3> d = {q[1] * c[2] - q[2] * c[1], q[2] * c[0] - q[0] * c[2], q[0] * c[1] - q[1] * c[0]};
-    for (std::size_t i = 0; i < 3; ++i) {
-        out.t[i] = p[i] + 2 * (q[3] * c[i] + d[i]) + pose.map_from_odom.translation_m[i];
-    }
     return out;
 }
 
@@ -258,7 +224,7 @@ public:
         const PoseEstimate& pose = engine_->pose();
         const FrameStatistics& statistics = engine_->frame_statistics();
         out.state = pose.state;
-        out.world_from_camera = map_from_camera(pose);
+        out.world_from_camera = pose_of(map_from_camera(pose), pose.time_ns);
         if (keeps_final_ && pose.state != PoseState::kNone) {
             note_keyframes();
             final_.add(out.world_from_camera, engine_->reference_keyframe());

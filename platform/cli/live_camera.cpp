@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <charconv>
+#include <iterator>
 
 #include "platform/cli/complaint.hpp"
+#include "platform/cli/first_camera.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
 #ifdef STILLMESH_HAS_FREENECT
@@ -12,12 +14,16 @@
 #ifdef STILLMESH_HAS_OPENNI2
 #include "hal/openni2/openni2_camera.hpp"
 #endif
-#ifdef STILLMESH_HAS_ROS2
-#include "hal/ros2/ros2_camera.hpp"
-#endif
 #ifdef STILLMESH_HAS_USB
 #include "hal/usb/camera_check.hpp"
 #include "hal/usb/libusb_link.hpp"
+#endif
+#ifdef STILLMESH_HAS_ROS2
+#include "hal/ros2/ros2_camera.hpp"
+#endif
+#ifdef STILLMESH_HAS_V4L2
+#include "hal/v4l2/kernel_link.hpp"
+#include "hal/v4l2/v4l2_camera.hpp"
 #endif
 
 namespace stillmesh {
@@ -26,7 +32,8 @@ namespace {
 // Different reasons why a camera that is waited for does not open, that are told.
 constexpr std::size_t kReasonsMax = 16;
 
-#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_ROS2)
+#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_V4L2) || \
+    defined(STILLMESH_HAS_ROS2)
 // What all drivers count.
 template <typename Counts>
 void account_pairs(const Counts& counts, CameraRecord& record) {
@@ -187,6 +194,57 @@ private:
 }
 #endif
 
+#ifdef STILLMESH_HAS_V4L2
+class V4l2LiveCamera final : public LiveCamera {
+public:
+    explicit V4l2LiveCamera(V4l2Options options) : camera_(std::move(options), std::make_shared<KernelV4l2Link>()) {}
+
+    DepthCamera& camera() override { return camera_; }
+    FrameTimes& times() override { return camera_; }
+    std::string message() const override { return camera_.message(); }
+    std::string silence() const override { return camera_.silence(); }
+    bool is_file() const override { return false; }
+    std::string device() const override { return camera_.device(); }
+    std::string calibration_source() const override { return camera_.calibration_source(); }
+    std::vector<std::string> notes() const override { return camera_.notes(); }
+    std::uint64_t frames_expected() const override { return 0; }
+    void account(CameraRecord& record) const override {
+        const V4l2Counts counts = camera_.counts();
+        account_pairs(counts, record);
+        record.images_missing = counts.images_missing + counts.images_broken;
+    }
+
+#ifdef STILLMESH_HAS_USB
+    bool reset() override {
+        if (camera_.usb_port().empty()) return false;
+        LibusbLink link;
+        std::string message;
+        return reset_camera(link, camera_.usb_port(), message) == UsbStatus::kOk;
+    }
+#endif
+
+private:
+    V4l2Camera camera_;
+};
+
+[[nodiscard]] std::unique_ptr<LiveCamera> make_v4l2(const LiveCameraOptions& options, const std::string& device,
+                                                    std::string& message) {
+    if (!options.record.empty()) {
+        message = "--out " + options.record + ": only OpenNI2 writes .oni files; give a folder for this camera.";
+        return nullptr;
+    }
+    V4l2Options v4l2;
+    v4l2.device = device;
+    v4l2.calibration = options.calibration;
+    v4l2.width_max = options.width_max;
+    v4l2.height_max = options.height_max;
+    v4l2.is_exposure_fixed = options.exposure == "fixed";
+    v4l2.is_registered = options.registration == "none";
+    if (options.is_realtime) v4l2.thread_begins = become_realtime_reader;
+    return std::make_unique<V4l2LiveCamera>(std::move(v4l2));
+}
+#endif
+
 #ifdef STILLMESH_HAS_OPENNI2
 [[nodiscard]] std::unique_ptr<LiveCamera> make_openni2(const LiveCameraOptions& options, const std::string& device) {
     OpenNi2Options openni2;
@@ -204,6 +262,25 @@ private:
 }
 #endif
 
+// What to install and how to build, where a driver is not in this build.
+[[nodiscard]] std::string why_missing(const std::string& driver) {
+    struct Need {
+        const char* driver;
+        const char* library;
+        const char* package;
+        const char* option;
+    };
+    constexpr Need kNeeds[] = {{"freenect", "libfreenect", "libfreenect-dev", "FREENECT"},
+                               {"v4l2", "the kernel's headers", "linux-libc-dev", "V4L2"},
+                               {"ros2", "Cyclone DDS", "cyclonedds-dev cyclonedds-tools", "ROS2"},
+                               {"openni2", "OpenNI2", "libopenni2-dev", "OPENNI2"}};
+    const Need* need = std::find_if(std::begin(kNeeds), std::end(kNeeds) - 1,
+                                    [&driver](const Need& one) { return driver == one.driver; });
+    return "--camera " + driver + " needs " + need->library +
+           ", which is not in this build. Install it and build again: sudo apt-get install " + need->package +
+           " && cmake --preset release -DSTILLMESH_WITH_" + need->option + "=ON && cmake --build build/release";
+}
+
 }  // namespace
 
 std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, std::string& message) {
@@ -211,35 +288,33 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
     const std::string driver = options.camera.substr(0, colon);
     const std::string device = colon == std::string::npos ? std::string() : options.camera.substr(colon + 1);
     const bool is_auto = options.camera == "auto";
-    if ((driver != "openni2" && driver != "freenect" && driver != "ros2" && !is_auto) ||
-        (colon != std::string::npos && device.empty())) {
+    const bool is_driver = driver == "openni2" || driver == "freenect" || driver == "v4l2" || driver == "ros2";
+    if ((!is_driver && !is_auto) || (colon != std::string::npos && device.empty())) {
         message = "--camera " + options.camera +
-                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni, freenect, ros2 or "
-                  "ros2:COLOUR,DEPTH,INFO.";
+                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni, freenect, v4l2, v4l2:SERIAL, "
+                  "v4l2:ir, v4l2:SERIAL,ir, v4l2:DEPTH_NODE,COLOUR_NODE, ros2 or ros2:COLOUR,DEPTH,INFO.";
         return nullptr;
     }
+    message = why_missing(driver);
+    std::vector<FirstLiveCamera::Candidate> candidates;
+    [[maybe_unused]] const auto add = [&candidates](const char* name, std::unique_ptr<LiveCamera> camera) {
+        if (camera != nullptr) candidates.push_back({name, std::move(camera)});
+    };
+#ifdef STILLMESH_HAS_V4L2
+    if (is_auto || driver == "v4l2") add("V4L2", make_v4l2(options, device, message));
+#endif
 #ifdef STILLMESH_HAS_OPENNI2
-    if (is_auto || driver == "openni2") return make_openni2(options, device);
+    if (is_auto || driver == "openni2") add("OpenNI2", make_openni2(options, device));
 #endif
 #ifdef STILLMESH_HAS_FREENECT
-    if (is_auto || driver == "freenect") return make_freenect(options, device, message);
+    if (is_auto || driver == "freenect") add("libfreenect", make_freenect(options, device, message));
 #endif
 #ifdef STILLMESH_HAS_ROS2
-    if (driver == "ros2") return make_ros2(options, device, message);
+    if (driver == "ros2") add("ROS 2", make_ros2(options, device, message));
 #endif
-    if (driver == "ros2") {
-        message =
-            "--camera ros2 needs Cyclone DDS, which is not in this build. Install it and build again: sudo apt-get "
-            "install cyclonedds-dev cyclonedds-tools && cmake --preset release -DSTILLMESH_WITH_ROS2=ON && cmake "
-            "--build build/release";
-        return nullptr;
-    }
-    const bool is_kinect = driver == "freenect";
-    message = "--camera " + driver + " needs " + (is_kinect ? "libfreenect" : "OpenNI2") +
-              ", which is not in this build. Install it and build again: sudo apt-get install " +
-              (is_kinect ? "libfreenect-dev" : "libopenni2-dev") + " && cmake --preset release -DSTILLMESH_WITH_" +
-              (is_kinect ? "FREENECT" : "OPENNI2") + "=ON && cmake --build build/release";
-    return nullptr;
+    if (candidates.empty()) return nullptr;
+    if (candidates.size() == 1) return std::move(candidates.front().camera);
+    return std::make_unique<FirstLiveCamera>(std::move(candidates));
 }
 
 Status open_live_camera(DepthCamera& camera, const std::function<std::string()>& camera_message, bool does_wait,

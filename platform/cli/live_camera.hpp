@@ -13,7 +13,8 @@
 namespace stillmesh {
 
 struct LiveCameraOptions {
-    // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], ros2[:COLOUR,DEPTH,INFO]
+    // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], v4l2[:SERIAL|:ir|:DEPTH,COLOUR],
+    // ros2[:COLOUR,DEPTH,INFO]
     std::string camera;
     std::string calibration;            // file or name; empty: the camera's own
     std::string exposure = "auto";      // auto, fixed

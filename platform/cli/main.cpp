@@ -13,6 +13,7 @@
 #include "platform/cli/capture_command.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/map_command.hpp"
 #include "platform/cli/rerun_command.hpp"
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
@@ -35,6 +36,10 @@ constexpr const char* kDirtHelp =
     "of a simulation: what cameras, hands and rooms do, 0 off, 1 ordinary; 'stillmesh simulate --help' lists";
 constexpr const char* kCameraGroup = "Camera (--camera, --replay or --simulate)";
 
+constexpr const char* kReplayHelp =
+    "recording: a folder in the TUM layout (rgb.txt, depth.txt, camera.yaml), or a bag of ROS 1 or 2 (.bag, .db3, "
+    ".mcap, or the folder of one)";
+
 int eval(const std::string& truth_file, const std::string& trajectory_file, bool is_json) {
     Trajectory truth;
     Trajectory estimate;
@@ -56,11 +61,14 @@ int eval(const std::string& truth_file, const std::string& trajectory_file, bool
 }
 
 void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wait, const char* group) {
-    app.add_option("--camera", options.camera,
-                   "auto (the first that OpenNI2 finds), openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of "
-                   "OpenNI2), "
-                   "freenect (a Kinect), or ros2[:COLOUR,DEPTH,INFO] (images of a driver of ROS 2); 'stillmesh "
-                   "cameras' lists what is plugged in")
+    app.add_option(
+           "--camera", options.camera,
+           "auto (the first that V4L2, OpenNI2 or libfreenect finds), v4l2 (RealSense and its kind), v4l2:SERIAL, "
+           "v4l2:ir (its left infrared camera for colour), "
+           "v4l2:DEPTH_NODE,COLOUR_NODE, openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of OpenNI2), "
+           "freenect (a Kinect), or ros2[:COLOUR,DEPTH,INFO] (images of a driver of ROS 2); 'stillmesh cameras' lists "
+           "what is "
+           "plugged in")
         ->type_name("NAME")
         ->group(group);
     app.add_flag("--wait", does_wait, "for a camera, if none is plugged in yet")->group(group);
@@ -119,11 +127,18 @@ void add_depth_units_option(CLI::App& app, double& depth_units_per_m, const char
         ->group(group);
 }
 
+void add_topics_option(CLI::App& app, std::string& topics, const char* group) {
+    CLI::Option* const option =
+        app.add_option("--topics", topics, "of a bag: where colour, depth and CameraInfo are; found if not given")
+            ->type_name("COLOUR,DEPTH[,INFO]");
+    if (*group != '\0') option->group(group);
+}
+
 int program(int argc, char** argv) {
     const std::int64_t begin_ns = monotonic_ns();
     CLI::App app("Stillmesh tells where a depth camera is, in rooms full of moving people.", "stillmesh");
     app.require_subcommand(1);
-    app.set_version_flag("--version", "stillmesh " STILLMESH_VERSION, "print the version, and exit");
+    app.set_version_flag("--version", "stillmesh " STILLMESH_PROGRAM_VERSION, "print the version, and exit");
     app.footer(
         "Exit codes: 0 done; 1 ran but failed (lost camera, no pose); 2 bad usage or input; 130, 143 stopped by "
         "Ctrl-C or SIGTERM, everything written.");
@@ -133,9 +148,8 @@ int program(int argc, char** argv) {
     std::vector<std::string> later;  // switches of what is not in this build
     CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
     add_camera_options(*run_app, arguments.live, arguments.does_wait, kCameraGroup);
-    run_app->add_option("--replay", arguments.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
-        ->type_name("DIR")
-        ->group(kCameraGroup);
+    run_app->add_option("--replay", arguments.replay, kReplayHelp)->type_name("DIR|BAG")->group(kCameraGroup);
+    add_topics_option(*run_app, arguments.replay_topics, kCameraGroup);
     run_app
         ->add_option("--fps", arguments.replay_frames_per_s, "of a recording whose lists have frame numbers for times")
         ->check(CLI::Range(1.0, 1000.0).description(""))
@@ -196,6 +210,13 @@ int program(int argc, char** argv) {
         ->type_name("FILE|NAME")
         ->group(kCameraGroup);
     add_depth_units_option(*run_app, arguments.depth_units_per_m, kCameraGroup);
+    run_app
+        ->add_option(
+            "--mask", arguments.mask,
+            "an image of the camera's size, white where nothing is to be looked at: what it always sees of its "
+            "own robot")
+        ->type_name("FILE")
+        ->group(kCameraGroup);
     run_app
         ->add_flag("--half", arguments.is_half,
                    "track images at half their width and height, lens and all: 1280x720 as 640x360")
@@ -331,6 +352,7 @@ int program(int argc, char** argv) {
         "  stillmesh run --camera auto --wait --trajectory path.txt     (Ctrl-C ends it, everything written)\n"
         "  stillmesh run --simulate walking_xyz:1 --report out\n"
         "  stillmesh run --replay rgbd_dataset_freiburg3_walking_xyz --calibration tum-fr3 --trajectory path.txt\n"
+        "  stillmesh run --replay desk.bag --topics /camera/color/image_raw,/camera/aligned_depth_to_color/image_raw\n"
         "  stillmesh run --simulate static_xyz:1 --map-out room.map\n"
         "  stillmesh run --simulate walking_xyz:1+7 --map-in room.map --localize     (the room on another day)\n"
         "  stillmesh run --replay DIR --set region.is_enabled=false     (what the static region is worth)");
@@ -357,9 +379,8 @@ int program(int argc, char** argv) {
     CLI::App* const check_app = app.add_subcommand(
         "check-camera", "whether focal length, centre and depth unit can be what they are said to be");
     add_camera_options(*check_app, check.live, check.does_wait, kCameraGroup);
-    check_app->add_option("--replay", check.replay, "recording in the TUM layout: rgb.txt, depth.txt, camera.yaml")
-        ->type_name("DIR")
-        ->group(kCameraGroup);
+    check_app->add_option("--replay", check.replay, kReplayHelp)->type_name("DIR|BAG")->group(kCameraGroup);
+    add_topics_option(*check_app, check.replay_topics, kCameraGroup);
     check_app->add_option("--simulate", check.simulate, "simulated room")
         ->type_name("SCENE[:SEED]")
         ->group(kCameraGroup);
@@ -388,14 +409,17 @@ int program(int argc, char** argv) {
         ->type_name("FILE");
     rerun_command
         ->add_option("--replay", rerun.folder,
-                     "its frames: the folder that was replayed, or written by --record-frames")
+                     "its frames: the folder or bag that was replayed, or written by --record-frames")
         ->required()
-        ->type_name("DIR");
+        ->type_name("DIR|BAG");
+    add_topics_option(*rerun_command, rerun.topics, "");
     rerun_command->add_option("--map-in", rerun.map_in, "the map that the run began in, if it did")->type_name("FILE");
     rerun_command
         ->add_option("--map-store", rerun.map_store, "the map store that the run used, if it held regions before it")
         ->type_name("DIR");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
+    rerun_command->add_option("--mask", rerun.mask, "if the run had one, and the folder is what was replayed")
+        ->type_name("FILE");
     rerun_command->add_flag("--half", rerun.is_half, "if the run had this switch, and the folder is what was replayed");
     rerun_command
         ->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with, if not the default one")
@@ -512,6 +536,24 @@ int program(int argc, char** argv) {
         ->type_name("FILE");
     info_command->add_flag("--json", is_info_json, "as JSON");
 
+    CLI::App* const map_command = app.add_subcommand("map", "what a map file holds, and its points for other programs");
+    map_command->require_subcommand(1);
+    MapExport map_export;
+    bool is_map_json = false;
+    CLI::App* const map_info = map_command->add_subcommand("info", "how large it is, what was seen, which camera");
+    map_info->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
+    map_info->add_flag("--json", is_map_json, "as JSON");
+    CLI::App* const map_out = map_command->add_subcommand("export", "its points and keyframes");
+    map_out->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
+    map_out->add_option("--ply", map_export.ply, "points, for MeshLab, CloudCompare, Blender")->type_name("FILE");
+    map_out->add_option("--pcd", map_export.pcd, "points, for the Point Cloud Library")->type_name("FILE");
+    map_out->add_option("--tum", map_export.tum, "keyframes' poses, TUM format")->type_name("FILE");
+    map_out->add_option("--json", map_export.json, "all of it")->type_name("FILE");
+    map_out->add_flag("--moving", map_export.has_moving, "points that turned out to move as well");
+    map_out->footer(
+        "Coordinates: m, in the frame of the first camera, x right, y down, z forward.\n"
+        "Exit codes: 0 done; 1 could not be written; 2 no map, or bad usage.");
+
     std::vector<CLI::App*> later_commands;
     for (const auto& [name, sentence] : kLaterCommands) {
         later_commands.push_back(app.add_subcommand(name, std::string(sentence) + " (not in this build)"));
@@ -565,6 +607,8 @@ int program(int argc, char** argv) {
         return run_command(check, begin_ns);
     }
     if (train_command->parsed()) return vocabulary_train_command(training);
+    if (map_info->parsed()) return map_info_command(map_export.file, is_map_json);
+    if (map_out->parsed()) return map_export_command(map_export);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];

@@ -10,10 +10,10 @@
 #include <system_error>
 
 #include "engine/engine.hpp"
-#include "hal/live/half_camera.hpp"
-#include "hal/replay/replay_camera.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/prepared_camera.hpp"
+#include "platform/cli/recording_source.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "platform/linux/memory_block.hpp"
@@ -41,6 +41,7 @@ struct Outcome {
     for (;;) {
         const Status status = camera.poll(frame);
         if (status == Status::kEnd) return Status::kEnd;
+        if (status == Status::kTimedOut) continue;  // a bag without pairs for a while
         if (status == Status::kOk && frame.time_ns == time_ns) return Status::kOk;
         if (status == Status::kOk && frame.time_ns > time_ns) return Status::kNotFound;
         ++skipped;  // an image that cannot be used was skipped by the recorded run as well, or is missed here
@@ -171,15 +172,19 @@ int rerun_command(const RerunOptions& options) {
     const std::uint32_t halves = options.is_half ? 2 : 1;
     CameraInfo of_images{header.camera, header.depth_units_per_m};
     if (options.is_half) of_images.model.width = of_images.model.height = 0;  // as they are
-    ReplayCamera whole({.folder = folder,
-                        .calibration = "",
-                        .camera = of_images,
-                        .width_max = halves * header.limits.image_width_max + halves - 1,
-                        .height_max = halves * header.limits.image_height_max + halves - 1});
-    if (whole.open() != Status::kOk) return refuse(whole.message());
-    std::optional<HalfCamera> half;
-    if (options.is_half) half.emplace(whole);
-    DepthCamera& camera = options.is_half ? static_cast<DepthCamera&>(*half) : whole;
+    RecordingSource source({.folder = folder,
+                            .calibration = "",
+                            .camera = of_images,
+                            .width_max = halves * header.limits.image_width_max + halves - 1,
+                            .height_max = halves * header.limits.image_height_max + halves - 1},
+                           options.topics);
+    if (!source.problem().empty()) return refuse(source.problem());
+    DepthCamera& whole = source.camera();
+    if (whole.open() != Status::kOk) return refuse(source.message());
+    PreparedCamera prepared(whole);
+    std::string note, message;
+    if (prepared.prepare(options.mask, options.is_half, note, message) != Status::kOk) return refuse(message);
+    DepthCamera& camera = prepared.camera();
     const CameraModel& size = camera.info().model;
     if (size.width != header.camera.width || size.height != header.camera.height) {
         return refuse(fmt::format("{}: the run had images of {}x{}, these are halved to {}x{}.", options.recording,
@@ -250,14 +255,13 @@ int rerun_command(const RerunOptions& options) {
     if (!options.map_in.empty()) {
         const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
         MapFileInfo info;
-        std::string message;
         if (load_map_file(options.map_in, *engine.value(), use, header.extractor, info, message) != Status::kOk) {
             return refuse(message);
         }
     }
     catch_stop_signals();
     Outcome outcome;
-    if (const Status status = repeat(*engine.value(), {camera, whole.message()}, reader, store, outcome);
+    if (const Status status = repeat(*engine.value(), {camera, source.message()}, reader, store, outcome);
         status != Status::kOk) {
         if (status != Status::kEnd) return refuse(reader.message());
         complain(fmt::format("stopped; {} frames were repeated bit for bit until then.", outcome.frames));

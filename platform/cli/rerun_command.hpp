@@ -9,10 +9,12 @@ namespace stillmesh {
 
 struct RerunOptions {
     std::string recording;
-    std::string folder;
+    std::string folder;     // or a bag
+    std::string topics;     // of a bag, if the run had them
     std::string map_in;     // empty: none
     std::string map_store;  // empty: none
     bool is_localising = false;
+    std::string mask;                    // that the run had; empty: none
     bool is_half = false;                // the run halved its images
     std::string vocabulary = "default";  // that the recording was made with, if it was made with one
     bool is_json = false;

@@ -14,14 +14,14 @@
 #include <vector>
 
 #include "hal/faulty/faulty_camera.hpp"
-#include "hal/live/half_camera.hpp"
 #include "hal/live/reconnecting_camera.hpp"
 #include "hal/realtime/realtime_camera.hpp"
-#include "hal/replay/replay_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/destinations.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/prepared_camera.hpp"
+#include "platform/cli/recording_source.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
@@ -107,10 +107,11 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     if (const int code = read_motion(arguments, folder, motion); code != kExitDone) return code;
-    std::optional<HalfCamera> half;
-    if (arguments.is_half) half.emplace(source.camera);
-    DepthCamera& camera = arguments.is_half ? static_cast<DepthCamera&>(*half) : source.camera;
-    std::string message;
+    PreparedCamera prepared(source.camera);
+    std::string message, note;
+    if (prepared.prepare(arguments.mask, arguments.is_half, note, message) != Status::kOk) return refuse(message);
+    if (!note.empty()) record.notes.push_back(note);
+    DepthCamera& camera = prepared.camera();
     record.limits = arguments.session.limits;
     record.features = arguments.session.features;
     record.command = arguments.command;
@@ -285,53 +286,24 @@ int track_maybe_faulty(const Source& source, bool is_open, const RunArguments& a
                       [&](const Source& alive, RunRecord& r) { return track(alive, arguments, begin_ns, r); });
 }
 
-// What is not as every recording has it is said, so that a wrong guess does not go unseen.
-void note_what_was_read(const ReplayCamera& camera, double pair_gap_s, RunRecord& record) {
-    const ReplayCounts& counts = camera.counts();
-    if (counts.colour_images > counts.frames) {
-        record.notes.push_back(fmt::format("{} of {} colour images have no depth image within {:.0f} ms: skipped.",
-                                           counts.colour_images - counts.frames, counts.colour_images,
-                                           1e3 * pair_gap_s));
-    }
-    if (counts.unit != TimeUnit::kSeconds) {
-        record.notes.push_back(fmt::format("the times of the recording are taken for {}: they go up by {:g}.",
-                                           time_unit_name(counts.unit), counts.step));
-    }
-    const CameraModel& model = camera.info().model;
-    if (counts.is_registered_here) {
-        record.notes.push_back(fmt::format("depth is {}x{}, of the depth camera in {}: registered to colour, {}x{}.",
-                                           counts.depth_width, counts.depth_height, camera.calibration_source(),
-                                           model.width, model.height));
-    } else if (counts.depth_width != model.width) {
-        record.notes.push_back(
-            fmt::format("depth is {}x{}, colour {}x{}: taken for the same view, the nearest pixel counts.",
-                        counts.depth_width, counts.depth_height, model.width, model.height));
-    }
-    if (counts.is_colour_wide) record.notes.push_back("colour is 16-bit grey: its high byte is tracked.");
-    constexpr std::int64_t kUsual_ns = 20'000'000;
-    if (counts.pair_gap_longest_ns > kUsual_ns) {
-        record.notes.push_back(fmt::format(
-            "images of one frame are up to {:.1f} ms apart; what moved meanwhile is not where its depth is.",
-            static_cast<double>(counts.pair_gap_longest_ns) * 1e-6));
-    }
-}
-
 int replay(const RunArguments& arguments, std::int64_t begin_ns) {
     std::string message;
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
-    ReplayCamera camera({.folder = folder,
-                         .calibration = arguments.calibration,
-                         .depth_units_per_m = arguments.depth_units_per_m,
-                         .width_max = kImageSideMax,  // the limits follow the camera, or say what is too large
-                         .height_max = kImageSideMax,
-                         .association_gap_max_ns = nanoseconds(arguments.replay_pair_gap_s),
-                         .depth_offset_ns = nanoseconds(arguments.replay_depth_offset_s),
-                         .frames_per_s = arguments.replay_frames_per_s});
-    if (camera.open() != Status::kOk) return refuse(camera.message());
+    RecordingSource source({.folder = folder,
+                            .calibration = arguments.calibration,
+                            .depth_units_per_m = arguments.depth_units_per_m,
+                            .width_max = kImageSideMax,  // the limits follow the camera, or say what is too large
+                            .height_max = kImageSideMax,
+                            .association_gap_max_ns = nanoseconds(arguments.replay_pair_gap_s),
+                            .depth_offset_ns = nanoseconds(arguments.replay_depth_offset_s),
+                            .frames_per_s = arguments.replay_frames_per_s},
+                           arguments.replay_topics);
+    if (!source.problem().empty()) return refuse(source.problem());
+    if (source.camera().open() != Status::kOk) return refuse(source.message());
     RunRecord record;
     record.input = folder;
-    record.calibration = camera.calibration_source();
+    record.calibration = source.calibration_source();
     // The truth is read before anything is tracked: a broken file is bad input, not a failed run.
     const std::string truth_file = folder + "/groundtruth.txt";
     std::error_code error;
@@ -339,11 +311,15 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
         read_trajectory(truth_file, record.truth, message, arguments.replay_frames_per_s) != Status::kOk) {
         return refuse(message);
     }
-    const ReplayCounts& counts = camera.counts();
-    note_what_was_read(camera, arguments.replay_pair_gap_s, record);
-    return track_maybe_faulty(
-        {.camera = camera, .message = [&camera] { return camera.message(); }, .frames = counts.frames}, true, arguments,
-        begin_ns, record);
+    record.notes = source.notes();
+    return track_maybe_faulty({.camera = source.camera(),
+                               .message = [&source] { return source.message(); },
+                               .frames = source.frames(),
+                               .account =
+                                   [&source](RunRecord& r) {
+                                       for (const std::string& note : source.closing_notes()) r.notes.push_back(note);
+                                   }},
+                              true, arguments, begin_ns, record);
 }
 
 int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
@@ -450,6 +426,7 @@ int live(const RunArguments& arguments) {
     std::vector<Origin> origins = {{"--config", session.configuration},
                                    {"--calibration", arguments.calibration},
                                    {"--vocabulary", session.vocabulary},
+                                   {"--mask", arguments.mask},
                                    {"--replay", arguments.replay}};
     for (const auto& [option, file] : {std::pair{"--odometry", arguments.odometry}, {"--gyro", arguments.gyroscope}}) {
         if (file != "none") origins.push_back({option, file});
@@ -506,6 +483,9 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
     if (!std::isfinite(session.map_every_s)) return refuse("--map-every: give a number of seconds.");
     if (session.map_every_s > 0 && session.map_out.empty()) {
         return refuse("--map-every: needs a file to write the map to: --map-out FILE.");
+    }
+    if (!arguments.replay_topics.empty() && arguments.replay.empty()) {
+        return refuse("--topics: are a bag's; give it with --replay.");
     }
     if (!arguments.live.camera.empty() && !(arguments.odometry.empty() && arguments.gyroscope.empty())) {
         return refuse("--odometry, --gyro: a file knows no live camera; give --replay DIR or --simulate SCENE.");

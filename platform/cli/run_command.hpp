@@ -12,7 +12,8 @@
 namespace stillmesh {
 
 struct RunArguments {
-    std::string replay;                // folder in the TUM layout; this or `simulate`
+    std::string replay;                // folder in the TUM layout, or a bag; this or `simulate`
+    std::string replay_topics;         // of a bag: COLOUR,DEPTH,INFO; empty: found
     std::string simulate;              // SCENE[:SEED]
     std::string dirt;                  // of the simulation, as shake=1,rolling=.5; what the scene has if empty
     double replay_frames_per_s = 0;    // of a recording that numbers its frames; 0: it has times
@@ -34,6 +35,7 @@ struct RunArguments {
     RunLoopOptions loop;
     bool is_json = false;
     bool is_realtime = false;
+    std::string mask;        // image file: what is white there is not looked at; empty: none
     bool is_half = false;    // images are halved before they are tracked
     bool does_wait = false;  // for a live camera at the start
     bool print_config = false;

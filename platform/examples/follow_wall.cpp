@@ -17,8 +17,7 @@ static void draw_wall(std::vector<std::uint8_t>& grey, std::uint32_t width, std:
 int main() {
     using namespace stillmesh;
     const CameraModel camera{.width = 640, .height = 480, .fx = 525, .fy = 525, .cx = 319.5, .cy = 239.5};
-    Configuration configuration;
-    configuration.features.count = Limits::pocket().features_max;
+    const Configuration configuration = Configuration::for_limits(Limits::pocket());
     const auto made = Engine::create(block, Limits::pocket(), configuration, camera, plain_kernels());
     if (!made.is_ok()) return 1;
     Engine& engine = *made.value();

@@ -182,7 +182,21 @@ TEST(Measures, UnsureIsCountedForWhatItIs) {
     EXPECT_EQ(m.wrong_tracked, 0U);
     EXPECT_EQ(m.right, 31U);
     EXPECT_EQ(m.right_tracked, 30U);
+    EXPECT_EQ(m.judged_unsure, 2U);
+    EXPECT_EQ(m.wrong_unsure, 1U);
     EXPECT_DOUBLE_EQ(m.coverage(), 1.0);
+}
+
+// Promise: predicted poses are judged by themselves, and count neither as right nor as wrong elsewhere.
+TEST(Measures, PredictedIsJudgedByItself) {
+    std::vector<FrameRecord> frames = perfect_run(60);
+    frames[40].state = frames[50].state = PoseState::kPredicted;
+    frames[50].estimate.t[1] += 1;
+    const Measures m = measure(frames);
+    EXPECT_EQ(m.judged_predicted, 2U);
+    EXPECT_EQ(m.wrong_predicted, 1U);
+    EXPECT_EQ(m.judged_unsure + m.wrong_unsure + m.wrong_tracked, 0U);
+    EXPECT_EQ(m.right, 30U);
 }
 
 // Promise: predicted frames and frames without a pose are not covered, whatever they say; a long hole is a lost run.

@@ -281,7 +281,8 @@ def flag_complaints(commands, source, warnings_are_errors):
 
         def last(*names):
             return max([i for i, flag in enumerate(flags) if flag in names], default=-1)
-        needed = ["-ffp-contract=off", "-Wall", "-Wextra", "-std=c++20"] + ["-Werror"] * warnings_are_errors
+        standard = "-std=c99" if path.endswith(".c") else "-std=c++20"
+        needed = ["-ffp-contract=off", "-Wall", "-Wextra", standard] + ["-Werror"] * warnings_are_errors
         if path.startswith("engine/"):
             seen_engine = True
             needed += ["-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-fvisibility=hidden",

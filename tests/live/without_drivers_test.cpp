@@ -1,4 +1,4 @@
-// A build without OpenNI2, libfreenect, Cyclone DDS and libusb: what the command line then says. Its sources are
+// A build without OpenNI2, libfreenect, libusb, V4L2 and Cyclone DDS: what the command line then says. Its sources are
 // compiled here once more, without any of them, whatever is installed.
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include "platform/cli/live_camera.hpp"
 
 #if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_USB) || \
-    defined(STILLMESH_HAS_ROS2)
+    defined(STILLMESH_HAS_V4L2) || defined(STILLMESH_HAS_ROS2)
 #error "this test is about a build without them"
 #endif
 
@@ -29,6 +29,8 @@ TEST(WithoutDrivers, CameraSaysWhatIsMissing) {
           Case{"freenect:1", {"needs libfreenect", "libfreenect-dev", "-DSTILLMESH_WITH_FREENECT=ON"}},
           Case{"ros2", {"needs Cyclone DDS", "cyclonedds-dev cyclonedds-tools", "-DSTILLMESH_WITH_ROS2=ON"}},
           Case{"ros2:/a,/b,/c", {"needs Cyclone DDS", "cyclonedds-dev", "-DSTILLMESH_WITH_ROS2=ON"}},
+          Case{"v4l2", {"needs the kernel's headers", "linux-libc-dev", "-DSTILLMESH_WITH_V4L2=ON"}},
+          Case{"v4l2:/dev/video0,/dev/video4", {"needs the kernel's headers", "linux-libc-dev", "STILLMESH_WITH_V4L2"}},
           Case{"webcam", {"give auto, openni2", "openni2:FILE.oni", "freenect"}}}) {
         LiveCameraOptions options;
         options.camera = c.camera;

@@ -4,7 +4,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -62,6 +64,51 @@ bool is_map(const std::string& file) {
     MapFileProblem problem;
     return read_map_header(std::as_bytes(std::span(text)), info, problem) == Status::kOk &&
            info.size_bytes == text.size();
+}
+
+// Promise: `map info` and `map export` agree with the summary of the run that wrote the map, in every format; what is
+// no map, or nothing to write, is refused with a sentence and nothing is written.
+TEST_F(ProgramMaps, LeavesForOtherPrograms) {
+    const auto number_behind = [](const std::string& text, const std::string& words) {
+        const std::size_t begin = text.find(words);
+        return begin == std::string::npos ? -1L : std::atol(text.c_str() + begin + words.size());
+    };
+    const Answer info = stillmesh_says("map info --json " + at("room.map"));
+    ASSERT_EQ(info.code, 0) << info.text;
+    const long points = number_behind(info.text, "\"points\": "),
+               moving = number_behind(info.text, "\"points_moving\": ");
+    const long keyframes = number_behind(info.text, "\"keyframes\": ");
+    EXPECT_GT(points, 500) << info.text;
+    EXPECT_GT(keyframes, 0);
+    EXPECT_EQ(stillmesh_says("map info " + at("room.map")).code, 0);
+    const Answer out = stillmesh_says("map export " + at("room.map") + " --ply " + at("m.ply") + " --pcd " +
+                                      at("m.pcd") + " --tum " + at("m.txt") + " --json " + at("m.json"));
+    ASSERT_EQ(out.code, 0) << out.text;
+    const auto lines = [](const std::string& text) { return std::count(text.begin(), text.end(), '\n'); };
+    const std::string ply = text_of(at("m.ply")), pcd = text_of(at("m.pcd")), tum = text_of(at("m.txt"));
+    EXPECT_EQ(number_behind(ply, "element vertex "), points - moving);
+    EXPECT_EQ(lines(ply.substr(ply.find("end_header\n") + 11)), points - moving);
+    EXPECT_EQ(number_behind(pcd, "POINTS "), points - moving);
+    EXPECT_EQ(lines(pcd.substr(pcd.find("DATA ascii\n") + 11)), points - moving);
+    EXPECT_EQ(lines(tum), keyframes + 1);
+    const std::string json = text_of(at("m.json"));
+    long listed = 0;
+    for (std::size_t i = json.find("\"static_weight\""); i != std::string::npos;
+         i = json.find("\"static_weight\"", i + 1)) {
+        ++listed;
+    }
+    EXPECT_EQ(listed, points - moving);
+    ASSERT_EQ(stillmesh_says("map export " + at("room.map") + " --moving --ply " + at("all.ply")).code, 0);
+    EXPECT_EQ(number_behind(text_of(at("all.ply")), "element vertex "), points);
+
+    write_text(at("no.map"), "no map at all");
+    EXPECT_EQ(stillmesh_says("map info " + at("no.map")).code, 2);
+    EXPECT_EQ(stillmesh_says("map export " + at("no.map") + " --ply " + at("x.ply")).code, 2);
+    EXPECT_FALSE(std::filesystem::exists(at("x.ply")));
+    EXPECT_EQ(stillmesh_says("map export " + at("room.map")).code, 2);
+    EXPECT_EQ(stillmesh_says("map export " + at("room.map") + " --ply " + at("room.map")).code, 2);
+    EXPECT_TRUE(is_map(at("room.map")));
+    EXPECT_EQ(stillmesh_says("map export " + at("room.map") + " --ply /dev/full").code, 1);
 }
 
 // Promise: a map is written, read, localised in and gone on with; the summary says so.

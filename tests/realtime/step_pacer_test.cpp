@@ -1,4 +1,4 @@
-#include "platform/cli/step_pacer.hpp"
+#include "platform/library/step_pacer.hpp"
 
 #include <gtest/gtest.h>
 

@@ -121,6 +121,61 @@ TEST(CameraCheck, Held) {
     expect_one(check(kinect), CameraVerdict::kReady, "streams   yes", "stillmesh run --camera freenect");
 }
 
+// Promise: a RealSense is served by the kernel's video nodes: what keeps each of them from streaming is said, with the
+// one thing to do; USB 2 leaves it its smaller modes; nothing of it is claimed, for somebody may stream from it.
+TEST(CameraCheck, RealSense) {
+    test::ScriptedUsbLink link;
+    link.plug(0x8086, 0x0b07, "2-1").device.speed = UsbSpeed::kSuper;
+    CameraSurroundings surroundings = everything_installed();
+    surroundings.has_v4l2 = false;
+    expect_one(check(link, surroundings), CameraVerdict::kDriverMissing, "built without V4L2",
+               "-DSTILLMESH_WITH_V4L2=ON");
+    surroundings.has_v4l2 = true;
+    expect_one(check(link, surroundings), CameraVerdict::kDriverMissing, "no video node for it",
+               "sudo modprobe uvcvideo");
+    link.devices[0].driver = "usbfs";
+    link.devices[0].holders = {{4711, "realsense-viewer"}};
+    expect_one(check(link, surroundings), CameraVerdict::kHeld, "realsense-viewer (process 4711)", "kill 4711");
+    const VideoNodes fine{.usb_port = "2-1",
+                          .paths = {"/dev/video0", "/dev/video4"},
+                          .absent = {},
+                          .denied = {},
+                          .busy = {},
+                          .broken = {},
+                          .depth_modes = "848x480@30",
+                          .colour_modes = "640x480@30"};
+    surroundings.video_nodes = {fine};
+    expect_one(check(link, surroundings), CameraVerdict::kReady,
+               "modes     depth 848x480@30; colour 640x480@30\n  streams   yes", "stillmesh run --camera v4l2");
+    VideoNodes& nodes = surroundings.video_nodes[0];
+    nodes.colour_modes.clear();
+    expect_one(check(link, surroundings), CameraVerdict::kNoAnswer, "offers no modes of colour", "--reset 2-1");
+    nodes.broken = "/dev/video2";
+    expect_one(check(link, surroundings), CameraVerdict::kNoAnswer, "/dev/video2 does not answer", "--reset 2-1");
+    nodes.busy = "/dev/video4";
+    expect_one(check(link, surroundings), CameraVerdict::kHeld, "another program streams from /dev/video4",
+               "sudo fuser -v /dev/video4");
+    nodes.denied = "/dev/video0";
+    expect_one(check(link, surroundings), CameraVerdict::kDenied, "this user may not open /dev/video0",
+               "sudo usermod -aG video \"$USER\"");
+    nodes.absent = "/dev/video0";
+    expect_one(check(link, surroundings), CameraVerdict::kNoNode, "/dev/video0 is not there, as in a container",
+               "docker run --device /dev/video0");
+    nodes = fine;
+    link.devices[0].device.speed = UsbSpeed::kHigh;
+    expect_one(check(link, surroundings), CameraVerdict::kSlowBus, "yes, but it is connected as USB 2",
+               "with a USB 3 cable");
+    EXPECT_TRUE(link.log.empty()) << "it was opened";
+    // Two are told apart by their serial numbers.
+    link.devices[0].device.speed = UsbSpeed::kSuper;
+    link.devices[0].device.serial = "111";
+    link.plug(0x8086, 0x0b5c, "2-2").device.speed = UsbSpeed::kSuper;
+    link.devices[1].device.serial = "222";
+    surroundings.video_nodes.push_back(fine);
+    surroundings.video_nodes[1].usb_port = "2-2";
+    EXPECT_NE(check(link, surroundings).text.find("stillmesh run --camera v4l2:222"), std::string::npos);
+}
+
 // Promise: USB 1 is too slow, and the hub that makes it so is named; USB 3 is not.
 TEST(CameraCheck, TooSlow) {
     test::ScriptedUsbLink link;

@@ -2,11 +2,12 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <vector>
 
 #include "engine/engine.hpp"
+#include "platform/library/transform.hpp"
 #include "platform/linux/cpu_kernels.hpp"
+#include "platform/linux/memory_block.hpp"
 
 int main() {
     using namespace stillmesh;
@@ -17,14 +18,16 @@ int main() {
     camera.fx = camera.fy = 130;
     camera.cx = camera.width / 2.0;
     camera.cy = camera.height / 2.0;
-    Configuration configuration;
-    configuration.features.count = limits.features_max;
-    configuration.features.levels = limits.pyramid_levels_max;
-    configuration.mapping.window_keyframes = limits.keyframes_max;
-    const std::size_t size = bytes_needed(limits);
-    void* const memory = std::aligned_alloc(64, (size + 63) / 64 * 64);
+    MemoryBlock block;
+    if (!block.allocate(bytes_needed(limits))) return 1;
+#ifdef VOCABULARY
+    if (std::FILE* const file = std::fopen(VOCABULARY, "rb"); file == nullptr || std::fclose(file) != 0) {
+        std::printf("no vocabulary: %s\n", VOCABULARY);
+        return 1;
+    }
+#endif
     const Result<Engine*> made =
-        Engine::create({static_cast<std::byte*>(memory), size}, limits, configuration, camera, cpu_kernels());
+        Engine::create(block.bytes(), limits, Configuration::for_limits(limits), camera, cpu_kernels());
     if (!made.is_ok()) {
         std::printf("not created: %s\n", status_name(made.status()));
         return 1;
@@ -50,7 +53,7 @@ int main() {
         if (engine.submit(frame) != Status::kOk) return 1;
     }
     // Two pixels a frame, 2 m away, 130 pixels of focal length.
-    const double x = engine.pose().odom_from_camera.translation_m[0];
+    const double x = map_from_camera(engine.pose()).translation_m[0];
     std::printf("%s kernels, %.4f m along the wall\n", cpu_kernels().name, x);
     return std::abs(x - 9 * 4.0 / 130) < 0.01 ? 0 : 1;
 }

@@ -1,0 +1,20 @@
+// `stillmesh map info | export`: what a map file holds, for people and for other programs.
+#pragma once
+
+#include <string>
+
+namespace stillmesh {
+
+struct MapExport {
+    std::string file;         // the map
+    std::string ply, pcd;     // points; empty: not written
+    std::string tum;          // keyframes' poses
+    std::string json;         // camera, keyframes, points; "-" is standard output
+    bool has_moving = false;  // points that have lost their weight as well
+};
+
+// Both return the program's exit code: 0; 1 could not write; 2 no map, or bad usage.
+[[nodiscard]] int map_info_command(const std::string& file, bool is_json);
+[[nodiscard]] int map_export_command(const MapExport& options);
+
+}  // namespace stillmesh

@@ -1,0 +1,27 @@
+// What stands between a camera and the engine: a mask of what is not looked at (--mask), then half the size (--half).
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "hal/live/half_camera.hpp"
+#include "hal/live/masked_camera.hpp"
+
+namespace stillmesh {
+
+class PreparedCamera {
+public:
+    explicit PreparedCamera(DepthCamera& source) : camera_(&source) {}
+
+    // The source is open. `mask`: an image of its size, grey or colour, white where nothing is to be looked at; empty:
+    // none. kInvalid, kUnavailable: `message` says what is wrong with it; `note` is what a user should know of it.
+    [[nodiscard]] Status prepare(const std::string& mask, bool is_half, std::string& note, std::string& message);
+    [[nodiscard]] DepthCamera& camera() { return *camera_; }
+
+private:
+    DepthCamera* camera_;
+    std::unique_ptr<MaskedCamera> masked_;
+    std::unique_ptr<HalfCamera> half_;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,373 @@
+"""Where an RGB-D camera is while people walk through the picture.
+
+    settings = stillmesh.Settings("room")
+    engine = stillmesh.Engine(settings, stillmesh.Camera(640, 480, fx=525, fy=525, cx=319.5, cy=239.5))
+    pose = engine.submit(colour, depth, time_ns, depth_units_per_m=1000)     # numpy arrays, not copied
+    engine.step()                                                            # background work, until the next frame
+    print(pose.state, pose.map_from_camera)                                  # "tracked", 4x4
+
+Only calls of libstillmesh_c (stillmesh.h). An engine is used by one thread. What is refused raises Error with a sentence.
+"""
+
+import ctypes
+import os
+from dataclasses import dataclass, field
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _c
+
+__all__ = ["Camera", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "Pose", "Settings", "Trajectory", "TrackingView",
+           "read_map_header", "version"]
+
+Matrix = npt.NDArray[np.float64]
+# A compound of the engine's own bytes: fields by name.
+Records = npt.NDArray[np.void]
+Path = Union[str, "os.PathLike[str]"]
+_Struct = TypeVar("_Struct", bound=ctypes.Structure)
+
+
+class Error(Exception):
+    """What the library refused: `status` is its name ("invalid"), the text says why and what helps."""
+
+    def __init__(self, status: int, sentence: str) -> None:
+        self.status: str = _c.lib.sm_status_name(status).decode()
+        super().__init__(sentence or self.status)
+
+
+def version() -> str:
+    return str(_c.lib.sm_version().decode())
+
+
+def _sized(kind: Callable[[], _Struct]) -> _Struct:
+    out = kind()
+    out.size = ctypes.sizeof(out)
+    return out
+
+
+def _check(status: int, problem: Optional[_c.Problem] = None) -> None:
+    if status != _c.OK:
+        raise Error(status, problem.sentence.decode(errors="replace") if problem is not None else "")
+
+
+def _matrix(transform: _c.Transform) -> Matrix:
+    x, y, z, w = transform.rotation_xyzw
+    out: Matrix = np.eye(4)
+    out[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                   [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                   [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
+    out[:3, 3] = transform.translation_m
+    return out
+
+
+class Key(NamedTuple):
+    """A setting: its value, range, unit and meaning."""
+    name: str
+    value: float
+    min: float
+    max: float
+    unit: str
+    sentence: str
+
+
+class Settings:
+    """Limits, which decide the memory ("room", "pocket", "tiny"), and every key of the configuration, by name."""
+
+    def __init__(self, limits: str = "room", scene: str = "indoor") -> None:
+        self._c = _sized(_c.Settings)
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_settings_init(self._c, limits.encode(), scene.encode(), problem), problem)
+
+    def __setitem__(self, key: str, value: float) -> None:
+        problem = _sized(_c.Problem)
+        status = _c.lib.sm_settings_set(self._c, key.encode(), value, problem)
+        if status == _c.NOT_FOUND:
+            raise KeyError(problem.sentence.decode())
+        _check(status, problem)
+
+    def __getitem__(self, key: str) -> float:
+        value = ctypes.c_double()
+        if _c.lib.sm_settings_get(self._c, key.encode(), value) != _c.OK:
+            raise KeyError(key)
+        return value.value
+
+    def __iter__(self) -> Iterator[Key]:
+        key = _sized(_c.Key)
+        index = 0
+        while _c.lib.sm_settings_key(self._c, index, key) == _c.OK:
+            yield Key(key.name.decode(), key.value, key.min, key.max, key.unit.decode(), key.sentence.decode())
+            index += 1
+
+    def read(self, text: str, name: str = "the text") -> None:
+        """The text of a configuration file (TOML): all of it is taken, or nothing."""
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_settings_read(self._c, text.encode(), name.encode(), problem), problem)
+
+    def write(self) -> str:
+        """Such a text, with every key."""
+        text = ctypes.create_string_buffer(_c.lib.sm_settings_write(self._c, None, 0) + 1)
+        _c.lib.sm_settings_write(self._c, text, len(text))
+        return text.value.decode()
+
+    def check(self) -> None:
+        """Raises what does not go together."""
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_settings_check(self._c, problem), problem)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole and lens, as OpenCV, ROS and TUM write them; lens "brown" or "fisheye"."""
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    k1: float = 0
+    k2: float = 0
+    p1: float = 0
+    p2: float = 0
+    k3: float = 0
+    k4: float = 0
+    k5: float = 0
+    k6: float = 0
+    lens: str = "brown"
+
+    def _as_c(self) -> _c.Camera:
+        out = _sized(_c.Camera)
+        for name in self.__dataclass_fields__:
+            if name != "lens":
+                setattr(out, name, getattr(self, name))
+        out.lens = {"brown": _c.LENS_BROWN, "fisheye": _c.LENS_FISHEYE}.get(self.lens, -1)
+        return out
+
+
+@dataclass(frozen=True)
+class Hint:
+    """What wheels or a gyroscope say of the motion since the last frame: the camera now, seen from the camera then. A negative
+    deviation: nothing is said of the translation, or of the rotation."""
+    translation_m: Tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation_xyzw: Tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    sigma_m: float = -1.0
+    sigma_rad: float = -1.0
+
+    def _as_c(self) -> _c.MotionHint:
+        out = _sized(_c.MotionHint)
+        out.last_from_camera.translation_m[:] = self.translation_m
+        out.last_from_camera.rotation_xyzw[:] = self.rotation_xyzw
+        out.sigma_m, out.sigma_rad = self.sigma_m, self.sigma_rad
+        return out
+
+
+@dataclass(frozen=True)
+class Pose:
+    """state: "none", "predicted", "unsure" or "tracked"; transforms are 4x4, covariance 6x6, translation first."""
+    state: str
+    time_ns: int
+    odom_from_camera: Matrix
+    map_from_odom: Matrix
+    map_from_camera: Matrix
+    covariance: Matrix
+    _struct: _c.Pose = field(repr=False, compare=False)
+
+    def line(self) -> str:
+        """As TUM's tools write it: time, position, quaternion, camera to map; with its line feed."""
+        text = ctypes.create_string_buffer(_c.lib.sm_pose_line(self._struct, None, 0) + 1)
+        _c.lib.sm_pose_line(self._struct, text, len(text))
+        return text.value.decode()
+
+
+class Features(NamedTuple):
+    """Corners of the last frame and their descriptors (n x 4 words): views of the engine's memory, until the next frame."""
+    keypoints: Records
+    descriptors: npt.NDArray[np.uint64]
+
+
+class TrackingView(NamedTuple):
+    """What tracking saw in the last frame: views of the engine's memory, until the next frame."""
+    features: Records
+    edges: Records
+
+
+class Keyframe(NamedTuple):
+    id: int
+    parent_id: Optional[int]
+    map_from_camera: Matrix
+
+
+class Engine:
+    """vocabulary: None for the one of the library, b"" for none (no place is ever recognised), or the bytes of a file."""
+
+    def __init__(self, settings: Settings, camera: Camera, vocabulary: Optional[bytes] = None) -> None:
+        settings.check()
+        self._memory = np.zeros(_c.lib.sm_engine_bytes(settings._c), np.uint8)
+        self._vocabulary = vocabulary  # used where it lies
+        self._keyframes_max = int(settings["limits.keyframes_max"])
+        self._units = int(settings["schedule.units_per_frame"])
+        self._observer: Any = None
+        options = _sized(_c.Options)
+        if vocabulary:
+            options.vocabulary = ctypes.cast(ctypes.c_char_p(vocabulary), ctypes.c_void_p)
+            options.vocabulary_bytes = len(vocabulary)
+        engine = ctypes.c_void_p()
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_engine_create(self._memory.ctypes.data, self._memory.size, settings._c, camera._as_c(),
+                                       options if vocabulary is not None else None, engine, problem), problem)
+        self._c = engine
+
+    def submit(self, colour: npt.NDArray[np.uint8], depth: npt.NDArray[np.uint16], time_ns: int, *,
+               depth_units_per_m: float = 1000.0, depth_time_ns: int = 0, hint: Optional[Hint] = None,
+               is_bgr: bool = False) -> Pose:
+        """Tracks a frame: grey (h x w) or RGB (h x w x 3; is_bgr: BGR) of uint8, depth of uint16 registered to it, 0 where
+        nothing was measured. Rows may be apart; nothing is copied."""
+        frame = _sized(_c.Frame)
+        frame.format = _c.GREY8 if colour.ndim == 2 else _c.BGR8 if is_bgr else _c.RGB8
+        _check_image("colour", colour, np.uint8, (1,) if colour.ndim == 2 else (3, 1))
+        _check_image("depth", depth, np.uint16, (2,))
+        if colour.shape[:2] != depth.shape or (colour.ndim == 3 and colour.shape[2] != 3):
+            raise ValueError(f"colour is {colour.shape}, depth {depth.shape}: h x w or h x w x 3, and h x w")
+        frame.height, frame.width = depth.shape
+        frame.time_ns, frame.depth_time_ns, frame.depth_units_per_m = time_ns, depth_time_ns, depth_units_per_m
+        frame.colour, frame.colour_stride_bytes = colour.ctypes.data, colour.strides[0]
+        frame.depth, frame.depth_stride_bytes = depth.ctypes.data, depth.strides[0]
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_submit(self._c, frame, hint._as_c() if hint is not None else None, problem), problem)
+        return self.pose
+
+    def step(self, units: Optional[int] = None) -> str:
+        """Background work between frames; None: as many units as schedule.units_per_frame. "idle", "working" or "done"."""
+        return ("idle", "working", "done")[_c.lib.sm_step(self._c, self._units if units is None else units)]
+
+    def reset(self) -> None:
+        """Forgets everything: as a new engine."""
+        _c.lib.sm_reset(self._c)
+
+    @property
+    def pose(self) -> Pose:
+        out = _sized(_c.Pose)
+        _check(_c.lib.sm_get_pose(self._c, out))
+        return Pose(_c.lib.sm_pose_state_name(out.state).decode(), out.time_ns, _matrix(out.odom_from_camera),
+                    _matrix(out.map_from_odom), _matrix(out.map_from_camera),
+                    np.array(out.covariance, np.float64).reshape(6, 6), out)
+
+    @property
+    def frame_statistics(self) -> Dict[str, Union[int, float, str]]:
+        out = _sized(_c.FrameStatistics)
+        _check(_c.lib.sm_get_frame_statistics(self._c, out))
+        numbers = _numbers(out)
+        return {**numbers, "unsure": _c.lib.sm_unsure_reason_name(out.unsure).decode()}
+
+    @property
+    def statistics(self) -> Dict[str, Union[int, float]]:
+        out = _sized(_c.Statistics)
+        _check(_c.lib.sm_get_statistics(self._c, out))
+        return _numbers(out)
+
+    @property
+    def features(self) -> Features:
+        out = _sized(_c.Features)
+        _check(_c.lib.sm_get_features(self._c, out))
+        descriptors = self._view(out.descriptors, out.count, _c.Descriptor)
+        return Features(self._view(out.keypoints, out.count, _c.Keypoint), descriptors["words"])
+
+    @property
+    def tracking_view(self) -> TrackingView:
+        out = _sized(_c.TrackingView)
+        _check(_c.lib.sm_get_tracking_view(self._c, out))
+        return TrackingView(self._view(out.features, out.features_count, _c.TrackedFeature),
+                            self._view(out.edges, out.edges_count, _c.TrackedEdge))
+
+    @property
+    def keyframes(self) -> List[Keyframe]:
+        out = (_c.Keyframe * self._keyframes_max)()
+        count = _c.lib.sm_keyframes(self._c, out, len(out))
+        return [Keyframe(k.id, None if k.parent_id == _c.NO_KEYFRAME else k.parent_id, _matrix(k.map_from_camera))
+                for k in out[:count]]
+
+    @property
+    def reference_keyframe(self) -> Optional[int]:
+        """The keyframe that saw most of what the last frame was measured against."""
+        number = _c.lib.sm_reference_keyframe(self._c)
+        return None if number == _c.NO_KEYFRAME else int(number)
+
+    @property
+    def state_hash(self) -> int:
+        """Over everything that has been decided so far: equal on every build, frame by frame."""
+        return int(_c.lib.sm_state_hash(self._c))
+
+    def observe_stages(self, function: Optional[Callable[[str, bool], None]]) -> None:
+        """Calls function(stage, is_begin) around every stage of a frame; None: no more."""
+        def call(_: Any, stage: int, is_begin: int) -> None:
+            assert function is not None
+            function(_c.lib.sm_stage_name(stage).decode(), bool(is_begin))
+        self._observer = _c.STAGE_FUNCTION(call) if function is not None else _c.STAGE_FUNCTION(0)
+        _c.lib.sm_set_stage_observer(self._c, self._observer, None)
+
+    def save_map(self, file: Path) -> None:
+        """Replaces the file as a whole."""
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_save_map(self._c, os.fsencode(file), problem), problem)
+
+    def load_map(self, file: Path, localise: bool = False) -> None:
+        """Forgets everything and takes the map of a file; localise: it stays as it is."""
+        use = _c.MAP_LOCALISE if localise else _c.MAP_CONTINUE
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_load_map_file(self._c, os.fsencode(file), use, problem), problem)
+
+    def _view(self, address: Optional[int], count: int, kind: Type[ctypes.Structure]) -> Any:
+        """Structs that lie in the engine's memory, without a copy; the memory lives as long as the view."""
+        if not address or count == 0:
+            return np.empty(0, np.dtype(kind))
+        begin = address - self._memory.ctypes.data
+        view: Any = self._memory[begin:begin + count * ctypes.sizeof(kind)].view(np.dtype(kind))
+        view.flags.writeable = False
+        return view
+
+
+class Trajectory:
+    """Every frame's pose as it is known at the end, after all corrections: add() after each submit, before step."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine  # lives as long
+        self._c = ctypes.c_void_p(_c.lib.sm_trajectory_create(engine._c))
+        if not self._c:
+            raise MemoryError
+
+    def __del__(self) -> None:
+        if getattr(self, "_c", None):
+            _c.lib.sm_trajectory_destroy(self._c)
+
+    def add(self) -> None:
+        _check(_c.lib.sm_trajectory_add(self._c))
+
+    def known(self) -> Tuple[npt.NDArray[np.int64], Matrix]:
+        """Times (ns), and n x 7: position, quaternion x y z w."""
+        count = _c.lib.sm_trajectory_known(self._c, None, None, 0)
+        times = np.zeros(count, np.int64)
+        poses = np.zeros((count, 7), np.float64)
+        _c.lib.sm_trajectory_known(self._c, times.ctypes.data, poses.ctypes.data, count)
+        return times, poses[:, [4, 5, 6, 0, 1, 2, 3]]
+
+
+def read_map_header(file: Path) -> Dict[str, Union[int, float]]:
+    """What the header of a map file says."""
+    with open(file, "rb") as source:
+        begin = source.read()
+    out = _sized(_c.MapInfo)
+    problem = _sized(_c.Problem)
+    _check(_c.lib.sm_read_map_header(begin, len(begin), out, problem), problem)
+    return _numbers(out)
+
+
+def _numbers(struct: ctypes.Structure) -> Dict[str, Any]:
+    return {str(name): getattr(struct, name) for name, *_ in struct._fields_ if name != "size" and not name.startswith("reserved")}
+
+
+def _check_image(name: str, image: npt.NDArray[Any], kind: type, strides: Tuple[int, ...]) -> None:
+    if image.ndim != len(strides) + 1 or image.dtype != np.dtype(kind):
+        raise ValueError(f"{name} is {image.dtype} with {image.ndim} dimensions; {np.dtype(kind)} with {len(strides) + 1} is needed")
+    if image.strides[1:] != strides or image.strides[0] < 0:
+        raise ValueError(f"the pixels of {name} do not lie side by side: give np.ascontiguousarray({name})")

@@ -1,0 +1,162 @@
+#include "platform/record/map_content.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <exception>
+
+#include "engine/base/bytes.hpp"
+#include "engine/base/crc.hpp"
+#include "platform/linux/atomic_file.hpp"
+#include "platform/linux/memory_block.hpp"
+#include "platform/record/map_saver.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::size_t kBytesMax = std::size_t{1} << 30U;  // more than any limits ask for
+constexpr std::size_t kSectionHead = 16;
+constexpr std::array<const char*, 5> kSections = {"CAMR", "KEYF", "PNTS", "FEAT", "LINK"};
+constexpr std::array<std::size_t, 5> kRecordBytes = {88, 328, 184, 64, 4};
+
+// Row by row, to x y z w.
+[[nodiscard]] std::array<double, 4> quaternion_of(const std::array<double, 9>& r) {
+    const double squares[4] = {1 + r[0] - r[4] - r[8], 1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8],
+                               1 + r[0] + r[4] + r[8]};
+    const auto largest = static_cast<std::size_t>(std::max_element(squares, squares + 4) - squares);
+    const double rows[4][4] = {{squares[0], r[1] + r[3], r[2] + r[6], r[7] - r[5]},
+                               {r[1] + r[3], squares[1], r[5] + r[7], r[2] - r[6]},
+                               {r[2] + r[6], r[5] + r[7], squares[2], r[3] - r[1]},
+                               {r[7] - r[5], r[2] - r[6], r[3] - r[1], squares[3]}};
+    double norm = 0;
+    for (const double value : rows[largest]) norm += value * value;
+    const double scale = (rows[largest][3] < 0 ? -1 : 1) / std::sqrt(norm);
+    std::array<double, 4> q{};
+    for (std::size_t i = 0; i < 4; ++i) q[i] = scale * rows[largest][i];
+    return q;
+}
+
+class ContentReader {
+public:
+    ContentReader(std::span<const std::byte> bytes, SavedMap& content) : bytes_(bytes), content_(content) {}
+
+    // The fault, if there is one, with the section's name.
+    [[nodiscard]] Status read(MapFileProblem& problem) {
+        STILLMESH_TRY(read_map_header(bytes_, content_.info, problem));
+        if (bytes_.size() != content_.info.size_bytes) {
+            const bool is_short = bytes_.size() < content_.info.size_bytes;
+            problem = {is_short ? MapFault::kCutOff : MapFault::kTooLong, "", static_cast<double>(bytes_.size()),
+                       static_cast<double>(content_.info.size_bytes)};
+            return Status::kCorrupt;
+        }
+        std::size_t at = kMapHeaderBytes;
+        const std::array<std::uint32_t, 5> counts = {1, content_.info.keyframes, content_.info.points,
+                                                     content_.info.features, content_.info.features};
+        for (std::size_t section = 0; section < kSections.size(); ++section) {
+            const std::size_t size = counts[section] * kRecordBytes[section];
+            if (bytes_.size() - at < kSectionHead + size + 4) return damaged(section, problem);
+            const auto whole = bytes_.subspan(at, kSectionHead + size);
+            ByteReader crc(bytes_.subspan(at + kSectionHead + size, 4));
+            ByteReader head(whole);
+            const auto letters = head.bytes(4);
+            const bool is_named = std::equal(letters.begin(), letters.end(), kSections[section],
+                                             [](std::byte a, char b) { return a == static_cast<std::byte>(b); });
+            if (!is_named || head.u32() != counts[section] || head.u64() != size || crc.u32() != crc32(whole)) {
+                return damaged(section, problem);
+            }
+            ByteReader records(whole.subspan(kSectionHead));
+            if (!take(section, records)) return damaged(section, problem);
+            at += kSectionHead + size + 4;
+        }
+        return Status::kOk;
+    }
+
+private:
+    [[nodiscard]] static Status damaged(std::size_t section, MapFileProblem& problem) {
+        problem = {MapFault::kDamaged, kSections[section], 0, 0};
+        return Status::kCorrupt;
+    }
+    [[nodiscard]] bool take(std::size_t section, ByteReader& in) {
+        if (section == 0) return take_camera(in);
+        if (section == 1) {
+            content_.keyframes.resize(content_.info.keyframes);
+            return std::all_of(content_.keyframes.begin(), content_.keyframes.end(),
+                               [&](SavedKeyframe& keyframe) { return take_keyframe(in, keyframe); });
+        }
+        if (section == 2) {
+            content_.points.resize(content_.info.points);
+            return std::all_of(content_.points.begin(), content_.points.end(),
+                               [&](SavedPoint& point) { return take_point(in, point); });
+        }
+        return section == 3 || take_links(in);
+    }
+    [[nodiscard]] bool take_camera(ByteReader& in) {
+        CameraModel& m = content_.camera;
+        in.fields(m.width, m.height, m.fx, m.fy, m.cx, m.cy, m.k1, m.k2, m.p1, m.p2, m.k3, content_.readout_s);
+        return in.is_ok() && m.fx > 0 && m.fy > 0;
+    }
+    [[nodiscard]] bool take_keyframe(ByteReader& in, SavedKeyframe& keyframe) const {
+        std::array<double, 9> rotation{};
+        in.fields(rotation, keyframe.pose.t);
+        static_cast<void>(in.bytes(96 + 48 + 48 + 8));
+        in.fields(keyframe.parent, keyframe.features, keyframe.pose.time_ns, keyframe.frame);
+        static_cast<void>(in.bytes(8));
+        keyframe.pose.q = quaternion_of(rotation);
+        const auto is_finite = [](double value) { return std::isfinite(value); };
+        return in.is_ok() && std::all_of(rotation.begin(), rotation.end(), is_finite) &&
+               std::all_of(keyframe.pose.t.begin(), keyframe.pose.t.end(), is_finite) &&
+               keyframe.parent <= content_.info.keyframes;
+    }
+    [[nodiscard]] static bool take_point(ByteReader& in, SavedPoint& point) {
+        in.fields(point.x, point.y, point.z);
+        static_cast<void>(in.bytes(24));
+        in.fields(point.along_m2, point.across_m2);
+        static_cast<void>(in.bytes(16 + 32 + 8 + 8 + 8 + 4 + 4 + 4));
+        point.seen = in.u16();
+        static_cast<void>(in.u8());
+        point.static_weight = in.u8() / 10.0;
+        static_cast<void>(in.u8());
+        in.fields(point.is_moving);
+        static_cast<void>(in.bytes(2 + 12 + 12 + 4));
+        return in.is_ok() && std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z);
+    }
+    // Features follow each other keyframe by keyframe.
+    [[nodiscard]] bool take_links(ByteReader& in) {
+        for (SavedKeyframe& keyframe : content_.keyframes) {
+            for (std::uint32_t i = 0; i < keyframe.features; ++i) {
+                const std::uint32_t link = in.u32();
+                if (!in.is_ok() || link > content_.info.points) return false;
+                if (link == 0) continue;
+                ++keyframe.points;
+                ++content_.points[link - 1].observers;
+            }
+        }
+        return in.remaining() == 0;
+    }
+
+    std::span<const std::byte> bytes_;
+    SavedMap& content_;
+};
+
+}  // namespace
+
+Status parse_map_content(std::span<const std::byte> bytes, const std::string& file, SavedMap& content,
+                         std::string& message) {
+    SavedMap read;
+    MapFileProblem problem;
+    if (ContentReader(bytes, read).read(problem) != Status::kOk) {
+        message = map_sentence(file, problem);
+        return Status::kInvalid;
+    }
+    content = std::move(read);
+    return Status::kOk;
+}
+
+Status read_map_content(const std::string& file, SavedMap& content, std::string& message) {
+    MemoryBlock block;
+    std::span<const std::byte> bytes;
+    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
+    return parse_map_content(bytes, file, content, message);
+}
+
+}  // namespace stillmesh

@@ -1,0 +1,47 @@
+// What is in a map file, for people and other programs: the camera, where keyframes stand and who follows whom, the
+// points and how sure they are. Read by docs/SPEC-map.md, checksums and all; descriptors and features are passed over.
+// Memory: the file, and 80 bytes a point. Any bytes are safe.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/base/status.hpp"
+#include "engine/record/map_file.hpp"
+#include "platform/evaluation/trajectory.hpp"
+
+namespace stillmesh {
+
+struct SavedKeyframe {
+    TrajectoryPose pose;       // world from camera; on the map's clock
+    std::uint64_t frame = 0;   // that it was made from
+    std::uint32_t parent = 0;  // its place among the keyframes, from 1; 0: the root
+    std::uint32_t features = 0;
+    std::uint32_t points = 0;  // that it observes
+};
+struct SavedPoint {
+    double x = 0, y = 0, z = 0;  // m, in the frame of the first camera: x right, y down, z forward
+    double along_m2 = 0;         // variance of the place along the ray, and across it
+    double across_m2 = 0;
+    double static_weight = 0;     // Algorithm 2: 1 when new, up to 2 when proven
+    std::uint32_t observers = 0;  // keyframes
+    std::uint32_t seen = 0;       // frames that matched it
+    bool is_moving = false;       // it has lost its weight
+};
+struct SavedMap {
+    MapFileInfo info;
+    CameraModel camera;  // of a lens other than Brown's only the numbers that Brown's has
+    double readout_s = 0;
+    std::vector<SavedKeyframe> keyframes;
+    std::vector<SavedPoint> points;
+};
+
+// kUnavailable: cannot be read.    kInvalid: no map, or damaged: `message` says what.
+[[nodiscard]] Status read_map_content(const std::string& file, SavedMap& content, std::string& message);
+// For bytes in memory; `file` is only used in messages.
+[[nodiscard]] Status parse_map_content(std::span<const std::byte> bytes, const std::string& file, SavedMap& content,
+                                       std::string& message);
+
+}  // namespace stillmesh

@@ -1,0 +1,107 @@
+// What people and other programs see of a map, against the engine that made it.
+#include "platform/record/map_content.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "engine/base/random.hpp"
+#include "tests/persist/map_rig.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::Bytes;
+using test::EngineRig;
+
+struct MapContentTest : testing::Test {
+    static void SetUpTestSuite() {
+        const test::Sequence sequence = test::rendered("walking_xyz", 60, 160, 120, 3);
+        rig = std::make_unique<EngineRig>(Limits::tiny(), sequence.camera);
+        test::run(**rig, sequence, 0, 60);
+        file = test::saved(**rig, Limits::tiny());
+    }
+    static void TearDownTestSuite() { rig.reset(); }
+    static inline std::unique_ptr<EngineRig> rig;
+    static inline Bytes file;
+};
+
+// Promise: keyframes stand where the engine has them, by their frames' numbers, and hang on the same parents; there
+// are as many points, each with as many observers as the links say.
+TEST_F(MapContentTest, IsTheEnginesMap) {
+    SavedMap content;
+    std::string message;
+    ASSERT_EQ(parse_map_content(file, "room.map", content, message), Status::kOk) << message;
+    std::vector<KeyframePose> poses(content.keyframes.size() + 1);
+    const std::uint32_t count = (*rig)->keyframes(poses);
+    ASSERT_EQ(content.keyframes.size(), count);
+    ASSERT_GE(count, 3U);
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const auto same = std::find_if(content.keyframes.begin(), content.keyframes.end(),
+                                       [&](const SavedKeyframe& k) { return k.frame == poses[i].id; });
+        ASSERT_NE(same, content.keyframes.end());
+        for (std::size_t k = 0; k < 3; ++k) {
+            EXPECT_NEAR(same->pose.t[k], poses[i].map_from_camera.translation_m[k], 1e-12);
+        }
+        for (std::size_t k = 0; k < 4; ++k) {
+            EXPECT_NEAR(same->pose.q[k], poses[i].map_from_camera.rotation_xyzw[k], 1e-12);
+        }
+        const std::uint64_t parent = same->parent == 0 ? kNoKeyframe : content.keyframes[same->parent - 1].frame;
+        EXPECT_EQ(parent, poses[i].parent_id);
+    }
+    EXPECT_EQ(content.points.size(), (*rig)->statistics().map_points.size);
+    std::uint64_t observed = 0, observing = 0;
+    for (const SavedPoint& point : content.points) {
+        observed += point.observers;
+        EXPECT_LE(point.static_weight, 2.0);
+        EXPECT_GE(point.along_m2, 0);
+    }
+    for (const SavedKeyframe& keyframe : content.keyframes) observing += keyframe.points;
+    EXPECT_EQ(observed, observing);
+    EXPECT_GT(observed, content.points.size());
+    EXPECT_EQ(content.camera.width, 160U);
+}
+
+// Promise: whatever byte is wrong, and wherever the file ends, it is refused with a sentence that names it, and what
+// was there before is not touched.
+TEST_F(MapContentTest, DamageIsRefused) {
+    Random random(4);
+    for (int trial = 0; trial < 300; ++trial) {
+        Bytes damaged = file;
+        const std::size_t at = random.below(static_cast<std::uint32_t>(file.size()));
+        if (trial % 3 == 0) {
+            damaged.resize(at);
+        } else {
+            damaged[at] ^= static_cast<std::byte>(1U << random.below(8));
+        }
+        SavedMap content;
+        content.readout_s = 7;
+        std::string message;
+        EXPECT_EQ(parse_map_content(damaged, "room.map", content, message), Status::kInvalid) << trial << " " << at;
+        EXPECT_EQ(message.find("room.map"), 0U) << message;
+        EXPECT_EQ(content.readout_s, 7);
+    }
+}
+
+// Promise: any bytes are safe, also where all checksums are right.
+TEST_F(MapContentTest, AnyBytesAreSafe) {
+    Random random(5);
+    int read = 0;
+    for (int trial = 0; trial < 300; ++trial) {
+        Bytes changed = file;
+        for (int i = 0; i < 8; ++i) {
+            const std::size_t at = random.below(static_cast<std::uint32_t>(file.size()));
+            changed[at] = static_cast<std::byte>(random.below(256));
+        }
+        test::mend(changed);
+        SavedMap content;
+        std::string message;
+        read += parse_map_content(changed, "room.map", content, message) == Status::kOk ? 1 : 0;
+    }
+    EXPECT_GT(read, 0);
+}
+
+}  // namespace
+}  // namespace stillmesh

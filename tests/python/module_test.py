@@ -1,0 +1,193 @@
+#!/usr/bin/env python3
+"""What the Python module promises, by numpy images of a wall that passes by."""
+import ctypes
+import gc
+import os
+import pathlib
+import re
+import tempfile
+import unittest
+
+import numpy as np
+
+import stillmesh
+from stillmesh import _c
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+CAMERA = stillmesh.Camera(160, 120, fx=130, fy=130, cx=80, cy=60)
+
+
+def wall(passed_px):
+    row, column = np.mgrid[0:120, 0:160].astype(np.uint32) // np.uint32(1)
+    column = (column + np.uint32(passed_px)) // np.uint32(8)
+    cell = (column * np.uint32(2654435761)) ^ (row // np.uint32(8) * np.uint32(2246822519))
+    return ((cell ^ (cell >> np.uint32(15))) * np.uint32(97)).astype(np.uint8)
+
+
+DEPTH = np.full((120, 160), 2000, np.uint16)
+
+
+def engine():
+    return stillmesh.Engine(stillmesh.Settings("tiny"), CAMERA, b"")
+
+
+def follow(made, frames=6, begin=0):
+    for i in range(begin, begin + frames):
+        made.submit(wall(2 * i), DEPTH, i * 33_000_000)
+        made.step()
+    return made
+
+
+class Module(unittest.TestCase):
+    def test_structs_are_those_of_the_header(self):
+        """Promise: every struct of ctypes has the size and the offsets of the C library's."""
+        kinds = {name: kind for name, kind in vars(_c).items()
+                 if isinstance(kind, type) and issubclass(kind, ctypes.Structure) and kind is not ctypes.Structure}
+        wanted = {}
+        for line in (SOURCE / "tests/c_api/abi.txt").read_text(encoding="utf-8").splitlines():
+            what, name, *numbers = line.split()
+            if what != "symbol":
+                wanted[name] = tuple(map(int, numbers))
+        self.assertGreater(len(kinds), 15)
+        for name, kind in kinds.items():
+            c_name = "sm" + re.sub("([A-Z])", lambda m: "_" + m.group(1).lower(), name)
+            self.assertEqual(wanted[c_name], (ctypes.sizeof(kind),), c_name)
+            fields = {field: (getattr(kind, field).offset, getattr(kind, field).size) for field, *_ in kind._fields_}
+            self.assertEqual(fields, {n.split(".")[1]: v for n, v in wanted.items() if n.startswith(c_name + ".")}, c_name)
+
+    def test_version(self):
+        """Promise: module, library and package have one version."""
+        self.assertEqual(stillmesh.version(), os.environ["STILLMESH_VERSION"])
+        said = (SOURCE / "platform/python/pyproject.toml").read_text(encoding="utf-8")
+        self.assertEqual(re.search(r'^version = "(.*?)"', said, re.M).group(1), stillmesh.version())
+
+    def test_settings(self):
+        """Promise: keys are set by name, and what is wrong with one is said."""
+        settings = stillmesh.Settings("pocket", "outdoor")
+        self.assertEqual(settings["features.count"], 500)
+        settings["depth.z_max_m"] = 4.5
+        keys = {key.name: key for key in settings}
+        self.assertEqual(keys["depth.z_max_m"].value, 4.5)
+        self.assertEqual(keys["depth.z_max_m"].unit, "m")
+        with self.assertRaisesRegex(KeyError, "depth.zmax"):
+            settings["depth.zmax"] = 1
+        with self.assertRaisesRegex(stillmesh.Error, "depth.z_max_m.*0.5 to 50 m"):
+            settings["depth.z_max_m"] = 500
+        other = stillmesh.Settings()
+        other.read(settings.write())
+        self.assertEqual(list(other), list(settings))
+        with self.assertRaisesRegex(stillmesh.Error, "mine.toml.*features.count"):
+            other.read("features.cunt = 3\n", "mine.toml")
+        other["limits.features_max"] = 400
+        with self.assertRaisesRegex(stillmesh.Error, "features.count"):
+            stillmesh.Engine(other, CAMERA)
+        with self.assertRaisesRegex(stillmesh.Error, "'huge'"):
+            stillmesh.Settings("huge")
+
+    def test_follows(self):
+        """Promise: the wall is followed, and every output is there."""
+        made = follow(engine())
+        pose = made.pose
+        self.assertIn(pose.state, ("tracked", "unsure"))
+        self.assertAlmostEqual(pose.map_from_camera[0, 3], 5 * 4 / 130, delta=0.01)
+        np.testing.assert_allclose(pose.map_from_odom @ pose.odom_from_camera, pose.map_from_camera, atol=1e-12)
+        self.assertEqual(pose.covariance.shape, (6, 6))
+        self.assertTrue(pose.line().startswith("0.165000000 0.15"))
+        self.assertEqual(made.statistics["frames"], 6)
+        self.assertEqual(made.frame_statistics["frame"], 5)
+        features = made.features
+        self.assertEqual(len(features.keypoints), made.frame_statistics["features"])
+        self.assertEqual(features.descriptors.shape, (len(features.keypoints), 4))
+        view = made.tracking_view
+        self.assertEqual(len(view.features), len(features.keypoints))
+        self.assertEqual(len(view.edges), made.frame_statistics["mesh_edges"])
+        self.assertEqual(len(made.keyframes), made.statistics["keyframes_size"])
+        self.assertIn(made.reference_keyframe, [keyframe.id for keyframe in made.keyframes])
+        self.assertIn(made.step(0), ("idle", "working"))
+
+    def test_copies_nothing(self):
+        """Promise: images are read where they lie, in parts of larger ones too, and results are views that keep their memory."""
+        plain, parts = engine(), engine()
+        for i in range(4):
+            grey = wall(2 * i)
+            large, deep = np.zeros((130, 170), np.uint8), np.zeros((130, 170), np.uint16)
+            large[5:125, 7:167], deep[3:123, 9:169] = grey, DEPTH
+            before = large.copy()
+            plain.submit(grey, DEPTH, i)
+            parts.submit(large[5:125, 7:167], deep[3:123, 9:169], i)
+            np.testing.assert_array_equal(large, before)
+            self.assertEqual(plain.state_hash, parts.state_hash)
+        view = parts.features.keypoints
+        self.assertTrue(np.shares_memory(view, parts._memory))
+        self.assertFalse(view.flags.writeable)
+        kept = view.copy()
+        del parts
+        gc.collect()
+        np.testing.assert_array_equal(view, kept)
+
+    def test_colour(self):
+        """Promise: RGB, BGR and grey of one picture are one picture."""
+        hashes = set()
+        colour = np.random.default_rng(1).integers(0, 256, (15, 20, 3), np.uint8).repeat(8, 0).repeat(8, 1)
+        for image, is_bgr in ((colour, False), (np.ascontiguousarray(colour[:, :, ::-1]), True)):
+            made = engine()
+            made.submit(image, DEPTH, 1, is_bgr=is_bgr)
+            hashes.add(made.state_hash)
+        self.assertEqual(len(hashes), 1)
+
+    def test_refuses(self):
+        """Promise: what is no frame is refused with words, and the engine goes on."""
+        made = follow(engine(), 1)
+        good = wall(2)
+        for colour, depth, words in ((good.astype(np.int16), DEPTH, "colour is int16"), (good, DEPTH.astype(np.float32), "depth is"),
+                                     (good[:, ::-1], DEPTH, "side by side"), (good.T, DEPTH, "side by side"),
+                                     (good[:100], DEPTH, "h x w"), (good[::-1], DEPTH, "side by side")):
+            with self.assertRaisesRegex(ValueError, words):
+                made.submit(colour, depth, 99)
+        with self.assertRaisesRegex(stillmesh.Error, "time_ns") as caught:
+            made.submit(good, DEPTH, 0)
+        self.assertEqual(caught.exception.status, "invalid")
+        with self.assertRaisesRegex(stillmesh.Error, "quaternion"):
+            made.submit(good, DEPTH, 99, hint=stillmesh.Hint(rotation_xyzw=(0, 0, 0, 2), sigma_rad=1))
+        with self.assertRaisesRegex(stillmesh.Error, "camera.width.*160"):
+            stillmesh.Engine(stillmesh.Settings("tiny"), stillmesh.Camera(640, 480, 525, 525, 320, 240))
+        with self.assertRaisesRegex(stillmesh.Error, "camera.lens"):
+            stillmesh.Engine(stillmesh.Settings("tiny"), stillmesh.Camera(160, 120, 130, 130, 80, 60, lens="fish"))
+        with self.assertRaisesRegex(stillmesh.Error, "vocabulary"):
+            stillmesh.Engine(stillmesh.Settings("tiny"), CAMERA, b"no vocabulary")
+        self.assertEqual(made.submit(good, DEPTH, 99, hint=stillmesh.Hint((0.03, 0, 0), sigma_m=0.01)).time_ns, 99)
+
+    def test_reset_and_observer(self):
+        """Promise: a reset engine is a new one; stages are told as long as somebody listens."""
+        made = engine()
+        begin = made.state_hash
+        told = []
+        made.observe_stages(lambda stage, is_begin: told.append((stage, is_begin)))
+        follow(made)
+        self.assertEqual(told[0], ("prepare", True))
+        self.assertEqual(sum(b for _, b in told) * 2, len(told))
+        made.observe_stages(None)
+        end, count = made.state_hash, len(told)
+        made.reset()
+        self.assertEqual(made.state_hash, begin)
+        self.assertEqual(follow(made).state_hash, end)
+        self.assertEqual(len(told), count)
+
+    def test_maps(self):
+        """Promise: a map goes to a file and comes back whole, or not at all."""
+        with tempfile.TemporaryDirectory() as folder:
+            made, file = follow(engine()), pathlib.Path(folder) / "wall.map"
+            made.save_map(file)
+            self.assertEqual(stillmesh.read_map_header(file)["keyframes"], len(made.keyframes))
+            other = engine()
+            other.load_map(file, localise=True)
+            self.assertEqual(len(other.keyframes), len(made.keyframes))
+            file.write_bytes(file.read_bytes()[:-1])
+            with self.assertRaisesRegex(stillmesh.Error, "cut off"):
+                other.load_map(file)
+            with self.assertRaisesRegex(stillmesh.Error, "none.map"):
+                other.load_map(pathlib.Path(folder) / "none.map")
+
+
+if __name__ == "__main__":
+    unittest.main()
