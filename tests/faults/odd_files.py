@@ -34,6 +34,9 @@ READS = [
     "rerun {record} --replay {frames} --vocabulary {odd}",
     "rerun {record} --replay {frames} --map-store {odd}",
     "capture --camera auto --out captured --calibration {odd}",
+    "run --replay {frames} --mask {odd}",
+    "map info {odd}",
+    "map export {odd} --ply points.ply",
     "vocabulary info {odd}",
 ]
 # What is written as a whole, as a folder, or kept open; a pipe takes lines, and a reader may come later.
@@ -132,7 +135,7 @@ def main():
                 code, seconds, err = run(fill(words), folder, REFUSED_WITHIN_S)
                 tried += 1
                 command = f"{words} ({kind})"
-                takes_lines = words in WRITES[-4:] and kind in ("pipe", "device")
+                takes_lines = words in WRITES[-5:] and kind in ("pipe", "device")
                 takes_folders = (words in WRITES[1:5] or words.endswith("--map-store {odd}")) and kind == "folder"
                 check(code is not None, command, f"waits: {err}")
                 check(code is None or code >= 0, command, f"ended by signal {code}")
