@@ -90,7 +90,7 @@ void compose_view_frame(const ViewSnapshot& s, std::string& text) {
     text += ',';
     append_pool("map points", s.point_pool, text);
     text += ',';
-    append_pool("keyframes waiting for mapping", s.queue_pool, text);
+    append_pool("mapping queue", s.queue_pool, text);
     text += "]}";
 }
 

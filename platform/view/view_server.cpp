@@ -29,6 +29,7 @@ namespace {
 
 constexpr std::int64_t kAliveEvery_ns = 1'000'000'000;
 constexpr auto kLookEvery = std::chrono::milliseconds(20);
+constexpr int kFarewellMax_ms = 300;
 constexpr time_t kPatience_s = 2;  // for a client that takes or says nothing
 
 // Inline scripts and styles are none of ours, nor is anything from elsewhere.
@@ -178,6 +179,10 @@ public:
     ~HttpViewServer() override {
         is_over_.store(true);
         if (!thread_.joinable()) return;
+        // Streams that are read end by themselves, and say so; stop() cuts the others off.
+        for (int i = 0; streams_.load() > 0 && i < kFarewellMax_ms; ++i) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
         server_.stop();
         thread_.join();
     }

@@ -58,7 +58,8 @@ TEST(ViewFeed, IsWholeBetweenThreads) {
             EXPECT_GT(seen.frame, last);
             last = seen.frame;
             EXPECT_EQ(seen.features.size(), seen.frame % kViewFeaturesMax);
-            for (const ShownFeature& feature : seen.features) ASSERT_EQ(feature.x, static_cast<std::int16_t>(seen.frame % 30000));
+            for (const ShownFeature& feature : seen.features)
+                ASSERT_EQ(feature.x, static_cast<std::int16_t>(seen.frame % 30000));
         }
     });
     ViewCloud cloud;

@@ -79,10 +79,13 @@ TEST(ViewMessage, IsBounded) {
     s.picture_width = s.picture_height = 320;
     s.grey.resize(kViewPixelsMax);
     std::uint32_t noise = 1;  // that no compression makes smaller
-    for (std::uint8_t& pixel : s.grey) pixel = static_cast<std::uint8_t>((noise = noise * 1664525U + 1013904223U) >> 24U);
+    for (std::uint8_t& pixel : s.grey)
+        pixel = static_cast<std::uint8_t>((noise = noise * 1664525U + 1013904223U) >> 24U);
     s.kept.assign(kViewEdgesMax, {});  // an edge is kept or cut: three to a feature in all
     s.features.assign(kViewFeaturesMax, {});
-    s.keyframes.assign(kViewKeyframesMax, {123456789012, 0, {{-0.123456789, -0.123456789, -0.123456789, -0.9}, {-12.3456789, -12.3456789, -12.3456789}}});
+    s.keyframes.assign(
+        kViewKeyframesMax,
+        {123456789012, 0, {{-0.123456789, -0.123456789, -0.123456789, -0.9}, {-12.3456789, -12.3456789, -12.3456789}}});
     std::string text;
     compose_view_frame(s, text);
     EXPECT_LT(text.size(), kViewMessageBytesMax);

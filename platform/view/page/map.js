@@ -17,7 +17,7 @@ class MapView {
     this.places = [];
     this.up = new THREE.Vector3(0, -1, 0);
     this.target = new THREE.Vector3();
-    this.turn = { azimuth: -0.6, height: 0.75, distance: 4 };
+    this.turn = { azimuth: -0.6, height: 0.5, distance: 3.2 };
     this.follow = true;
     this.pose = null;
     this.floor = -1;
@@ -46,7 +46,7 @@ class MapView {
       new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false }));
     this.cameraFace.frustumCulled = false;
     this.root.add(this.keyframeLines, this.cameraLines, this.cameraFace, this.pathLine, this.pathDots);
-    this.material = new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 2.5, sizeAttenuation: false });
+    this.material = new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 3, sizeAttenuation: false });
   }
 
   restyle() {
@@ -155,9 +155,13 @@ class MapView {
     this.aspect = aspect;
     this.pose = pose || this.pose;
     this.state = state;
-    if (pose) this.learnUp(pose);
+    if (pose) {
+      const isFirst = !this.upCount;
+      this.learnUp(pose);
+      if (isFirst) this.turn.azimuth = this.azimuthBehind() + 0.5;
+    }
     this.drawCamera();
-    if (this.follow && this.pose) this.goTo(new THREE.Vector3(pose ? pose[0] : this.pose[0], this.pose[1], this.pose[2]));
+    if (this.follow && this.pose) this.goTo();
     this.change();
   }
 
@@ -244,9 +248,17 @@ class MapView {
   }
 
   // --- The eye -------------------------------------------------------------------------------------------------------
-  goTo(inMap) {
-    const at = inMap.applyQuaternion(this.root.quaternion);
-    this.target.lerp(at, this.target.lengthSq() === 0 ? 1 : 0.2);
+  ahead(metres) {
+    return new THREE.Vector3(0, 0, metres).applyQuaternion(new THREE.Quaternion(...this.pose.slice(3)));
+  }
+  azimuthBehind() {
+    const ahead = this.ahead(1).applyQuaternion(this.root.quaternion);
+    return Math.atan2(-ahead.x, -ahead.z);
+  }
+  // What is looked at lies a little before the camera.
+  goTo() {
+    const at = this.ahead(0.7).add(new THREE.Vector3(...this.pose.slice(0, 3))).applyQuaternion(this.root.quaternion);
+    this.target.lerp(at, this.target.lengthSq() === 0 ? 1 : 0.1);
   }
   setFollow(follow) {
     this.follow = follow;
@@ -257,11 +269,7 @@ class MapView {
     this.change();
   }
   fromBehind() {
-    if (this.pose) {
-      const ahead = new THREE.Vector3(0, 0, 1).applyQuaternion(new THREE.Quaternion(...this.pose.slice(3)))
-        .applyQuaternion(this.root.quaternion);
-      this.turn = { azimuth: Math.atan2(-ahead.x, -ahead.z), height: 0.35, distance: 2.2 };
-    }
+    if (this.pose) this.turn = { azimuth: this.azimuthBehind(), height: 0.35, distance: 2.6 };
     this.setFollow(true);
     this.change();
   }

@@ -25,10 +25,11 @@ const REASONS = {
   'camera fault': 'Calibration or depth cannot be right. Read what happened, below.',
   'old pictures': 'The camera repeats old pictures. Unplug it and plug it in again.',
 };
-// Of groups beside the one that stands still.
-const GROUP_COLOURS = ['#e69f00', '#cc79a7', '#f0e442', '#d55e00', '#e0e0e0'];
+// Groups that agree with the pose are blue, those that move against it orange, others grey; neighbours differ in tint, and
+// each has a letter.
 const STATIC_COLOUR = '#56b4e9';
 const MOVING_COLOUR = '#ffb000';
+const TINTS = { still: [STATIC_COLOUR, '#9fd8ff', '#3d8fd6'], moving: [MOVING_COLOUR, '#ff8340', '#ffd980'], unknown: ['#c8c8c8', '#8f8f8f'] };
 
 let latest = null;  // { message, picture }
 let shownState = '';
@@ -76,28 +77,31 @@ function showState() {
 }
 
 // --- The camera's picture -------------------------------------------------------------------------------------------
-// Which group stands still: the one that most static features are in.
+// A group is where most of its features with a verdict are.
 function groupsOf(features) {
   const byPlace = new Map();
   const groups = new Map();
   for (let i = 0; i < features.length; i += 4) {
     const group = features[i + 2];
-    byPlace.set(features[i] * 65536 + features[i + 1], group);
     if (group < 0) continue;
-    const g = groups.get(group) || { count: 0, still: 0, x: 0, y: 0 };
+    byPlace.set(features[i] * 65536 + features[i + 1], group);
+    const g = groups.get(group) || { count: 0, still: 0, moving: 0, x: 0, y: 0 };
     g.count += 1;
     g.still += features[i + 3] === 1 ? 1 : 0;
+    g.moving += features[i + 3] === 2 ? 1 : 0;
     g.x += features[i];
     g.y += features[i + 1];
     groups.set(group, g);
   }
-  const ordered = [...groups].filter(([, g]) => g.count >= 4).sort((a, b) => b[1].still - a[1].still || b[1].count - a[1].count);
-  const colours = new Map();
-  ordered.forEach(([id, g], i) => {
-    g.name = i === 0 ? 'A: static' : String.fromCharCode(65 + Math.min(i, 25));
-    colours.set(id, i === 0 ? STATIC_COLOUR : GROUP_COLOURS[(i - 1) % GROUP_COLOURS.length]);
+  const ordered = [...groups.values()].filter((g) => g.count >= 4).sort((a, b) => b.count - a.count);
+  const used = { still: 0, moving: 0, unknown: 0 };
+  ordered.forEach((g, i) => {
+    g.kind = g.still > g.moving ? 'still' : g.moving > 0 ? 'moving' : 'unknown';
+    g.colour = TINTS[g.kind][used[g.kind]++ % TINTS[g.kind].length];
+    g.name = String.fromCharCode(65 + Math.min(i, 25)) + (i < 3 && g.kind !== 'unknown' ? ' ' + g.kind : '');
   });
-  return { byPlace, ordered, colours };
+  const colourAt = (x, y) => (groups.get(byPlace.get(x * 65536 + y)) || {}).colour;
+  return { ordered, colourAt };
 }
 
 function drawEdges(context, edges, scale, colourOf) {
@@ -164,15 +168,15 @@ function nameGroups(context, ordered, scale, unit) {
   context.font = `600 ${12 * unit}px system-ui, sans-serif`;
   context.textAlign = 'center';
   context.textBaseline = 'middle';
-  ordered.slice(0, 6).forEach(([, g], i) => {
+  for (const g of ordered.slice(0, 6)) {
     const x = g.x / g.count * scale;
     const y = g.y / g.count * scale;
     const width = context.measureText(g.name).width + 8 * unit;
     context.fillStyle = '#000000c0';
     context.fillRect(x - width / 2, y - 9 * unit, width, 18 * unit);
-    context.fillStyle = i === 0 ? STATIC_COLOUR : GROUP_COLOURS[(i - 1) % GROUP_COLOURS.length];
+    context.fillStyle = g.colour;
     context.fillText(g.name, x, y);
-  });
+  }
 }
 
 function drawCamera() {
@@ -191,13 +195,13 @@ function drawCamera() {
   const context = canvas.getContext('2d');
   context.drawImage(picture, 0, 0, wide, high);
   const scale = wide / width / 8;  // coordinates are eighths of a pixel
-  const { byPlace, ordered, colours } = groupsOf(message.features);
+  const { ordered, colourAt } = groupsOf(message.features);
   if (at('show-kept').checked) {
     context.setLineDash([]);
     context.lineWidth = 1.1 * dots;
     context.globalAlpha = 0.75;
     drawEdges(context, message.kept, scale, (x0, y0, x1, y1) =>
-      colours.get(byPlace.get(x0 * 65536 + y0)) || colours.get(byPlace.get(x1 * 65536 + y1)) || '#b0b0b0');
+      colourAt(x0, y0) || colourAt(x1, y1) || TINTS.unknown[0]);
   }
   if (at('show-cut').checked) {
     context.setLineDash([3 * dots, 3 * dots]);
