@@ -23,6 +23,7 @@ class MapView {
     this.floor = -1;
     this.points = 0;
     this.makeThings();
+    this.grid.position.y = this.floor;
     this.listen();
     this.restyle();
     new ResizeObserver(() => this.change()).observe(canvas);
@@ -45,6 +46,14 @@ class MapView {
     this.cameraFace = new THREE.Mesh(new THREE.BufferGeometry(),
       new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false }));
     this.cameraFace.frustumCulled = false;
+    // A metre a piece: long lines that end behind the eye are not drawn everywhere.
+    const ends = [];
+    for (let i = -10; i <= 10; ++i) {
+      for (let k = -10; k < 10; ++k) ends.push(i, 0, k, i, 0, k + 1, k, 0, i, k + 1, 0, i);
+    }
+    this.grid = lines(1);
+    this.replace(this.grid, new Float32Array(ends));
+    this.scene.add(this.grid);
     this.root.add(this.keyframeLines, this.cameraLines, this.cameraFace, this.pathLine, this.pathDots);
     this.material = new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 3, sizeAttenuation: false });
   }
@@ -55,10 +64,7 @@ class MapView {
     this.colours = { none: colour('none'), predicted: colour('predicted'), unsure: colour('unsure'), tracked: colour('tracked') };
     this.isDark = matchMedia('(prefers-color-scheme: dark)').matches;
     this.keyframeLines.material.color = colour('none');
-    if (this.grid) this.scene.remove(this.grid);
-    this.grid = new THREE.GridHelper(20, 20, colour('soft'), colour('grid'));
-    this.grid.position.y = this.floor;
-    this.scene.add(this.grid);
+    this.grid.material.color = colour('grid');
     for (const cloud of this.clouds.values()) this.paint(cloud);
     this.drawPath();
     this.change();
@@ -72,6 +78,7 @@ class MapView {
     this.pose = null;
     this.points = 0;
     this.upCount = 0;
+    this.target.set(0, 0, 0);
     this.drawPath();
     this.drawKeyframes();
   }
@@ -170,7 +177,11 @@ class MapView {
     const up = new THREE.Vector3(0, -1, 0).applyQuaternion(new THREE.Quaternion(pose[3], pose[4], pose[5], pose[6]));
     this.upCount = Math.min((this.upCount || 0) + 1, 200);
     this.up.multiplyScalar(1 - 1 / this.upCount).addScaledVector(up, 1 / this.upCount);
-    this.root.quaternion.setFromUnitVectors(this.up.clone().normalize(), new THREE.Vector3(0, 1, 0));
+    // First a half turn about x, as for a camera held level (y down to y up), then what little is left: the shortest turn
+    // between nearly opposite directions would have any axis.
+    const half = new THREE.Quaternion(1, 0, 0, 0);
+    this.root.quaternion.setFromUnitVectors(this.up.clone().applyQuaternion(half).normalize(), new THREE.Vector3(0, 1, 0))
+      .multiply(half);
     this.root.updateMatrixWorld(true);
   }
 

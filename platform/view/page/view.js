@@ -38,6 +38,7 @@ let isEnded = false;
 let silent_s = 0;
 let lastWord = 0;  // when the stream spoke, ms
 let map = null;
+const nothing = at('events').firstElementChild;
 
 function bytesOf(base64) {
   const text = atob(base64);
@@ -314,7 +315,7 @@ function onNews(event) {
   }
   const list = at('events');
   for (const sentence of news.events) {
-    if (list.firstChild && list.firstElementChild.className === 'note') list.replaceChildren();
+    nothing.remove();
     const item = document.createElement('li');
     item.textContent = sentence;
     list.prepend(item);
@@ -341,7 +342,7 @@ function connect() {
     heard();
     latest = null;
     rows.forEach((r) => { r.mean = null; });
-    at('events').replaceChildren();  // all of them are told again
+    at('events').replaceChildren(nothing);  // all of them are told again
     showState();
   });
   stream.addEventListener('frame', (e) => { heard(); onFrame(e); });
