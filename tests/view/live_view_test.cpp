@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/heap_calls.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -143,6 +145,37 @@ TEST(LiveView, AKeyframeLeavesWhatStoodStill) {
     EXPECT_EQ(news.places.size(), 1U);  // of one time: the second is no other place
     ViewSnapshot seen;
     EXPECT_FALSE(feed.take(seen));
+}
+
+// Promise: the engine's thread calls no heap for a page that looks on, once it has begun: not for frames, keyframes,
+// events or a new map.
+TEST(LiveView, CallsNoHeap) {
+    if (!test::heap_calls_are_counted()) GTEST_SKIP() << "not under sanitizers";
+    ViewFeed feed;
+    feed.come();
+    ShownSession session;
+    session.features.assign(1000, {100, 100, 0, true, true, false});
+    session.edges.assign(3000, {});
+    session.keyframes = 256;
+    const Pixels pixels(640, 480, PixelFormat::kRgb8, 9);
+    LiveView view(&feed, pinhole(640, 480), 33'000'000);
+    SessionFrame out;
+    out.state = PoseState::kTracked;
+    out.statistics.is_keyframe = true;
+    const std::string sentence(100, 'x');
+    ViewSnapshot seen;
+    seen.reserve();
+    int taken = 0;
+    const std::uint64_t before = test::heap_calls();
+    for (std::int64_t i = 1; i <= 50; ++i) {
+        out.statistics.frame = static_cast<std::uint64_t>(i);
+        view.frame({0, 1, i * kSecond_ns, 5}, pixels.frame, out, session);
+        view.event(sentence);
+        if (i % 20 == 0) view.begin_map();
+        if (feed.take(seen)) ++taken;
+    }
+    EXPECT_EQ(test::heap_calls(), before);
+    EXPECT_EQ(taken, 50);
 }
 
 // Promise: without a feed nothing is asked of the session.
