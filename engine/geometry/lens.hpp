@@ -1,4 +1,4 @@
-// The lens for programs: between pixels and rays, as the engine itself bends them (camera.hpp), without Eigen. Cost: a
+// The lens for programs: between pixels and rays, as the engine itself bends them, without Eigen. Cost: a
 // handful of Newton steps from a pixel, one polynomial from a ray.
 #pragma once
 

@@ -361,6 +361,17 @@ public:
         }
     }
 
+    bool look(SessionLook& look, std::span<KeyframePose> keyframes) override {
+        look.tracking = engine_->tracking_view();
+        for (std::size_t i = 0; i < kStages; ++i) look.stage_ms[i] = static_cast<float>(spent_ns_[i]) * 1e-6F;
+        const EngineStatistics statistics = engine_->statistics();
+        look.keyframes = statistics.keyframes;
+        look.map_points = statistics.map_points;
+        look.keyframe_queue = statistics.keyframe_queue;
+        look.keyframes_written = keyframes.empty() ? 0 : engine_->keyframes(keyframes);
+        return true;
+    }
+
     void account(RunRecord& record) override {
         const EngineStatistics statistics = engine_->statistics();
         if (motion_ != nullptr) {

@@ -29,7 +29,7 @@ Status FirstLiveCamera::open() noexcept {
         candidates_[i].camera->camera().close();
         // What has to be mended first is not waited for: `--camera v4l2` and its kind wait for one driver's camera.
         if (status != Status::kUnavailable) worst = status;
-        found += (found.empty() ? "" : " ") + candidates_[i].driver + ": " + candidates_[i].camera->message();
+        found += (found.empty() ? "" : "\n  ") + candidates_[i].driver + ": " + candidates_[i].camera->message();
     }
     message_ = std::move(found);
     return worst;

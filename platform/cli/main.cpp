@@ -29,7 +29,7 @@ namespace stillmesh {
 namespace {
 
 // Switches that are planned and have nothing behind them yet: known, so that the answer is a sentence.
-constexpr const char* kLaterOptions[] = {"--cloud", "--view"};
+constexpr const char* kLaterOptions[] = {"--cloud"};
 constexpr const char* kLaterCommands[][2] = {{"report", "compare runs"}};
 
 constexpr const char* kDirtHelp =
@@ -236,6 +236,12 @@ int program(int argc, char** argv) {
     run_app->add_option("--inject", arguments.inject, "faults of every kind into any of these cameras, from a seed")
         ->type_name("SEED")
         ->group(kCameraGroup);
+    run_app
+        ->add_option("--view", arguments.view,
+                     "a page that shows the run while it goes on, at http://localhost:PORT/; for this machine alone, "
+                     "unless an address is given, as 0.0.0.0:8080; port 0: any that is free (docs/view.md)")
+        ->type_name("[ADDRESS:]PORT")
+        ->group("What comes out");
     run_app->add_option("--report", arguments.report, "a page to look at: DIR/index.html")
         ->type_name("DIR")
         ->group("What comes out");

@@ -27,6 +27,7 @@
 #include "platform/linux/service.hpp"
 #include "platform/poses/line_outputs.hpp"
 #include "platform/report/report.hpp"
+#include "platform/view/view_server.hpp"
 
 namespace stillmesh {
 namespace {
@@ -135,6 +136,14 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     if (session_sizes(arguments.session, sizes, message) != Status::kOk) return refuse(message);
     catch_stop_signals();
     catch_reopen_signal();
+    std::unique_ptr<ViewFeed> feed;
+    std::unique_ptr<ViewServer> view;  // before become_realtime(): its threads are ordinary ones
+    if (!arguments.view.empty()) {
+        feed = std::make_unique<ViewFeed>();
+        view = open_view_server(arguments.view, *feed, message);
+        if (view == nullptr) return refuse(message);
+        write_standard_error(std::string(log_prefix(LogLevel::kNotice)) + view->sentence() + "\n");
+    }
     record.start_up_ms = static_cast<double>(monotonic_ns() - begin_ns) * 1e-6;
     RunLoopOptions loop = arguments.loop;
     loop.depth_range = sizes.depth;
@@ -145,6 +154,8 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     loop.snapshots_max = arguments.report.empty() ? 0 : 6;
     // 64 bytes a frame, for the error and the report only.
     loop.keep_trajectory = !arguments.report.empty() || !record.truth.empty() || !arguments.simulate.empty();
+    loop.view = feed.get();
+    loop.camera = camera.info().model;
     loop.show_progress = !arguments.is_json;
     loop.frames = arguments.record_frames.empty() ? nullptr : &frames_writer;
     loop.frame_period_ns = static_cast<std::int64_t>(1e9 / camera.info().frames_per_s);

@@ -33,6 +33,7 @@ struct RunArguments {
     std::string command;             // as it was typed
     SessionOptions session;
     RunLoopOptions loop;
+    std::string view;  // [ADDRESS:]PORT where a page shows the run; empty: none
     bool is_json = false;
     bool is_realtime = false;
     std::string mask;        // image file: what is white there is not looked at; empty: none

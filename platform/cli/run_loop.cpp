@@ -12,6 +12,7 @@
 #include "platform/cli/camera_watch.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
+#include "platform/cli/live_view.hpp"
 #include "platform/cli/loss_watch.hpp"
 #include "platform/cli/maps_of_run.hpp"
 #include "platform/cli/pose_outputs.hpp"
@@ -80,9 +81,12 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     ServiceNotifier service;
     service.ready();
     ProgressLine progress(options.show_progress, options.frames_expected);
+    LiveView view(options.view, options.camera, options.frame_period_ns);
     // What cannot be written ends nothing: it is said once, counted, and the run fails when it is over.
-    const auto say = [&progress](const std::string& sentence) {
-        if (!sentence.empty()) progress.say(sentence);
+    const auto say = [&progress, &view](const std::string& sentence) {
+        if (sentence.empty()) return;
+        progress.say(sentence);
+        view.event(sentence);
     };
     const auto put = [&say](CountedLines& lines, std::string_view text) {
         if (lines.is_open()) say(lines.write(text));
@@ -92,6 +96,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         progress.say(sentence);
         put(trajectory, "# " + sentence + "\n");
         say(poses.event(sentence));
+        view.event(sentence);
     };
     put(trajectory, kHeader);
     std::string line;  // keeps its memory from frame to frame
@@ -178,6 +183,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         const std::int64_t begin_ns = monotonic_ns();
         if (streams.fault() != FrameFault::kNone) {  // old pictures: a pose of them would be of another time
             say(poses.no_pose(record.frames_total, frame.time_ns, "old pictures"));
+            view.no_pose({record.frames_total, maps.count(), begin_ns, 0}, frame, "old pictures");
             record.add({frame.time_ns, 0, 0, 0, 0, PoseState::kNone}, false);
             loss.frame(frame, PoseState::kNone, streams.fault());
             progress.frame(record.frames_total, PoseState::kNone, begin_ns);
@@ -200,6 +206,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         watch.frame(camera, frame, session);
         for (std::string sentence = watch.news(); !sentence.empty(); sentence = watch.news()) tell(sentence);
         snapshots.frame(record.frames_total, frame, out, session);
+        view.frame({record.frames_total, maps.count(), end_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F}, frame,
+                   out, session);
         session.work(options.times != nullptr ? std::optional(options.times->next_due_ns()) : std::nullopt, out);
         if (hashes.is_open()) {
             line.clear();
@@ -224,6 +232,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
                 const std::string sentence = loss.begin_anew() + ": " + begun + ".";
                 tell(fmt::format("map {}: {}", maps.count() + 1, sentence));
                 maps.begin_another(record, given.size());
+                view.begin_map();
                 record.new_maps.push_back({loss.second(frame.time_ns), sentence});
             }
         }

@@ -13,6 +13,7 @@
 #include "platform/cli/session.hpp"
 #include "platform/record/frame_folder_writer.hpp"
 #include "platform/ros2/ros_publisher.hpp"
+#include "platform/view/view_feed.hpp"
 
 namespace stillmesh {
 
@@ -39,6 +40,8 @@ struct RunLoopOptions {
     FrameFolderWriter* frames = nullptr;   // where every frame is written to, if anywhere
     std::int64_t frame_period_ns = 0;      // of the camera; longer from frame to pose is a deadline missed; 0: unknown
     std::int64_t new_map_after_ns = 0;     // lost for so long, another map is begun; 0: never
+    ViewFeed* view = nullptr;              // for a page that looks on; null: none
+    CameraModel camera;                    // for the view
     bool begins_in_map = false;            // in one that was read
     DepthRange depth_range;                // that the engine uses
     std::int64_t lost_ns = 1'000'000'000;  // longer without a measured pose, or without a frame, is a failure

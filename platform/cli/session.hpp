@@ -2,6 +2,7 @@
 // tells any story (a lost camera, a full disk in the middle).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -27,6 +28,14 @@ struct SessionFrame {
     PoseEstimate estimate;                      // as the engine gave it
     FrameStatistics statistics;
     std::uint64_t keyframe = kNoKeyframe;  // that the pose hangs on
+};
+
+// What the engine shows of itself, to be drawn. Borrowed until the next submit.
+struct SessionLook {
+    TrackingView tracking;
+    std::array<float, kStages> stage_ms{};  // of the last frame
+    PoolStatistics keyframes, map_points, keyframe_queue;
+    std::uint32_t keyframes_written = 0;
 };
 
 class TrackingSession {
@@ -77,6 +86,13 @@ public:
     virtual void rescue() {}
     // What the last frame's mesh was, without the picture.
     virtual void draw(MeshSnapshot& snapshot) = 0;
+    // The last frame's mesh and times, the pools, and as many keyframes as there is room for. Changes nothing, calls no
+    // heap. False: there is nothing to be seen.
+    [[nodiscard]] virtual bool look(SessionLook& look, std::span<KeyframePose> keyframes) {
+        static_cast<void>(look);
+        static_cast<void>(keyframes);
+        return false;
+    }
     // Stages with their times, pools with their high-water marks, memory.
     virtual void account(RunRecord& record) = 0;
 };

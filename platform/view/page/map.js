@@ -1,0 +1,392 @@
+// The map in three dimensions: what keyframes saw to stand still, the path, the keyframes and the camera. Drawn when something
+// has changed, and not before. The scene hangs under `root`, which turns the map so that the camera's "up" points up.
+'use strict';
+
+class MapView {
+  constructor(canvas, onFollow) {
+    this.canvas = canvas;
+    this.onFollow = onFollow;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.scene = new THREE.Scene();
+    this.eye = new THREE.PerspectiveCamera(50, 4 / 3, 0.02, 500);
+    this.root = new THREE.Group();
+    this.scene.add(this.root);
+    this.clouds = new Map();  // keyframe -> Points
+    this.keyframes = new Map();  // keyframe -> [x, y, z, qx, qy, qz, qw]
+    this.places = [];
+    this.up = new THREE.Vector3(0, -1, 0);
+    this.target = new THREE.Vector3();
+    this.turn = { azimuth: -0.6, height: 0.5, distance: 3.2 };
+    this.follow = true;
+    this.pose = null;
+    this.floor = -1;
+    this.points = 0;
+    this.makeThings();
+    this.grid.position.y = this.floor;
+    this.listen();
+    this.restyle();
+    new ResizeObserver(() => this.change()).observe(canvas);
+  }
+
+  // --- What is shown -------------------------------------------------------------------------------------------------
+  makeThings() {
+    const lines = (width) => {
+      const object = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ linewidth: width }));
+      object.frustumCulled = false;
+      return object;
+    };
+    this.keyframeLines = lines(1);
+    this.cameraLines = lines(2);
+    this.pathLine = new THREE.LineSegments(new THREE.BufferGeometry(),
+      new THREE.LineBasicMaterial({ vertexColors: THREE.VertexColors, linewidth: 2 }));
+    this.pathDots = new THREE.Points(new THREE.BufferGeometry(),
+      new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 4, sizeAttenuation: false }));
+    this.pathLine.frustumCulled = this.pathDots.frustumCulled = false;
+    this.cameraFace = new THREE.Mesh(new THREE.BufferGeometry(),
+      new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false }));
+    this.cameraFace.frustumCulled = false;
+    // A metre a piece: long lines that end behind the eye are not drawn everywhere.
+    const ends = [];
+    for (let i = -10; i <= 10; ++i) {
+      for (let k = -10; k < 10; ++k) ends.push(i, 0, k, i, 0, k + 1, k, 0, i, k + 1, 0, i);
+    }
+    this.grid = lines(1);
+    this.replace(this.grid, new Float32Array(ends));
+    this.scene.add(this.grid);
+    this.root.add(this.keyframeLines, this.cameraLines, this.cameraFace, this.pathLine, this.pathDots);
+    this.material = new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 3, sizeAttenuation: false });
+  }
+
+  restyle() {
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => new THREE.Color(style.getPropertyValue('--' + name).trim());
+    this.colours = { none: colour('none'), predicted: colour('predicted'), unsure: colour('unsure'), tracked: colour('tracked') };
+    this.isDark = matchMedia('(prefers-color-scheme: dark)').matches;
+    this.keyframeLines.material.color = colour('none');
+    this.grid.material.color = colour('grid');
+    for (const cloud of this.clouds.values()) this.paint(cloud);
+    this.drawPath();
+    this.change();
+  }
+
+  clear() {
+    for (const cloud of this.clouds.values()) this.drop(cloud);
+    this.clouds.clear();
+    this.keyframes.clear();
+    this.places = [];
+    this.pose = null;
+    this.points = 0;
+    this.upCount = 0;
+    this.target.set(0, 0, 0);
+    this.drawPath();
+    this.drawKeyframes();
+  }
+
+  // Eight bytes a point: x, y, z in mm, grey.
+  addCloud(id, numbers) {
+    if (this.clouds.has(id)) return;
+    const count = numbers.length / 4;
+    const positions = new Float32Array(3 * count);
+    const grey = new Uint8Array(count);
+    for (let i = 0; i < count; ++i) {
+      for (let k = 0; k < 3; ++k) positions[3 * i + k] = numbers[4 * i + k] / 1000;
+      grey[i] = numbers[4 * i + 3];
+    }
+    const geometry = new THREE.BufferGeometry();
+    this.attribute(geometry, 'position', positions);
+    const cloud = new THREE.Points(geometry, this.material);
+    cloud.matrixAutoUpdate = false;
+    cloud.frustumCulled = false;
+    cloud.visible = false;  // until its keyframe's place is known
+    cloud.userData = { grey, count, wasListed: false };
+    this.paint(cloud);
+    this.clouds.set(id, cloud);
+    this.root.add(cloud);
+  }
+
+  // Brightness as the picture's, within what is seen on the ground.
+  paint(cloud) {
+    const { grey, count } = cloud.userData;
+    const colours = new Float32Array(3 * count);
+    for (let i = 0; i < count; ++i) {
+      const share = grey[i] / 255;
+      const value = this.isDark ? 0.35 + 0.65 * share : 0.1 + 0.55 * share;
+      colours.fill(value, 3 * i, 3 * i + 3);
+    }
+    this.attribute(cloud.geometry, 'color', colours);
+  }
+
+  attribute(geometry, name, values) {
+    const made = new THREE.BufferAttribute(values, 3);
+    if (geometry.setAttribute) geometry.setAttribute(name, made); else geometry.addAttribute(name, made);
+  }
+
+  drop(cloud) {
+    this.root.remove(cloud);
+    cloud.geometry.dispose();
+  }
+
+  // `listed`: [[id, pose]], the whole map. Points follow their keyframe, and go with it.
+  setKeyframes(listed) {
+    this.keyframes = new Map(listed.map(([id, pose]) => [id, pose]));
+    this.points = 0;
+    for (const [id, cloud] of this.clouds) {
+      const pose = this.keyframes.get(id);
+      cloud.visible = pose !== undefined;
+      if (pose) {
+        cloud.userData.wasListed = true;
+        cloud.matrix.compose(new THREE.Vector3(pose[0], pose[1], pose[2]),
+          new THREE.Quaternion(pose[3], pose[4], pose[5], pose[6]), new THREE.Vector3(1, 1, 1));
+        cloud.matrixWorldNeedsUpdate = true;
+        this.points += cloud.userData.count;
+      } else if (cloud.userData.wasListed) {
+        this.drop(cloud);
+        this.clouds.delete(id);
+      }
+    }
+    this.canvas.dataset.points = this.points;
+    this.drawKeyframes();
+    this.findFloor();
+    this.change();
+  }
+
+  addPlaces(begin, places) {
+    this.places.length = begin;
+    for (const place of places) this.places.push(place);
+    this.drawPath();
+    this.change();
+  }
+
+  setPose(pose, state, aspect) {
+    this.aspect = aspect;
+    this.pose = pose || this.pose;
+    this.state = state;
+    if (pose) {
+      const isFirst = !this.upCount;
+      this.learnUp(pose);
+      if (isFirst) this.turn.azimuth = this.azimuthBehind() + 0.5;
+    }
+    this.drawCamera();
+    if (this.follow && this.pose) this.goTo();
+    this.change();
+  }
+
+  // Where the camera's "up" points on average is up.
+  learnUp(pose) {
+    const up = new THREE.Vector3(0, -1, 0).applyQuaternion(new THREE.Quaternion(pose[3], pose[4], pose[5], pose[6]));
+    this.upCount = Math.min((this.upCount || 0) + 1, 200);
+    this.up.multiplyScalar(1 - 1 / this.upCount).addScaledVector(up, 1 / this.upCount);
+    // First a half turn about x, as for a camera held level (y down to y up), then what little is left: the shortest turn
+    // between nearly opposite directions would have any axis.
+    const half = new THREE.Quaternion(1, 0, 0, 0);
+    this.root.quaternion.setFromUnitVectors(this.up.clone().applyQuaternion(half).normalize(), new THREE.Vector3(0, 1, 0))
+      .multiply(half);
+    this.root.updateMatrixWorld(true);
+  }
+
+  // The floor is where nearly nothing lies below.
+  findFloor() {
+    const heights = [];
+    const at = new THREE.Vector3();
+    for (const cloud of this.clouds.values()) {
+      if (!cloud.visible) continue;
+      cloud.updateMatrixWorld(true);
+      const positions = cloud.geometry.attributes.position;
+      for (let i = 0; i < positions.count; i += 7) heights.push(at.fromBufferAttribute(positions, i).applyMatrix4(cloud.matrixWorld).y);
+    }
+    if (heights.length < 20) return;
+    heights.sort((a, b) => a - b);
+    this.floor = heights[Math.floor(heights.length * 0.02)];
+    this.grid.position.y = this.floor;
+  }
+
+  drawPath() {
+    const dots = new Float32Array(3 * this.places.length);
+    const dotColours = new Float32Array(dots.length);
+    const segments = [];
+    const colours = [];
+    const names = ['none', 'predicted', 'unsure', 'tracked'];
+    this.places.forEach((place, i) => {
+      const colour = this.colours[names[place[3]] || 'none'];
+      dots.set(place.slice(0, 3), 3 * i);
+      dotColours.set([colour.r, colour.g, colour.b], 3 * i);
+      if (i === 0) return;
+      const before = this.places[i - 1];
+      segments.push(before[0], before[1], before[2], place[0], place[1], place[2]);
+      colours.push(colour.r, colour.g, colour.b, colour.r, colour.g, colour.b);
+    });
+    this.replace(this.pathDots, dots, dotColours);
+    this.replace(this.pathLine, new Float32Array(segments), new Float32Array(colours));
+  }
+
+  replace(object, positions, colours) {
+    object.geometry.dispose();
+    object.geometry = new THREE.BufferGeometry();
+    this.attribute(object.geometry, 'position', positions);
+    if (colours) this.attribute(object.geometry, 'color', colours);
+  }
+
+  // A pyramid from the camera's centre to the corners of its picture, as pairs of ends.
+  pyramid(pose, size, to) {
+    const q = new THREE.Quaternion(pose[3], pose[4], pose[5], pose[6]);
+    const corner = (x, y) => new THREE.Vector3(x * size, y * size * (this.aspect || 0.75), size).applyQuaternion(q)
+      .add(new THREE.Vector3(pose[0], pose[1], pose[2]));
+    const corners = [corner(-0.6, -0.6), corner(0.6, -0.6), corner(0.6, 0.6), corner(-0.6, 0.6)];
+    corners.forEach((c, i) => {
+      const next = corners[(i + 1) % 4];
+      to.push(pose[0], pose[1], pose[2], c.x, c.y, c.z, c.x, c.y, c.z, next.x, next.y, next.z);
+    });
+    return corners;
+  }
+
+  drawKeyframes() {
+    const ends = [];
+    for (const pose of this.keyframes.values()) this.pyramid(pose, 0.06, ends);
+    this.replace(this.keyframeLines, new Float32Array(ends));
+  }
+
+  drawCamera() {
+    if (!this.pose) return;
+    const colour = this.colours[this.state] || this.colours.none;
+    const ends = [];
+    const [a, b, c, d] = this.pyramid(this.pose, 0.25, ends);
+    this.replace(this.cameraLines, new Float32Array(ends));
+    const top = this.pose;  // its face, and a roof that says where up is
+    const face = [a, b, c, a, c, d].flatMap((v) => [v.x, v.y, v.z]).concat([top[0], top[1], top[2], a.x, a.y, a.z, b.x, b.y, b.z]);
+    this.replace(this.cameraFace, new Float32Array(face));
+    this.cameraLines.material.color = this.cameraFace.material.color = colour;
+  }
+
+  // --- The eye -------------------------------------------------------------------------------------------------------
+  ahead(metres) {
+    return new THREE.Vector3(0, 0, metres).applyQuaternion(new THREE.Quaternion(...this.pose.slice(3)));
+  }
+  azimuthBehind() {
+    const ahead = this.ahead(1).applyQuaternion(this.root.quaternion);
+    return Math.atan2(-ahead.x, -ahead.z);
+  }
+  // What is looked at lies a little before the camera.
+  goTo() {
+    const at = this.ahead(0.7).add(new THREE.Vector3(...this.pose.slice(0, 3))).applyQuaternion(this.root.quaternion);
+    this.target.lerp(at, this.target.lengthSq() === 0 ? 1 : 0.1);
+  }
+  setFollow(follow) {
+    this.follow = follow;
+    this.onFollow(follow);
+  }
+  fromAbove() {
+    this.turn = { azimuth: 0, height: 1.55, distance: Math.max(this.turn.distance, 5) };
+    this.change();
+  }
+  fromBehind() {
+    if (this.pose) this.turn = { azimuth: this.azimuthBehind(), height: 0.35, distance: 2.6 };
+    this.setFollow(true);
+    this.change();
+  }
+  all() {
+    const box = new THREE.Box3();
+    const at = new THREE.Vector3();
+    for (const place of this.places) box.expandByPoint(at.set(place[0], place[1], place[2]).applyQuaternion(this.root.quaternion));
+    for (const cloud of this.clouds.values()) {
+      if (cloud.visible) box.expandByObject(cloud);
+    }
+    if (box.isEmpty()) return;
+    this.setFollow(false);
+    box.getCenter(this.target);
+    this.turn.distance = Math.min(60, Math.max(1, box.getSize(at).length() * 0.75));
+    this.change();
+  }
+  rotate(right, down) {
+    this.turn.azimuth -= right;
+    this.turn.height = Math.min(1.55, Math.max(-0.3, this.turn.height + down));
+    this.change();
+  }
+  move(right, down) {
+    this.setFollow(false);
+    const scale = this.turn.distance * 0.9;
+    const x = new THREE.Vector3().setFromMatrixColumn(this.eye.matrixWorld, 0);
+    const y = new THREE.Vector3().setFromMatrixColumn(this.eye.matrixWorld, 1);
+    this.target.addScaledVector(x, -right * scale).addScaledVector(y, down * scale);
+    this.change();
+  }
+  come(factor) {
+    this.turn.distance = Math.min(100, Math.max(0.3, this.turn.distance * factor));
+    this.change();
+  }
+
+  listen() {
+    const canvas = this.canvas;
+    const fingers = new Map();
+    const spread = () => {
+      const [a, b] = [...fingers.values()];
+      return { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2, d: Math.hypot(a.x - b.x, a.y - b.y) };
+    };
+    canvas.addEventListener('pointerdown', (e) => {
+      canvas.setPointerCapture(e.pointerId);
+      fingers.set(e.pointerId, { x: e.clientX, y: e.clientY, button: e.button });
+    });
+    canvas.addEventListener('pointermove', (e) => {
+      const finger = fingers.get(e.pointerId);
+      if (!finger) return;
+      const before = fingers.size === 2 ? spread() : null;
+      const dx = (e.clientX - finger.x) / canvas.clientHeight;
+      const dy = (e.clientY - finger.y) / canvas.clientHeight;
+      finger.x = e.clientX;
+      finger.y = e.clientY;
+      if (before) {
+        const after = spread();
+        this.move((after.x - before.x) / canvas.clientHeight, (after.y - before.y) / canvas.clientHeight);
+        if (before.d > 0 && after.d > 0) this.come(before.d / after.d);
+      } else if (finger.button === 2 || e.shiftKey) {
+        this.move(dx, dy);
+      } else {
+        this.rotate(4 * dx, 4 * dy);
+      }
+    });
+    for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, (e) => fingers.delete(e.pointerId));
+    canvas.addEventListener('contextmenu', (e) => e.preventDefault());
+    canvas.addEventListener('wheel', (e) => {
+      e.preventDefault();
+      this.come(Math.exp(Math.sign(e.deltaY) * 0.12));
+    }, { passive: false });
+    canvas.addEventListener('keydown', (e) => {
+      const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+      if (arrows[e.key]) {
+        const [x, y] = arrows[e.key];
+        if (e.shiftKey) this.move(-0.06 * x, -0.06 * y); else this.rotate(0.12 * x, 0.12 * y);
+      } else if (e.key === '+' || e.key === '=') {
+        this.come(0.85);
+      } else if (e.key === '-' || e.key === '_') {
+        this.come(1.18);
+      } else if (e.key === 'Home') {
+        this.all();
+      } else {
+        return;
+      }
+      e.preventDefault();
+    });
+  }
+
+  change() {
+    if (this.isWaiting) return;
+    this.isWaiting = true;
+    requestAnimationFrame(() => {
+      this.isWaiting = false;
+      this.draw();
+    });
+  }
+  draw() {
+    const width = this.canvas.clientWidth;
+    const height = this.canvas.clientHeight;
+    if (width === 0 || height === 0) return;
+    this.renderer.setSize(width, height, false);
+    this.eye.aspect = width / height;
+    this.eye.updateProjectionMatrix();
+    const { azimuth, height: up, distance } = this.turn;
+    this.eye.position.set(Math.sin(azimuth) * Math.cos(up), Math.sin(up), Math.cos(azimuth) * Math.cos(up))
+      .multiplyScalar(distance).add(this.target);
+    this.eye.lookAt(this.target);
+    this.renderer.render(this.scene, this.eye);
+  }
+}

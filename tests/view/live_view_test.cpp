@@ -1,0 +1,195 @@
+#include "platform/cli/live_view.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/support/heap_calls.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+// Shows a mesh and keyframes of any number.
+class ShownSession final : public TrackingSession {
+public:
+    std::vector<TrackedFeature> features;
+    std::vector<TrackedEdge> edges;
+    std::uint32_t keyframes = 0;
+
+    Status submit(const Frame&, SessionFrame&, std::string&) override { return Status::kOk; }
+    void draw(MeshSnapshot&) override {}
+    void account(RunRecord&) override {}
+    bool look(SessionLook& look, std::span<KeyframePose> room) override {
+        look.tracking = {features, edges};
+        look.keyframes_written = static_cast<std::uint32_t>(std::min<std::size_t>(keyframes, room.size()));
+        for (std::uint32_t i = 0; i < look.keyframes_written; ++i) room[i].id = i;
+        return true;
+    }
+};
+
+struct Pixels {
+    std::vector<std::uint8_t> colour;
+    std::vector<std::uint16_t> depth;
+    Frame frame;
+
+    Pixels(std::uint32_t width, std::uint32_t height, PixelFormat format, std::uint8_t value)
+        : colour(std::size_t{width} * height * channels_of(format), value), depth(std::size_t{width} * height, 5000) {
+        frame.time_ns = kSecond_ns;
+        frame.format = format;
+        frame.colour = {colour.data(), width, height, std::size_t{width} * channels_of(format)};
+        frame.depth = {depth.data(), width, height, width};
+    }
+};
+
+[[nodiscard]] CameraModel pinhole(std::uint32_t width, std::uint32_t height) {
+    CameraModel camera;
+    camera.width = width;
+    camera.height = height;
+    camera.fx = camera.fy = width;
+    camera.cx = width / 2.0;
+    camera.cy = height / 2.0;
+    return camera;
+}
+
+// Promise: a picture of any size and format that the engine takes becomes one of at most 320 px, as bright as it was.
+TEST(LiveView, APictureOfAnySize) {
+    const struct {
+        std::uint32_t width, height;
+    } kSizes[] = {{33, 33}, {320, 240}, {321, 240}, {640, 480}, {1280, 720}, {1919, 1079}, {100, 2047}};
+    for (const auto& size : kSizes) {
+        for (const PixelFormat format : {PixelFormat::kGrey8, PixelFormat::kRgb8, PixelFormat::kBgr8}) {
+            ViewFeed feed;
+            feed.come();
+            ShownSession session;
+            const Pixels pixels(size.width, size.height, format, 77);
+            LiveView view(&feed, pinhole(size.width, size.height), 33'000'000);
+            view.frame({0, 1, kSecond_ns, 5}, pixels.frame, {}, session);
+            ViewSnapshot seen;
+            ASSERT_TRUE(feed.take(seen));
+            EXPECT_EQ(seen.image_width, size.width);
+            EXPECT_LE(seen.picture_width, kViewWidthMax);
+            EXPECT_GT(seen.picture_width, 0U);
+            EXPECT_LE(seen.grey.size(), kViewPixelsMax);
+            EXPECT_EQ(seen.grey, std::vector<std::uint8_t>(std::size_t{seen.picture_width} * seen.picture_height, 77));
+        }
+    }
+}
+
+// Promise: what is more than a snapshot holds is left out; what is in it is what the session showed.
+TEST(LiveView, AMeshOfAnySize) {
+    ViewFeed feed;
+    feed.come();
+    ShownSession session;
+    const Pixels pixels(640, 480, PixelFormat::kGrey8, 9);
+    LiveView view(&feed, pinhole(640, 480), 33'000'000);
+    session.features = {
+        {10.5F, 20.25F, 3, true, true, false}, {1, 2, -1, true, false, true}, {3, 4, 0, false, false, false}};
+    session.edges = {{1, 2, 3, 4, true}, {5, 6, 7, 8, false}};
+    session.keyframes = 5;
+    view.frame({0, 1, kSecond_ns, 5}, pixels.frame, {}, session);
+    ViewSnapshot seen;
+    ASSERT_TRUE(feed.take(seen));
+    ASSERT_EQ(seen.features.size(), 3U);
+    EXPECT_EQ(seen.features[0].x, 84);
+    EXPECT_EQ(seen.features[0].y, 162);
+    EXPECT_EQ(seen.features[0].group, 3);
+    EXPECT_EQ(seen.features[0].kind, ShownFeature::kStatic);
+    EXPECT_EQ(seen.features[1].kind, ShownFeature::kMoving);
+    EXPECT_EQ(seen.features[2].kind, ShownFeature::kNeither);
+    ASSERT_EQ(seen.kept.size(), 1U);
+    ASSERT_EQ(seen.cut.size(), 1U);
+    EXPECT_EQ(seen.cut[0].x0, 40);
+    EXPECT_EQ(seen.keyframes.size(), 5U);
+    session.features.assign(3 * kViewFeaturesMax, {});
+    session.edges.assign(3 * kViewEdgesMax, {});
+    session.keyframes = 4000;
+    view.frame({1, 1, 2 * kSecond_ns, 5}, pixels.frame, {}, session);
+    ASSERT_TRUE(feed.take(seen));
+    EXPECT_EQ(seen.features.size(), kViewFeaturesMax);
+    EXPECT_EQ(seen.cut.size(), kViewEdgesMax);
+    EXPECT_EQ(seen.keyframes.size(), kViewKeyframesMax);
+}
+
+// Promise: what a keyframe saw to stand still is kept even when nobody looks, in metres before its camera; what moves,
+// has no verdict or no depth is not.
+TEST(LiveView, AKeyframeLeavesWhatStoodStill) {
+    ViewFeed feed;
+    ShownSession session;
+    Pixels pixels(640, 480, PixelFormat::kGrey8, 9);
+    pixels.depth[std::size_t{480 - 1} * 640 + 639] = 0;
+    pixels.frame.depth_units_per_m = 2500;  // two metres everywhere else
+    LiveView view(&feed, pinhole(640, 480), 33'000'000);
+    session.features = {{480, 240, 0, true, true, false},
+                        {480, 240, 0, true, false, true},
+                        {480, 240, 0, false, false, false},
+                        {639, 479, 0, true, true, false}};
+    SessionFrame out;
+    out.state = PoseState::kTracked;
+    out.statistics.frame = 77;
+    view.frame({0, 1, kSecond_ns, 5}, pixels.frame, out, session);  // no keyframe
+    out.statistics.is_keyframe = true;
+    view.frame({1, 1, 2 * kSecond_ns, 5}, pixels.frame, out, session);
+    ViewCursor cursor;
+    ViewNews news;
+    feed.look(cursor, news);
+    ASSERT_EQ(news.clouds.size(), 1U);
+    EXPECT_EQ(news.clouds[0].keyframe, 77U);
+    ASSERT_EQ(news.clouds[0].count, 1U);
+    EXPECT_EQ(news.clouds[0].points[0].x, 500);  // (480 - 320) / 640 of two metres
+    EXPECT_EQ(news.clouds[0].points[0].y, 0);
+    EXPECT_EQ(news.clouds[0].points[0].z, 2000);
+    EXPECT_EQ(news.clouds[0].points[0].grey, 9);
+    EXPECT_EQ(news.places.size(), 1U);  // of one time: the second is no other place
+    ViewSnapshot seen;
+    EXPECT_FALSE(feed.take(seen));
+}
+
+// Promise: the engine's thread calls no heap for a page that looks on, once it has begun: not for frames, keyframes,
+// events or a new map.
+TEST(LiveView, CallsNoHeap) {
+    if (!test::heap_calls_are_counted()) GTEST_SKIP() << "not under sanitizers";
+    ViewFeed feed;
+    feed.come();
+    ShownSession session;
+    session.features.assign(1000, {100, 100, 0, true, true, false});
+    session.edges.assign(3000, {});
+    session.keyframes = 256;
+    const Pixels pixels(640, 480, PixelFormat::kRgb8, 9);
+    LiveView view(&feed, pinhole(640, 480), 33'000'000);
+    SessionFrame out;
+    out.state = PoseState::kTracked;
+    out.statistics.is_keyframe = true;
+    const std::string sentence(100, 'x');
+    ViewSnapshot seen;
+    seen.reserve();
+    int taken = 0;
+    const std::uint64_t before = test::heap_calls();
+    for (std::int64_t i = 1; i <= 50; ++i) {
+        out.statistics.frame = static_cast<std::uint64_t>(i);
+        view.frame({0, 1, i * kSecond_ns, 5}, pixels.frame, out, session);
+        view.event(sentence);
+        if (i % 20 == 0) view.begin_map();
+        if (feed.take(seen)) ++taken;
+    }
+    EXPECT_EQ(test::heap_calls(), before);
+    EXPECT_EQ(taken, 50);
+}
+
+// Promise: without a feed nothing is asked of the session.
+TEST(LiveView, WithoutAFeedThereIsNone) {
+    ShownSession session;
+    const Pixels pixels(64, 64, PixelFormat::kGrey8, 9);
+    LiveView view(nullptr, pinhole(64, 64), 0);
+    SessionFrame out;
+    out.statistics.is_keyframe = true;
+    view.frame({}, pixels.frame, out, session);
+    view.no_pose({}, pixels.frame, "old pictures");
+    view.event("nothing");
+    view.begin_map();
+}
+
+}  // namespace
+}  // namespace stillmesh
