@@ -13,8 +13,8 @@
 namespace stillmesh {
 namespace {
 
-using test::TemporaryFolder;
 using test::kCameraToml;
+using test::TemporaryFolder;
 using test::write_depth;
 using test::write_recording;
 using test::write_text;
