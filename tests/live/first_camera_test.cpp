@@ -60,7 +60,7 @@ struct Rig {
 TEST(FirstCamera, SaysWhatEachFound) {
     Rig rig;
     EXPECT_EQ(rig.camera->camera().open(), Status::kUnavailable);
-    EXPECT_EQ(rig.camera->message(), "A: one has none. B: two has none.");
+    EXPECT_EQ(rig.camera->message(), "A: one has none.\n  B: two has none.");
     EXPECT_FALSE(rig.camera->reset());
     rig.first->answer = Status::kInvalid;
     EXPECT_EQ(rig.camera->camera().open(), Status::kInvalid);
