@@ -67,7 +67,7 @@ MapPointReader::MapPointReader(const MapFileInfo& info)
 bool MapPointReader::read(std::span<const std::byte> bytes, std::vector<ShownPoint>& points) {
     while (!bytes.empty() && at_ < end_) {
         if (at_ < first_) {
-            const std::size_t skipped = std::min<std::uint64_t>(bytes.size(), first_ - at_);
+            const auto skipped = static_cast<std::size_t>(std::min<std::uint64_t>(bytes.size(), first_ - at_));
             at_ += skipped;
             bytes = bytes.subspan(skipped);
             continue;

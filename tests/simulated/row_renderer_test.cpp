@@ -158,7 +158,7 @@ TEST(RowRenderer, WhatMovesLeans) {
         const auto first = std::find_if(ids, ids + kPinhole.width, [](std::uint32_t id) { return id != kNoFace; });
         ASSERT_EQ(first - ids, static_cast<std::ptrdiff_t>(std::ceil((x - 0.8) / 2 * kPinhole.fx + kPinhole.cx))) << y;
         // At the wall's end its texture begins anew: look from there on.
-        std::fill_n(grey.begin() + std::ptrdiff_t{y} * kPinhole.width, first - ids + 8, 0.0F);
+        std::fill_n(grey.begin() + static_cast<std::ptrdiff_t>(std::size_t{y} * kPinhole.width), first - ids + 8, 0.0F);
         ASSERT_NEAR(edge_of(grey, y), x / 2 * kPinhole.fx + kPinhole.cx, 0.1) << y;
     }
 }
