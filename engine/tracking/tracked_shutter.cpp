@@ -5,7 +5,10 @@
 namespace stillmesh {
 namespace {
 
-constexpr double kSteadyFrames = 8;   // of 30 a second: a trembling of 10 Hz is down to .08
+constexpr double kSteadyFrames = 8;  // of 30 a second: a trembling of 10 Hz is down to .08
+// m/s, rad/s: 1100 degrees per second. Faster is no camera but two stamps that lie too close; its points would move
+// faster with the readout than a map file may say.
+constexpr double kSpeedMax = 20;
 constexpr double kTurnMax_rad = 0.1;  // 200 degrees per second, read within 28 ms
 
 }  // namespace
@@ -34,6 +37,7 @@ Vector3 TrackedShutter::by_readout(const SE3& world_from_camera, const Vector3& 
 
 void TrackedShutter::set_motion(const SE3& camera_motion, double duration_s) noexcept {
     speed_ = se3_log(camera_motion) / duration_s;
+    if (!(speed_.norm() <= kSpeedMax)) speed_.setZero();
     sweep_ = speed_ * shutter_.readout_s();
     if (has_turn_) sweep_.tail<3>() = turn_;
 }
