@@ -70,7 +70,7 @@ public:
     // Whether the recorder never closed the file; known at the end.
     [[nodiscard]] virtual bool is_unclosed() const { return false; }
 
-private:
+protected:
     [[noreturn]] static Status not_implemented() noexcept {
         check_failed("BagReader not implemented", __FILE__, __LINE__);
     }

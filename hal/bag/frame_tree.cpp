@@ -11,22 +11,6 @@ namespace {
 constexpr std::size_t kNameMax = 256;
 constexpr std::size_t kDepthMax = 64;  // of a tree; a circle ends there
 
-using Vector = std::array<double, 3>;
-
-[[nodiscard]] Vector cross(const Vector& a, const Vector& b) noexcept {
-    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-
-// q v q*, of a unit quaternion.
-[[nodiscard]] Vector rotated(const double (&q)[4], const Vector& v) noexcept {
-    const Vector axis = {q[0], q[1], q[2]};
-    const Vector once = cross(axis, v);
-    const Vector twice = cross(axis, once);
-    Vector out = v;
-    for (std::size_t i = 0; i < 3; ++i) out[i] += 2 * (q[3] * once[i] + twice[i]);
-    return out;
-}
-
 [[nodiscard]] std::string_view plain(std::string_view frame) noexcept {
     return frame.substr(frame.starts_with('/') ? 1 : 0, kNameMax);
 }
@@ -51,29 +35,6 @@ constexpr std::string_view kImage = "/image/data";
 
 }  // namespace
 
-RigidTransform compose(const RigidTransform& first, const RigidTransform& second) noexcept {
-    const auto& a = first.rotation_xyzw;
-    const auto& b = second.rotation_xyzw;
-    RigidTransform out;
-    out.rotation_xyzw[0] = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1];
-    out.rotation_xyzw[1] = a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0];
-    out.rotation_xyzw[2] = a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3];
-    out.rotation_xyzw[3] = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2];
-    const auto& t = second.translation_m;
-    const Vector moved = rotated(a, {t[0], t[1], t[2]});
-    for (std::size_t i = 0; i < 3; ++i) out.translation_m[i] = moved[i] + first.translation_m[i];
-    return out;
-}
-
-RigidTransform inverse(const RigidTransform& transform) noexcept {
-    RigidTransform out = transform;
-    for (std::size_t i = 0; i < 3; ++i) out.rotation_xyzw[i] = -out.rotation_xyzw[i];
-    const auto& t = transform.translation_m;
-    const Vector back = rotated(out.rotation_xyzw, {t[0], t[1], t[2]});
-    for (std::size_t i = 0; i < 3; ++i) out.translation_m[i] = -back[i];
-    return out;
-}
-
 void FrameTree::add(std::string_view frame, std::string_view parent, const RigidTransform& parent_from_frame) {
     if (links_.size() >= kTransformsMax || links_.contains(frame)) return;
     links_.emplace(std::string(frame), Link{std::string(parent), parent_from_frame});
@@ -88,7 +49,7 @@ void FrameTree::take(std::string_view topic, std::string_view type, std::span<co
         const std::size_t at = topic.rfind(kStreamTransform);
         if (at == std::string_view::npos || !read_transform(reader, transform)) return;
         const std::string_view reference = topic.substr(at);
-        add(topic.substr(0, std::min(at, kNameMax)), plain(reference), inverse(transform));
+        add(topic.substr(0, std::min(at, kNameMax)), plain(reference), inverse_of(transform));
     }
     if (type != kTransformsType && type != kOldTransformsType) return;
     for (std::uint32_t left = reader.u32(); left > 0 && reader.is_ok(); --left) {
@@ -115,7 +76,7 @@ std::optional<RigidTransform> FrameTree::between(std::string_view from, std::str
     const std::vector<Step> up = way_up(plain(from)), down = way_up(plain(to));
     for (const Step& one : up) {
         for (const Step& other : down) {
-            if (one.frame == other.frame) return compose(inverse(other.frame_from_start), one.frame_from_start);
+            if (one.frame == other.frame) return compose(inverse_of(other.frame_from_start), one.frame_from_start);
         }
     }
     return std::nullopt;
@@ -129,7 +90,7 @@ std::optional<RigidTransform> FrameTree::between_streams(std::string_view from, 
     // Streams are frames whose names begin with a slash, and others' never do.
     const auto a = links_.find(from), b = links_.find(to);
     if (a == links_.end() || b == links_.end() || a->second.parent != b->second.parent) return std::nullopt;
-    return compose(inverse(b->second.parent_from_frame), a->second.parent_from_frame);
+    return compose(inverse_of(b->second.parent_from_frame), a->second.parent_from_frame);
 }
 
 }  // namespace stillmesh

@@ -15,10 +15,6 @@
 
 namespace stillmesh {
 
-// Both of unit rotation. Points go through `second` first.
-[[nodiscard]] RigidTransform compose(const RigidTransform& first, const RigidTransform& second) noexcept;
-[[nodiscard]] RigidTransform inverse(const RigidTransform& transform) noexcept;
-
 class FrameTree {
 public:
     static constexpr std::size_t kTransformsMax = 4096;

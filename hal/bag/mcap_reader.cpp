@@ -63,24 +63,6 @@ Status McapReader::open(const std::string& file, BagTopics& topics, std::string&
     return Status::kOk;
 }
 
-Status McapReader::next(BagMessage& out, std::string& message) {
-    for (;;) {
-        const Status status =
-            chunk_next_ < chunk_.size() ? read_chunk_record(out, message) : read_file_record(out, message);
-        if (status != Status::kNotFound) return status;
-    }
-}
-
-Status McapReader::torn(std::uint64_t at, std::string& message) {
-    message = name_ + ": is torn at byte " + std::to_string(at) + " of " + std::to_string(file_.size_bytes()) +
-              "; it was played up to there (a recording that was killed, or a copy that is not whole).";
-    at_ = file_.size_bytes();
-    chunk_.clear();
-    chunk_next_ = 0;
-    is_unclosed_ = false;  // said
-    return Status::kCorrupt;
-}
-
 Status McapReader::damaged(std::uint64_t at, const char* what, std::string& message) const {
     message = name_ + ": the chunk at byte " + std::to_string(at) + " " + what + ".";
     return Status::kCorrupt;

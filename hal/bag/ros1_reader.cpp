@@ -60,26 +60,7 @@ Status Ros1Reader::open(const std::string& file, BagTopics& topics, std::string&
         return Status::kInvalid;
     }
     at_ = kMagic.size();
-    is_unclosed_ = true;  // until its header has said where the index is
     return Status::kOk;
-}
-
-Status Ros1Reader::next(BagMessage& out, std::string& message) {
-    for (;;) {
-        const Status status =
-            chunk_next_ < chunk_.size() ? read_chunk_record(out, message) : read_file_record(out, message);
-        if (status != Status::kNotFound) return status;
-    }
-}
-
-Status Ros1Reader::torn(std::uint64_t at, std::string& message) {
-    message = name_ + ": is torn at byte " + std::to_string(at) + " of " + std::to_string(file_.size_bytes()) +
-              "; it was played up to there (a recording that was killed, or a copy that is not whole).";
-    at_ = file_.size_bytes();
-    chunk_.clear();
-    chunk_next_ = 0;
-    is_unclosed_ = false;  // said
-    return Status::kCorrupt;
 }
 
 Status Ros1Reader::read_file_record(BagMessage& out, std::string& message) {

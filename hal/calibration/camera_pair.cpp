@@ -16,66 +16,6 @@ constexpr double kApartMax_m = 1;       // two lenses of one camera
 constexpr double kRotationOff = 1e-3;   // of files with few decimals
 constexpr std::size_t kCamerasMax = 8;  // of a chain
 
-// A rotation, row by row, and where the origin goes, m.
-struct Motion {
-    std::array<double, 9> r{1, 0, 0, 0, 1, 0, 0, 0, 1};
-    std::array<double, 3> t{};
-
-    [[nodiscard]] Motion operator*(const Motion& o) const {
-        Motion out;
-        for (std::size_t i = 0; i < 3; ++i) {
-            out.t[i] = t[i];
-            for (std::size_t j = 0; j < 3; ++j) {
-                out.r[3 * i + j] = 0;
-                for (std::size_t k = 0; k < 3; ++k) out.r[3 * i + j] += r[3 * i + k] * o.r[3 * k + j];
-                out.t[i] += r[3 * i + j] * o.t[j];
-            }
-        }
-        return out;
-    }
-    [[nodiscard]] Motion inverse() const {
-        Motion out;
-        for (std::size_t i = 0; i < 3; ++i) {
-            out.t[i] = 0;
-            for (std::size_t j = 0; j < 3; ++j) {
-                out.r[3 * i + j] = r[3 * j + i];
-                out.t[i] -= r[3 * j + i] * t[j];
-            }
-        }
-        return out;
-    }
-    [[nodiscard]] bool is_rigid() const {
-        const double determinant = r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) +
-                                   r[2] * (r[3] * r[7] - r[4] * r[6]);
-        bool is_good = determinant > 0;
-        for (std::size_t i = 0; i < 3; ++i) {
-            for (std::size_t j = 0; j < 3; ++j) {
-                double product = i == j ? -1 : 0;
-                for (std::size_t k = 0; k < 3; ++k) product += r[3 * i + k] * r[3 * j + k];
-                is_good = is_good && std::abs(product) < kRotationOff;
-            }
-        }
-        return is_good && std::all_of(t.begin(), t.end(), [](double v) { return std::abs(v) < 1000; });
-    }
-    [[nodiscard]] RigidTransform transform() const {
-        RigidTransform out;
-        // The largest of the four is found first: its root is exact.
-        const double trace[4] = {1 + r[0] - r[4] - r[8], 1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8],
-                                 1 + r[0] + r[4] + r[8]};
-        const auto largest = static_cast<std::size_t>(std::max_element(trace, trace + 4) - trace);
-        const double products[4][4] = {{trace[0], r[1] + r[3], r[2] + r[6], r[7] - r[5]},
-                                       {r[1] + r[3], trace[1], r[5] + r[7], r[2] - r[6]},
-                                       {r[2] + r[6], r[5] + r[7], trace[2], r[3] - r[1]},
-                                       {r[7] - r[5], r[2] - r[6], r[3] - r[1], trace[3]}};
-        double norm = 0;
-        for (const double value : products[largest]) norm += value * value;
-        const double sign = products[largest][3] < 0 ? -1 : 1;
-        for (std::size_t i = 0; i < 4; ++i) out.rotation_xyzw[i] = sign * products[largest][i] / std::sqrt(norm);
-        std::copy(t.begin(), t.end(), out.translation_m);
-        return out;
-    }
-};
-
 [[nodiscard]] bool holds(const std::string& text, std::string_view word) {
     return std::search(text.begin(), text.end(), word.begin(), word.end(),
                        [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a + 32 : a) == b; }) != text.end();
@@ -100,10 +40,11 @@ private:
         return at == entries_.end() ? nullptr : &*at;
     }
     [[nodiscard]] Status read_numbers(const CameraEntry& entry, std::span<double> numbers);
-    [[nodiscard]] Status read_matrix(const CameraEntry& entry, Motion& motion);
-    [[nodiscard]] Status chain_of(const std::string& prefix, Motion& camera_from_first, bool& is_found);
-    [[nodiscard]] Status read_chain(const std::string& colour, const std::string& depth, Motion& pose, bool& is_found);
-    [[nodiscard]] Status read_realsense(Motion& pose, bool& is_found);
+    [[nodiscard]] Status read_matrix(const CameraEntry& entry, RigidTransform& motion);
+    [[nodiscard]] Status chain_of(const std::string& prefix, RigidTransform& camera_from_first, bool& is_found);
+    [[nodiscard]] Status read_chain(const std::string& colour, const std::string& depth, RigidTransform& pose,
+                                    bool& is_found);
+    [[nodiscard]] Status read_realsense(RigidTransform& pose, bool& is_found);
     [[nodiscard]] std::string depth_prefix(const std::string& colour) const;
 
     const std::vector<CameraEntry>& entries_;
@@ -127,17 +68,21 @@ Status PairReader::read_numbers(const CameraEntry& entry, std::span<double> numb
 }
 
 // 4 by 4, row by row.
-Status PairReader::read_matrix(const CameraEntry& entry, Motion& motion) {
+Status PairReader::read_matrix(const CameraEntry& entry, RigidTransform& motion) {
     std::array<double, 16> m{};
     STILLMESH_TRY(read_numbers(entry, m));
+    RotationMatrix rotation{};
     for (std::size_t i = 0; i < 3; ++i) {
-        for (std::size_t j = 0; j < 3; ++j) motion.r[3 * i + j] = m[4 * i + j];
-        motion.t[i] = m[4 * i + 3];
+        for (std::size_t j = 0; j < 3; ++j) rotation[3 * i + j] = m[4 * i + j];
+        motion.translation_m[i] = m[4 * i + 3];
     }
     const bool is_affine = m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1;
-    if (is_affine && motion.is_rigid()) return Status::kOk;
-    return fail(entry,
-                "is no rigid motion: its rows must be those of a rotation with the translation (m) behind each.");
+    if (!is_affine || !is_rotation(rotation, kRotationOff)) {
+        return fail(entry,
+                    "is no rigid motion: its rows must be those of a rotation with the translation (m) behind each.");
+    }
+    write_quaternion(rotation, motion.rotation_xyzw);
+    return Status::kOk;
 }
 
 Status PairReader::read_own(CameraInfo& info) {
@@ -190,7 +135,7 @@ Status PairReader::read_own(CameraInfo& info) {
 }
 
 // Kalibr: each camera's place by the one before it, or by the IMU.
-Status PairReader::chain_of(const std::string& prefix, Motion& camera_from_first, bool& is_found) {
+Status PairReader::chain_of(const std::string& prefix, RigidTransform& camera_from_first, bool& is_found) {
     is_found = false;
     camera_from_first = {};
     if (const CameraEntry* const entry = find(prefix + "T_cam_imu")) {
@@ -202,34 +147,37 @@ Status PairReader::chain_of(const std::string& prefix, Motion& camera_from_first
     for (std::size_t i = 1; i <= number && i < kCamerasMax; ++i) {
         const CameraEntry* const entry = find("cam" + std::to_string(i) + ".T_cn_cnm1");
         if (entry == nullptr) return Status::kOk;
-        Motion step;
+        RigidTransform step;
         STILLMESH_TRY(read_matrix(*entry, step));
-        camera_from_first = step * camera_from_first;
+        camera_from_first = compose(step, camera_from_first);
     }
     is_found = number < kCamerasMax;
     return Status::kOk;
 }
 
-Status PairReader::read_chain(const std::string& colour, const std::string& depth, Motion& pose, bool& is_found) {
-    Motion colour_from_first, depth_from_first;
+Status PairReader::read_chain(const std::string& colour, const std::string& depth, RigidTransform& pose,
+                              bool& is_found) {
+    RigidTransform colour_from_first, depth_from_first;
     STILLMESH_TRY(chain_of(colour, colour_from_first, is_found));
     if (!is_found) return Status::kOk;
     STILLMESH_TRY(chain_of(depth, depth_from_first, is_found));
-    pose = colour_from_first * depth_from_first.inverse();
+    pose = compose(colour_from_first, inverse_of(depth_from_first));
     return Status::kOk;
 }
 
 // librealsense keeps rotations column by column (rs2_extrinsics).
-Status PairReader::read_realsense(Motion& pose, bool& is_found) {
+Status PairReader::read_realsense(RigidTransform& pose, bool& is_found) {
     const CameraEntry* const rotation = find("depth_to_color.rotation");
     const CameraEntry* const translation = find("depth_to_color.translation");
     is_found = rotation != nullptr && translation != nullptr;
     if (!is_found) return Status::kOk;
     std::array<double, 9> columns{};
     STILLMESH_TRY(read_numbers(*rotation, columns));
-    STILLMESH_TRY(read_numbers(*translation, pose.t));
-    for (std::size_t i = 0; i < 9; ++i) pose.r[i] = columns[i % 3 * 3 + i / 3];
-    if (!pose.is_rigid()) return fail(*rotation, "is no rotation.");
+    STILLMESH_TRY(read_numbers(*translation, pose.translation_m));
+    RotationMatrix matrix{};
+    for (std::size_t i = 0; i < 9; ++i) matrix[i] = columns[i % 3 * 3 + i / 3];
+    if (!is_rotation(matrix, kRotationOff)) return fail(*rotation, "is no rotation.");
+    write_quaternion(matrix, pose.rotation_xyzw);
     return Status::kOk;
 }
 
@@ -256,7 +204,7 @@ Status PairReader::read_of_others(CameraInfo& info) {
     if (colour.empty()) return Status::kOk;
     const std::string depth = depth_prefix(colour);
     if (depth.empty()) return Status::kOk;
-    Motion pose;
+    RigidTransform pose;
     bool is_found = false;
     STILLMESH_TRY(read_realsense(pose, is_found));
     if (!is_found) STILLMESH_TRY(read_chain(colour, depth, pose, is_found));
@@ -268,7 +216,7 @@ Status PairReader::read_of_others(CameraInfo& info) {
     STILLMESH_TRY(camera_of_entries({entries_, false, file_}, prefix, of_depth, message_));
     // Of one size: recordings that people have are of aligned depth then, and nothing in the file would tell.
     const bool is_of_one_size = of_depth.model.width == info.model.width && of_depth.model.height == info.model.height;
-    if (!is_of_one_size) info.separate_depth = SeparateDepth{of_depth.model, pose.transform()};
+    if (!is_of_one_size) info.separate_depth = SeparateDepth{of_depth.model, pose};
     return Status::kOk;
 }
 

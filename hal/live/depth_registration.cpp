@@ -105,10 +105,7 @@ DepthRegistration::DepthRegistration(const CameraModel& depth, const CameraModel
 DepthRegistration::DepthRegistration(const CameraModel& depth, const CameraModel& colour,
                                      const RigidTransform& colour_from_depth, double depth_units_per_m)
     : depth_(depth), colour_(colour) {
-    const auto [x, y, z, w] = colour_from_depth.rotation_xyzw;
-    const double rotation[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
-                                2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-                                2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
+    const RotationMatrix rotation = matrix_of(colour_from_depth.rotation_xyzw);
     for (std::size_t i = 0; i < 9; ++i) rotation_[i] = static_cast<float>(rotation[i]);
     for (std::size_t i = 0; i < 3; ++i) {
         translation_[i] = static_cast<float>(colour_from_depth.translation_m[i] * depth_units_per_m);

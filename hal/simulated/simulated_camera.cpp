@@ -68,10 +68,8 @@ constexpr double kJpegLoss = 30;  // of a quality of 100
 }
 
 [[nodiscard]] Rigid rigid(const RigidTransform& pose) {
-    const auto [x, y, z, w] = pose.rotation_xyzw;
-    return {{{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
-             {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
-             {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}},
+    const RotationMatrix r = matrix_of(pose.rotation_xyzw);
+    return {{{r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]}},
             {pose.translation_m[0], pose.translation_m[1], pose.translation_m[2]}};
 }
 

@@ -11,6 +11,7 @@
 namespace stillmesh::v4l2 {
 namespace {
 
+constexpr double kRotationOff = 1e-3;  // of a table of floats
 constexpr std::uint16_t kMagic = 0xcdab;
 constexpr std::uint16_t kCommandBytes = 24;           // the whole command: two words of head, a code, four parameters
 constexpr std::size_t kLengthAt = kMessageBytes - 4;  // the answer's last word: bytes behind the echo
@@ -136,43 +137,6 @@ void fit_shape(double calibrated_width, double calibrated_height, CameraModel& k
     in_pixels(k.width, k.height, k);
 }
 
-using Rows = std::array<std::array<double, 3>, 3>;
-
-[[nodiscard]] bool is_rotation(const Rows& r) noexcept {
-    for (std::size_t i = 0; i < 3; ++i) {
-        for (std::size_t j = i; j < 3; ++j) {
-            const double dot = r[i][0] * r[j][0] + r[i][1] * r[j][1] + r[i][2] * r[j][2];
-            if (!(std::abs(dot - (i == j ? 1 : 0)) < 1e-3)) return false;
-        }
-    }
-    return r[0][0] * (r[1][1] * r[2][2] - r[1][2] * r[2][1]) - r[0][1] * (r[1][0] * r[2][2] - r[1][2] * r[2][0]) +
-               r[0][2] * (r[1][0] * r[2][1] - r[1][1] * r[2][0]) >
-           0;
-}
-
-// Unit quaternion of a rotation, by the largest of its parts: the roots of small ones are inexact.
-void write_quaternion(const Rows& r, double (&xyzw)[4]) noexcept {
-    const double trace = r[0][0] + r[1][1] + r[2][2];
-    const std::array<double, 4> squares{1 + 2 * r[0][0] - trace, 1 + 2 * r[1][1] - trace, 1 + 2 * r[2][2] - trace,
-                                        1 + trace};  // four times x^2, y^2, z^2, w^2
-    const auto largest = static_cast<std::size_t>(std::max_element(squares.begin(), squares.end()) - squares.begin());
-    const double part = std::sqrt(squares[largest]) / 2;
-    const auto sum = [&](std::size_t i, std::size_t j) { return (r[i][j] + r[j][i]) / (4 * part); };
-    const auto difference = [&](std::size_t i, std::size_t j) { return (r[i][j] - r[j][i]) / (4 * part); };
-    const double with_w[3] = {difference(2, 1), difference(0, 2), difference(1, 0)};
-    for (std::size_t i = 0; i < 4; ++i) {
-        if (i == largest) {
-            xyzw[i] = part;
-        } else if (largest == 3) {
-            xyzw[i] = with_w[i];
-        } else {
-            xyzw[i] = i == 3 ? with_w[largest] : sum(i, largest);
-        }
-    }
-    const double length = std::sqrt(xyzw[0] * xyzw[0] + xyzw[1] * xyzw[1] + xyzw[2] * xyzw[2] + xyzw[3] * xyzw[3]);
-    for (double& q : xyzw) q /= xyzw[3] < 0 ? -length : length;
-}
-
 }  // namespace
 
 const char* realsense_name(std::uint16_t vendor_id, std::uint16_t product_id) noexcept {
@@ -278,18 +242,19 @@ Status parse_colour_table(Bytes table, std::uint16_t product_id, CameraModel& mo
         fit_shape(width, height, read);
     }
     if (!is_plausible(read)) return refuse(message, "the colour calibration holds numbers that no camera has");
-    Rows r{};
+    RotationMatrix r{};
     double t_m[3] = {};
     for (std::size_t i = 0; i < 3; ++i) {
-        for (std::size_t j = 0; j < 3; ++j) r[i][j] = float_at(*whole, kRotationAt + 4 * (3 * i + j));
+        for (std::size_t j = 0; j < 3; ++j) r[3 * i + j] = float_at(*whole, kRotationAt + 4 * (3 * i + j));
         t_m[i] = 1e-3 * float_at(*whole, kTranslationAt + 4 * i);
     }
-    if (!is_rotation(r) || !(std::abs(t_m[0]) + std::abs(t_m[1]) + std::abs(t_m[2]) < 1)) {
+    if (!is_rotation(r, kRotationOff) || !(std::abs(t_m[0]) + std::abs(t_m[1]) + std::abs(t_m[2]) < 1)) {
         return refuse(message, "the colour calibration places the colour camera where none is");
     }
     RigidTransform pose;
     write_quaternion(r, pose.rotation_xyzw);
-    for (std::size_t i = 0; i < 3; ++i) pose.translation_m[i] = r[i][0] * t_m[0] + r[i][1] * t_m[1] + r[i][2] * t_m[2];
+    const std::array<double, 3> place = rotated(pose, {t_m[0], t_m[1], t_m[2]});
+    std::copy_n(place.begin(), 3, pose.translation_m);
     model = read;
     colour_from_depth = pose;
     return Status::kOk;

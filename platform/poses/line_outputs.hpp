@@ -7,7 +7,8 @@
 //   udp:HOST:PORT              a datagram a line
 //
 // One thread. Memory: kPendingBytesMax for each reader, taken at open(); no heap call while lines are written. Cost:
-// one system call for each reader and line, some 5 us, and one that looks for new readers.
+// one system call for each reader and line (1 us for a file, 25 where a reader has to be woken), and one that looks for
+// new readers.
 #pragma once
 
 #include <cstdint>

@@ -8,7 +8,7 @@
 #include <span>
 
 #include "platform/evaluation/trajectory.hpp"
-#include "platform/poses/rigid.hpp"
+#include "platform/poses/velocity.hpp"
 
 namespace stillmesh {
 namespace {
@@ -64,7 +64,7 @@ void PoseLines::pose(const PoseReport& report, std::string& line) {
     const bool has_pose = report.state != PoseState::kNone;
     const bool is_measured = report.state >= PoseState::kUnsure;
     if (has_pose) {
-        append_transform("map_from_camera", product(estimate.map_from_odom, estimate.odom_from_camera), line);
+        append_transform("map_from_camera", compose(estimate.map_from_odom, estimate.odom_from_camera), line);
         append_transform("odom_from_camera", estimate.odom_from_camera, line);
         append_transform("map_from_odom", estimate.map_from_odom, line);
     } else {

@@ -7,6 +7,7 @@
 
 #include "engine/base/bytes.hpp"
 #include "engine/base/crc.hpp"
+#include "engine/geometry/rigid_transform.hpp"
 #include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
 #include "platform/record/map_saver.hpp"
@@ -18,23 +19,6 @@ constexpr std::size_t kBytesMax = std::size_t{1} << 30U;  // more than any limit
 constexpr std::size_t kSectionHead = 16;
 constexpr std::array<const char*, 5> kSections = {"CAMR", "KEYF", "PNTS", "FEAT", "LINK"};
 constexpr std::array<std::size_t, 5> kRecordBytes = {88, 328, 184, 64, 4};
-
-// Row by row, to x y z w.
-[[nodiscard]] std::array<double, 4> quaternion_of(const std::array<double, 9>& r) {
-    const double squares[4] = {1 + r[0] - r[4] - r[8], 1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8],
-                               1 + r[0] + r[4] + r[8]};
-    const auto largest = static_cast<std::size_t>(std::max_element(squares, squares + 4) - squares);
-    const double rows[4][4] = {{squares[0], r[1] + r[3], r[2] + r[6], r[7] - r[5]},
-                               {r[1] + r[3], squares[1], r[5] + r[7], r[2] - r[6]},
-                               {r[2] + r[6], r[5] + r[7], squares[2], r[3] - r[1]},
-                               {r[7] - r[5], r[2] - r[6], r[3] - r[1], squares[3]}};
-    double norm = 0;
-    for (const double value : rows[largest]) norm += value * value;
-    const double scale = (rows[largest][3] < 0 ? -1 : 1) / std::sqrt(norm);
-    std::array<double, 4> q{};
-    for (std::size_t i = 0; i < 4; ++i) q[i] = scale * rows[largest][i];
-    return q;
-}
 
 class ContentReader {
 public:
@@ -96,12 +80,14 @@ private:
         return in.is_ok() && m.fx > 0 && m.fy > 0;
     }
     [[nodiscard]] bool take_keyframe(ByteReader& in, SavedKeyframe& keyframe) const {
-        std::array<double, 9> rotation{};
+        RotationMatrix rotation{};
         in.fields(rotation, keyframe.pose.t);
         static_cast<void>(in.bytes(96 + 48 + 48 + 8));
         in.fields(keyframe.parent, keyframe.features, keyframe.pose.time_ns, keyframe.frame);
         static_cast<void>(in.bytes(8));
-        keyframe.pose.q = quaternion_of(rotation);
+        double q[4] = {};
+        write_quaternion(rotation, q);
+        std::copy_n(q, 4, keyframe.pose.q.begin());
         const auto is_finite = [](double value) { return std::isfinite(value); };
         return in.is_ok() && std::all_of(rotation.begin(), rotation.end(), is_finite) &&
                std::all_of(keyframe.pose.t.begin(), keyframe.pose.t.end(), is_finite) &&

@@ -12,14 +12,6 @@ constexpr double kUnsure = 0.1;           // m, rad: another explanation lies ab
 constexpr double kUnmeasuredSpeed = 0.5;  // m/s, rad/s, that a motion carried on may be wrong by
 constexpr std::size_t kSix = 6;
 
-using Rotation = std::array<double, 9>;  // row by row
-
-[[nodiscard]] Rotation matrix_of(const UnitQuaternion& q) {
-    return {1 - 2 * (q.y * q.y + q.z * q.z), 2 * (q.x * q.y - q.w * q.z),     2 * (q.x * q.z + q.w * q.y),
-            2 * (q.x * q.y + q.w * q.z),     1 - 2 * (q.x * q.x + q.z * q.z), 2 * (q.y * q.z - q.w * q.x),
-            2 * (q.x * q.z - q.w * q.y),     2 * (q.y * q.z + q.w * q.x),     1 - 2 * (q.x * q.x + q.y * q.y)};
-}
-
 // a m a^T
 [[nodiscard]] Covariance6 carried(const Covariance6& a, const Covariance6& m) {
     Covariance6 half{};
@@ -50,22 +42,20 @@ using Rotation = std::array<double, 9>;  // row by row
 }  // namespace
 
 RosFrames::RosFrames(const RigidTransform& base_from_camera_link)
-    : base_from_optical_(product(base_from_camera_link, kLinkFromOptical)),
-      optical_from_base_(inverse(base_from_optical_)) {}
+    : base_from_optical_(compose(base_from_camera_link, kLinkFromOptical)),
+      optical_from_base_(inverse_of(base_from_optical_)) {}
 
 RigidTransform RosFrames::of_base(const RigidTransform& of_camera) const {
-    return product(product(base_from_optical_, of_camera), optical_from_base_);
+    return compose(compose(base_from_optical_, of_camera), optical_from_base_);
 }
 
 std::array<double, 3> RosFrames::point(const double (&in_map)[3]) const {
-    const UnitQuaternion p = rotated(rotation_of(base_from_optical_), in_map[0], in_map[1], in_map[2]);
-    const double(&t)[3] = base_from_optical_.translation_m;
-    return {p.x + t[0], p.y + t[1], p.z + t[2]};
+    return transformed(base_from_optical_, {in_map[0], in_map[1], in_map[2]});
 }
 
 // The adjoint of B: [R, [t]x R; 0, R].
 Covariance6 RosFrames::of_base(const double (&of_camera)[36]) const {
-    const Rotation r = matrix_of(rotation_of(base_from_optical_));
+    const RotationMatrix r = matrix_of(base_from_optical_.rotation_xyzw);
     const double(&t)[3] = base_from_optical_.translation_m;
     Covariance6 adjoint{};
     for (std::size_t j = 0; j < 3; ++j) {
@@ -80,19 +70,18 @@ Covariance6 RosFrames::of_base(const double (&of_camera)[36]) const {
 }
 
 Velocity RosFrames::of_base(const Velocity& of_camera) const {
-    const UnitQuaternion q = rotation_of(base_from_optical_);
     const double(&t)[3] = base_from_optical_.translation_m;
     const double(&v)[3] = of_camera.linear_m_s;
     const double(&w)[3] = of_camera.angular_rad_s;
-    const UnitQuaternion linear = rotated(q, v[0], v[1], v[2]);
-    const UnitQuaternion angular = rotated(q, w[0], w[1], w[2]);
-    return {{linear.x + t[1] * angular.z - t[2] * angular.y, linear.y + t[2] * angular.x - t[0] * angular.z,
-             linear.z + t[0] * angular.y - t[1] * angular.x},
-            {angular.x, angular.y, angular.z}};
+    const std::array<double, 3> linear = rotated(base_from_optical_, {v[0], v[1], v[2]});
+    const std::array<double, 3> angular = rotated(base_from_optical_, {w[0], w[1], w[2]});
+    return {{linear[0] + t[1] * angular[2] - t[2] * angular[1], linear[1] + t[2] * angular[0] - t[0] * angular[2],
+             linear[2] + t[0] * angular[1] - t[1] * angular[0]},
+            {angular[0], angular[1], angular[2]}};
 }
 
 Covariance6 in_parent(const Covariance6& in_child, const RigidTransform& parent_from_child) {
-    const Rotation r = matrix_of(rotation_of(parent_from_child));
+    const RotationMatrix r = matrix_of(parent_from_child.rotation_xyzw);
     Covariance6 turned{};
     for (std::size_t i = 0; i < 3; ++i) {
         for (std::size_t j = 0; j < 3; ++j) turned[kSix * i + j] = turned[kSix * (i + 3) + j + 3] = r[3 * i + j];

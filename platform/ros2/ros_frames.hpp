@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "engine/outputs.hpp"
-#include "platform/poses/rigid.hpp"
+#include "platform/poses/velocity.hpp"
 
 namespace stillmesh {
 

@@ -123,7 +123,7 @@ bool RosMessages::frame(const PoseReport& report) {
 
 void RosMessages::fill(const RigidTransform& odom_from_base, const RigidTransform& map_from_odom,
                        const Covariance6& doubted) {
-    const RigidTransform map_from_base = product(map_from_odom, odom_from_base);
+    const RigidTransform map_from_base = compose(map_from_odom, odom_from_base);
     transform(transforms_[0], map_, odom_, map_from_odom);
     transform(transforms_[1], odom_, base_, odom_from_base);
     odometry_.child_frame_id = base_.data();

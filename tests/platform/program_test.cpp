@@ -7,25 +7,13 @@
 #include <string>
 
 #include "tests/replay/recording_folder.hpp"
+#include "tests/support/answer.hpp"
 
 namespace stillmesh {
 namespace {
 
-struct Answer {
-    int code = -1;
-    std::string text;  // standard output and error
-};
-
-[[nodiscard]] Answer stillmesh_says(const std::string& arguments) {
-    Answer answer;
-    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
-    if (pipe == nullptr) return answer;
-    char buffer[512];
-    while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) answer.text += buffer;
-    const int status = ::pclose(pipe);
-    if (WIFEXITED(status)) answer.code = WEXITSTATUS(status);
-    return answer;
-}
+using test::Answer;
+using test::stillmesh_says;
 
 // Promise: help is no error, and speaks of the exit codes.
 TEST(Program, Helps) {

@@ -7,7 +7,7 @@
 #include <sstream>
 #include <string>
 
-#include "platform/poses/rigid.hpp"
+#include "platform/poses/velocity.hpp"
 #include "tests/engine/engine_rig.hpp"
 #include "tests/ros2/fast_dds.hpp"
 #include "tests/ros2/ros_domain.hpp"
@@ -151,13 +151,13 @@ TEST(RosProgram, FromImagesToOdometry) {
     const auto pose_of = [](const fast::Pose& pose) {
         return RigidTransform{{pose.q[0], pose.q[1], pose.q[2], pose.q[3]}, {pose.p[0], pose.p[1], pose.p[2]}};
     };
-    const RigidTransform begin = inverse(pose_of(heard.front().pose));
+    const RigidTransform begin = inverse_of(pose_of(heard.front().pose));
     const SimulatedPose* const first = truth_at(heard.front().header.time_ns());
     ASSERT_NE(first, nullptr);
     for (const fast::Odometry& got : heard) {
         const SimulatedPose* const truth = truth_at(got.header.time_ns());
         ASSERT_NE(truth, nullptr) << got.header.time_ns();
-        const auto& [x, y, z] = product(begin, pose_of(got.pose)).translation_m;
+        const auto& [x, y, z] = compose(begin, pose_of(got.pose)).translation_m;
         EXPECT_LT(test::metres_off({{0, 0, 0, 1}, {-y, -z, x}}, *first, *truth), 0.02);
     }
 }

@@ -208,7 +208,7 @@ TEST(RosPublisher, FastDdsReadsEveryField) {
     }
     const auto map_from_camera = [](std::uint64_t number) {
         const PoseReport report = report_of(number);
-        return product(report.estimate.map_from_odom, report.estimate.odom_from_camera);
+        return compose(report.estimate.map_from_odom, report.estimate.odom_from_camera);
     };
     for (const auto& [number, got] : heard.poses) {
         EXPECT_NE(number % 6, 5U) << "a frame without a pose";

@@ -44,17 +44,17 @@ TEST(RosFrames, AsMatricesGive) {
         double of_camera[36];
         oracle.random_covariance(of_camera);
         const RigidTransform odom_from_base = frames.of_base(pose);
-        const RigidTransform map_from_base = product(frames.of_base(map_from_odom), odom_from_base);
+        const RigidTransform map_from_base = compose(frames.of_base(map_from_odom), odom_from_base);
         const Covariance6 in_base = frames.of_base(of_camera);
         EXPECT_LT(RosOracle::difference(in_parent(in_base, odom_from_base), oracle.in_parent(of_camera, pose)), 1e-5);
-        const RigidTransform map_from_camera = product(map_from_odom, pose);
+        const RigidTransform map_from_camera = compose(map_from_odom, pose);
         EXPECT_LT(
             RosOracle::difference(in_parent(in_base, map_from_base), oracle.in_parent(of_camera, map_from_camera)),
             1e-5);
         EXPECT_LT(RosOracle::difference(in_base, oracle.in_child(of_camera, pose)), 1e-5);
 
         // Ten milliseconds on.
-        const RigidTransform next = product(pose, oracle.small_motion(0.002));
+        const RigidTransform next = compose(pose, oracle.small_motion(0.002));
         const Velocity velocity = frames.of_base(velocity_between(pose, next, 0.01));
         EXPECT_LT(oracle.velocity_error(velocity, pose, next, 0.01), 1e-2);
     }

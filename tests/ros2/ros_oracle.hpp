@@ -8,7 +8,7 @@
 
 #include "engine/base/random.hpp"
 #include "engine/geometry/se3.hpp"
-#include "platform/poses/rigid.hpp"
+#include "platform/poses/velocity.hpp"
 
 namespace stillmesh::test {
 

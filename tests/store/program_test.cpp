@@ -13,27 +13,14 @@
 
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/record/frame_folder_writer.hpp"
+#include "tests/support/answer.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh {
 namespace {
 
-struct Answer {
-    int code = -1;
-    std::string text;  // standard output and error
-    [[nodiscard]] bool says(const std::string& words) const { return text.find(words) != std::string::npos; }
-};
-
-Answer stillmesh_says(const std::string& arguments, const char* errors = "2>&1") {
-    Answer answer;
-    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " " + errors).c_str(), "r");
-    if (pipe == nullptr) return answer;
-    char buffer[512];
-    while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) answer.text += buffer;
-    const int status = ::pclose(pipe);
-    if (WIFEXITED(status)) answer.code = WEXITSTATUS(status);
-    return answer;
-}
+using test::Answer;
+using test::stillmesh_says;
 
 // Small pools, so that places leave within a few frames.
 constexpr const char* kSmall =

@@ -14,9 +14,10 @@ struct Answer {
     [[nodiscard]] bool says(const std::string& words) const { return text.find(words) != std::string::npos; }
 };
 
-[[nodiscard]] inline Answer stillmesh_says(const std::string& arguments) {
+// `errors`: what a shell does with standard error.
+[[nodiscard]] inline Answer stillmesh_says(const std::string& arguments, const char* errors = "2>&1") {
     Answer answer;
-    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
+    std::FILE* const pipe = ::popen((std::string(STILLMESH_PROGRAM) + " " + arguments + " " + errors).c_str(), "r");
     if (pipe == nullptr) return answer;
     char buffer[512];
     while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) answer.text += buffer;
