@@ -47,7 +47,8 @@ public:
         static_cast<void>(frame);
         return not_implemented();
     }
-    // Returns when a frame may be there, or after timeout_ms (kTimedOut). Never longer.
+    // Returns when a frame may be there, or after timeout_ms (kTimedOut), never later; kUnavailable: the device is
+    // gone.
     [[nodiscard]] virtual Status wait(std::uint32_t timeout_ms) noexcept {
         static_cast<void>(timeout_ms);
         return not_implemented();

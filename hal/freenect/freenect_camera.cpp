@@ -2,22 +2,18 @@
 
 #include <libfreenect.h>
 
-#include <algorithm>
 #include <array>
-#include <chrono>
-#include <condition_variable>
-#include <ctime>
 #include <exception>
-#include <mutex>
-#include <optional>
 #include <thread>
 #include <utility>
 
 #include "hal/calibration/calibration.hpp"
-#include "hal/live/device_clock.hpp"
+#include "hal/live/live_session.hpp"
 
 namespace stillmesh {
 namespace {
+
+using live::monotonic_ns;
 
 constexpr std::size_t kPixels = std::size_t{FreenectCamera::kWidth} * FreenectCamera::kHeight;
 constexpr std::int64_t kPeriod_us = 33'333;
@@ -26,21 +22,6 @@ constexpr std::uint32_t kRawValues = 2048;
 
 // One image being written by libfreenect, one waiting for its partner, one in the slot, one given out.
 constexpr std::uint32_t kBuffers = 4;
-
-[[nodiscard]] std::int64_t clock_ns(clockid_t clock) noexcept {
-    timespec now{};
-    static_cast<void>(::clock_gettime(clock, &now));
-    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-[[nodiscard]] std::int64_t monotonic_ns() noexcept {
-    return clock_ns(CLOCK_MONOTONIC);
-}
-
-// Asked once: a camera that is opened again goes on in the same time, whatever happens to the time of day.
-[[nodiscard]] std::int64_t unix_minus_monotonic_ns() noexcept {
-    static const std::int64_t kOffset_ns = clock_ns(CLOCK_REALTIME) - monotonic_ns();
-    return kOffset_ns;
-}
 
 // The images of one kind and who has which.
 template <typename Pixel>
@@ -115,45 +96,26 @@ std::uint16_t kinect_millimetres(std::uint16_t raw) noexcept {
                                                                       : std::uint16_t{0};
 }
 
-struct FreenectCamera::Session {
-    using Pairer = FramePairer<Image>;
-    struct Pair {
-        Image colour, depth;
-        std::int64_t colour_us = 0, depth_us = 0;  // on the Kinect's clock
-        std::int64_t taken_ns = 0;                 // the colour image, on the host's
-        std::int64_t complete_ns = 0;              // the pair was there
-        [[nodiscard]] bool is_full() const noexcept { return colour.colour.is_held(); }
-    };
-
+struct FreenectCamera::Session : live::LiveSession<Image> {
     FreenectOptions options;
     std::string message;
     bool is_registered = false;
-    bool has_time_shift = false;     // of whoever polls
-    std::int64_t time_shift_ns = 0;  // to the time of day
-
-    std::mutex mutex;  // of all below
-    std::condition_variable changed;
-    bool is_opened = false, is_closing = false, is_closed = false;
-    bool is_gone = false;
-    const char* gone_why = "";
-    Buffers<std::uint8_t> colour_buffers;  // before whoever takes from them
+    Buffers<std::uint8_t> colour_buffers;  // these and all below: under the mutex
     Buffers<std::uint16_t> depth_buffers;
     Taken<std::uint8_t> colour_writing;  // by libfreenect
     Taken<std::uint16_t> depth_writing;
-    Pairer pairer{kPeriod_us};
-    Pair slot, given;
-    DeviceClock clock;
-    ArrivalForecast forecast;
     bool has_stamp = false;
     std::uint32_t last_stamp = 0;
     std::int64_t ticks = 0;
     std::int64_t last_image_ns = 0;
-    FreenectCounts counts;
 
     explicit Session(FreenectOptions given_options) : options(std::move(given_options)) {
         for (auto& image : colour_buffers.images) image.resize(kPixels * 3);
         for (auto& image : depth_buffers.images) image.resize(kPixels);
     }
+    ~Session() { release_images(); }  // into buffers that are still there
+    Session(const Session&) = delete;
+    Session& operator=(const Session&) = delete;
 
     // Opens, reads until it is told to close, closes: all on one thread, the only one that calls libfreenect.
     void serve() noexcept;
@@ -169,7 +131,7 @@ private:
     static void on_colour(freenect_device* device, void* pixels, std::uint32_t stamp);
     static void on_depth(freenect_device* device, void* pixels, std::uint32_t stamp);
     [[nodiscard]] std::int64_t time_us(std::uint32_t stamp) noexcept;
-    void give(std::optional<Pairer::Pair> pair, std::int64_t arrival_ns);
+    void take_in(bool is_colour, Image image, std::uint32_t stamp);
 };
 
 // Both streams are stamped by one clock, and arrive nearly in order: the shorter way round is the right one.
@@ -184,41 +146,28 @@ std::int64_t FreenectCamera::Session::time_us(std::uint32_t stamp) noexcept {
     return ticks / kTicksPerUs;
 }
 
-void FreenectCamera::Session::give(std::optional<Pairer::Pair> pair, std::int64_t arrival_ns) {
-    last_image_ns = arrival_ns;
-    if (!pair) return;
-    if (slot.is_full()) ++counts.dropped;
-    slot = {};
-    slot.colour = std::move(pair->colour);
-    slot.depth = std::move(pair->depth);
-    slot.colour_us = pair->colour_us;
-    slot.depth_us = pair->depth_us;
-    slot.taken_ns = clock.host_ns(pair->colour_us, arrival_ns);
-    slot.complete_ns = arrival_ns;
-    forecast.arrived(slot.taken_ns, arrival_ns);
-    changed.notify_all();
+void FreenectCamera::Session::take_in(bool is_colour, Image image, std::uint32_t stamp) {
+    last_image_ns = monotonic_ns();
+    bool is_pair = false;
+    static_cast<void>(add(is_colour, std::move(image), time_us(stamp), last_image_ns, is_pair));
 }
 
 void FreenectCamera::Session::on_colour(freenect_device* device, void*, std::uint32_t stamp) {
     Session& session = *static_cast<Session*>(freenect_get_user(device));
-    const std::int64_t arrival_ns = monotonic_ns();
     const std::lock_guard lock(session.mutex);
-    ++session.counts.images_colour;
     Image image;
     image.colour = std::move(session.colour_writing);
-    session.give(session.pairer.add_colour(std::move(image), session.time_us(stamp)), arrival_ns);
+    session.take_in(true, std::move(image), stamp);
     session.colour_writing = Taken<std::uint8_t>::take(session.colour_buffers);
     static_cast<void>(freenect_set_video_buffer(device, session.colour_writing.pixels()));
 }
 
 void FreenectCamera::Session::on_depth(freenect_device* device, void*, std::uint32_t stamp) {
     Session& session = *static_cast<Session*>(freenect_get_user(device));
-    const std::int64_t arrival_ns = monotonic_ns();
     const std::lock_guard lock(session.mutex);
-    ++session.counts.images_depth;
     Image image;
     image.depth = std::move(session.depth_writing);
-    session.give(session.pairer.add_depth(std::move(image), session.time_us(stamp)), arrival_ns);
+    session.take_in(false, std::move(image), stamp);
     session.depth_writing = Taken<std::uint16_t>::take(session.depth_buffers);
     static_cast<void>(freenect_set_depth_buffer(device, session.depth_writing.pixels()));
 }
@@ -277,7 +226,7 @@ void FreenectCamera::Session::read(freenect_context* context) {
         bool is_silent = false;
         {
             const std::lock_guard lock(mutex);
-            counts.reader_cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+            counts.reader_cpu_ns = live::clock_ns(CLOCK_THREAD_CPUTIME_ID);
             if (is_closing) return;
             is_silent = monotonic_ns() - last_image_ns > std::int64_t{options.gone_ms} * 1'000'000;
         }
@@ -301,14 +250,11 @@ void FreenectCamera::Session::serve() noexcept {
         is_opened = is_streaming;
         is_closed = !is_streaming;
         last_image_ns = monotonic_ns();
+        begin(kPeriod_us, last_image_ns);
         changed.notify_all();
     }
     if (is_streaming) read(context);
-    {
-        const std::lock_guard lock(mutex);
-        is_gone = true;
-        changed.notify_all();
-    }
+    changed.notify_all();  // it may be gone
     if (device != nullptr) {
         static_cast<void>(freenect_stop_video(device));
         static_cast<void>(freenect_stop_depth(device));
@@ -347,10 +293,7 @@ Status FreenectCamera::open() noexcept {
         info_.frames_per_s = 30;
         session_ = std::make_shared<Session>(options_);
         std::thread([session = session_] { session->serve(); }).detach();
-        std::unique_lock lock(session_->mutex);
-        const bool is_answered =
-            session_->changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
-                                       [this] { return session_->is_opened || session_->is_closed; });
+        const bool is_answered = session_->answers_within(options_.open_max_ms);
         if (is_answered && session_->is_opened) {
             if (!session_->is_registered && registration_ == nullptr) {
                 CameraModel depth = model;
@@ -367,10 +310,8 @@ Status FreenectCamera::open() noexcept {
             }
             return refuse(Status::kOk, "");
         }
-        session_->is_closing = true;
         const std::string why =
             is_answered ? session_->message : "the Kinect does not answer; unplug it and plug it in again.";
-        lock.unlock();
         session_.reset();
         return refuse(Status::kUnavailable, why);
     } catch (const std::exception& error) {
@@ -382,80 +323,57 @@ Status FreenectCamera::open() noexcept {
 
 Status FreenectCamera::poll(Frame& frame) noexcept {
     if (session_ == nullptr) return Status::kUnavailable;
-    const std::int64_t cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+    const live::CpuMeter meter(before_.poll_cpu_ns);
     Session& session = *session_;
-    {
-        const std::lock_guard lock(session.mutex);
-        if (!session.slot.is_full()) {
-            return session.is_gone ? refuse(Status::kUnavailable, session.gone_why) : Status::kTimedOut;
-        }
-        session.given = std::move(session.slot);
-        session.slot = {};
-    }
-    // What is given is nobody else's until the next poll.
-    const std::uint16_t* depth = session.given.depth.depth.pixels();
+    if (const Status status = session.take(message_); status != Status::kOk) return status;
+    const Session::Pair& given = *session.given;  // nobody else's until the next poll
+    const std::uint16_t* depth = given.depth.depth.pixels();
     if (!session.is_registered) {
         for (std::size_t i = 0; i < kPixels; ++i) millimetres_[i] = millimetres_of_raw_[depth[i] % kRawValues];
         registration_->reproject({millimetres_.data(), kWidth, kHeight, kWidth}, registered_.data());
         depth = registered_.data();
     }
-    // Times go by the Kinect's clock, from where it was opened on the time of day.
-    if (!session.has_time_shift) {
-        session.has_time_shift = true;
-        session.time_shift_ns = unix_minus_monotonic_ns() + session.given.taken_ns - session.given.colour_us * 1000;
-    }
-    due_ns_ = session.given.taken_ns;
-    frame.time_ns = session.given.colour_us * 1000 + session.time_shift_ns;
-    frame.depth_time_ns = session.given.depth_us * 1000 + session.time_shift_ns;
+    session.time_of_day.begin(given.colour_us, given.taken_ns);
+    due_ns_ = given.taken_ns;
+    frame.time_ns = session.time_of_day.unix_ns(given.colour_us);
+    frame.depth_time_ns = session.time_of_day.unix_ns(given.depth_us);
     frame.format = PixelFormat::kRgb8;
-    frame.colour = {session.given.colour.colour.pixels(), kWidth, kHeight, std::size_t{3} * kWidth};
+    frame.colour = {given.colour.colour.pixels(), kWidth, kHeight, std::size_t{3} * kWidth};
     frame.depth = {depth, kWidth, kHeight, kWidth};
     frame.depth_units_per_m = info_.depth_units_per_m;
-    poll_cpu_ns_ += clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_ns;
     return Status::kOk;
 }
 
 Status FreenectCamera::wait(std::uint32_t timeout_ms) noexcept {
-    if (session_ == nullptr) return Status::kUnavailable;
-    std::unique_lock lock(session_->mutex);
-    static_cast<void>(session_->changed.wait_for(lock, std::chrono::milliseconds(timeout_ms),
-                                                 [this] { return session_->slot.is_full() || session_->is_gone; }));
-    if (session_->slot.is_full()) return Status::kOk;
-    return session_->is_gone ? Status::kUnavailable : Status::kTimedOut;
+    return session_ != nullptr ? session_->wait(timeout_ms) : Status::kUnavailable;
 }
 
 void FreenectCamera::close() noexcept {
     if (session_ == nullptr) return;
+    // Whoever does not come back keeps the session for itself.
+    static_cast<void>(session_->closes_within(options_.open_max_ms));
     before_ = counts();
-    {
-        std::unique_lock lock(session_->mutex);
-        session_->is_closing = true;
-        // Whoever does not come back keeps the session for itself.
-        static_cast<void>(session_->changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
-                                                     [this] { return session_->is_closed; }));
-    }
     session_.reset();
 }
 
 std::int64_t FreenectCamera::next_due_ns() noexcept {
-    if (session_ == nullptr) return monotonic_ns() + kPeriod_us * 1000;
-    const std::lock_guard lock(session_->mutex);
-    if (session_->slot.is_full()) return session_->slot.complete_ns;  // it waits already
-    const std::int64_t next_ns = session_->forecast.next_ns(kPeriod_us * 1000);
-    return next_ns != 0 ? next_ns : monotonic_ns() + kPeriod_us * 1000;
+    return session_ != nullptr ? session_->next_due_ns(monotonic_ns()) : monotonic_ns() + period_ns();
 }
 
-FreenectCounts FreenectCamera::counts() const noexcept {
-    FreenectCounts sum = before_;
-    sum.poll_cpu_ns = poll_cpu_ns_;
-    if (session_ == nullptr) return sum;
+std::string FreenectCamera::silence() const {
+    if (session_ == nullptr) return {};
     const std::lock_guard lock(session_->mutex);
-    const FreenectCounts& now = session_->counts;
-    sum.pairing.add(session_->pairer.counts());
-    sum.images_colour += now.images_colour;
-    sum.images_depth += now.images_depth;
-    sum.dropped += now.dropped;
-    sum.reader_cpu_ns += now.reader_cpu_ns;
+    return session_->silent_stream();
+}
+
+std::string FreenectCamera::device() const {
+    return std::string("Kinect, 640x480@30, depth registered ") +
+           (is_registered_by_driver() ? "by libfreenect" : "here");
+}
+
+LiveCounts FreenectCamera::counts() const noexcept {
+    LiveCounts sum = before_;
+    if (session_ != nullptr) sum.add(session_->counted());
     return sum;
 }
 

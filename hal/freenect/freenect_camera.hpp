@@ -13,10 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "hal/depth_camera.hpp"
 #include "hal/live/depth_registration.hpp"
-#include "hal/live/frame_pairer.hpp"
-#include "hal/live/frame_times.hpp"
+#include "hal/live/live_camera.hpp"
 
 namespace stillmesh {
 
@@ -31,23 +29,13 @@ struct FreenectOptions {
     std::function<void()> thread_begins{};
 };
 
-struct FreenectCounts {
-    PairingCounts pairing;
-    std::uint64_t images_colour = 0, images_depth = 0;
-    std::uint64_t dropped = 0;       // pairs overtaken in the slot
-    std::int64_t reader_cpu_ns = 0;  // of the thread that reads, with what libfreenect does on it
-    std::int64_t poll_cpu_ns = 0;    // of poll(), on the caller's thread
-};
-
-class FreenectCamera final : public DepthCamera, public FrameTimes {
+class FreenectCamera final : public LiveCamera {
 public:
     static constexpr std::uint32_t kWidth = 640;   // px
     static constexpr std::uint32_t kHeight = 480;  // px
 
     explicit FreenectCamera(FreenectOptions options = {});
-    ~FreenectCamera();
-    FreenectCamera(const FreenectCamera&) = delete;
-    FreenectCamera& operator=(const FreenectCamera&) = delete;
+    ~FreenectCamera() override;
 
     // kOk; kUnavailable: no Kinect (now), or it does not answer; kInvalid: the calibration: message() says why.
     [[nodiscard]] Status open() noexcept override;
@@ -59,11 +47,14 @@ public:
 
     [[nodiscard]] std::int64_t due_ns() const noexcept override { return due_ns_; }
     [[nodiscard]] std::int64_t next_due_ns() noexcept override;
-    [[nodiscard]] std::uint64_t dropped() noexcept override { return counts().dropped; }
 
-    [[nodiscard]] const std::string& message() const noexcept { return message_; }
-    // Over all openings.
-    [[nodiscard]] FreenectCounts counts() const noexcept;
+    [[nodiscard]] std::string message() const override { return message_; }
+    [[nodiscard]] std::string silence() const override;
+    [[nodiscard]] std::string device() const override;
+    [[nodiscard]] std::string calibration_source() const override { return options_.calibration; }
+    [[nodiscard]] std::optional<std::string> usb_place() const override { return std::string(); }
+    // reader_cpu_ns: with what libfreenect does on it.
+    [[nodiscard]] LiveCounts counts() const noexcept override;
     // Whether libfreenect gives registered millimetres; else they are computed here.
     [[nodiscard]] bool is_registered_by_driver() const noexcept;
 
@@ -76,8 +67,7 @@ private:
     CameraInfo info_;
     std::string message_;
     std::int64_t due_ns_ = 0;
-    std::int64_t poll_cpu_ns_ = 0;
-    FreenectCounts before_;  // of the openings before this one
+    LiveCounts before_;  // of the openings before this one, and of poll() in this one
     std::shared_ptr<Session> session_;
     std::vector<std::uint16_t> millimetres_of_raw_, millimetres_, registered_;  // where depth is computed here
     std::unique_ptr<DepthRegistration> registration_;

@@ -12,7 +12,6 @@
 
 #include "hal/calibration/calibration.hpp"
 #include "hal/openni2/device_choice.hpp"
-#include "hal/openni2/host_clock.hpp"
 #include "hal/openni2/image_conversion.hpp"
 #include "hal/openni2/openni2_runtime.hpp"
 #include "hal/openni2/session.hpp"
@@ -20,25 +19,18 @@
 namespace stillmesh {
 namespace {
 
-using openni2::clock_ns;
+using live::monotonic_ns;
 using openni2::mode_text;
 using openni2::Session;
 
-constexpr double kFocalDefault = 525.0 / 640.0;   // of the width: what the PrimeSense kind has
-constexpr std::uint32_t kEndMax_ms = 1500;        // for OpenNI2 to end
-constexpr std::int64_t kRecent_ns = 500'000'000;  // what explains a silence has happened within it
-
-// What is added to the monotonic clock to get the time of day: once per process, so that no time jumps.
-[[nodiscard]] std::int64_t unix_minus_monotonic_ns() noexcept {
-    static const std::int64_t kOffset_ns = clock_ns(CLOCK_REALTIME) - clock_ns(CLOCK_MONOTONIC);
-    return kOffset_ns;
-}
+constexpr double kFocalDefault = 525.0 / 640.0;  // of the width: what the PrimeSense kind has
+constexpr std::uint32_t kEndMax_ms = 1500;       // for OpenNI2 to end
 
 }  // namespace
 
 OpenNi2Camera::OpenNi2Camera(OpenNi2Options options)
     : options_(std::move(options)), is_file_(openni2::names_file(options_.device)) {
-    static_cast<void>(unix_minus_monotonic_ns());
+    static_cast<void>(live::unix_minus_monotonic_ns());
 }
 
 OpenNi2Camera::~OpenNi2Camera() {
@@ -88,14 +80,9 @@ Status OpenNi2Camera::open() noexcept {
         message_ = "the system has no thread left for the camera.";
         return Status::kUnavailable;
     }
-    {
-        std::unique_lock lock(session->mutex);
-        if (!session->changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
-                                       [&session] { return session->is_opened || session->is_closed; })) {
-            session->is_closing = true;  // whenever it comes back
-            message_ = "the camera's driver does not answer; unplug the camera and plug it in again.";
-            return Status::kUnavailable;
-        }
+    if (!session->answers_within(options_.open_max_ms)) {
+        message_ = "the camera's driver does not answer; unplug the camera and plug it in again.";
+        return Status::kUnavailable;
     }
     message_ = session->message;
     if (session->status != Status::kOk) {
@@ -136,7 +123,7 @@ Status OpenNi2Camera::open() noexcept {
                : session->streams.is_registered
                    ? (options_.registration == Registration::kNone ? "taken as registered" : "registered by the camera")
                    : "registered here");
-    due_ns_ = clock_ns(CLOCK_MONOTONIC);
+    due_ns_ = monotonic_ns();
     return Status::kOk;
 }
 
@@ -144,8 +131,8 @@ std::string OpenNi2Camera::why_nothing_comes() {
     Session& session = *session_;
     std::unique_lock lock(session.mutex);
     static_cast<void>(session.changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
-                                               [&session] { return session.slot.is_full || session.has_ended; }));
-    if (session.slot.is_full) return {};
+                                               [&session] { return session.slot || session.has_ended; }));
+    if (session.slot) return {};
     return "OpenNI2's player gives " + std::to_string(session.counts.images_colour) + " colour and " +
            std::to_string(session.counts.images_depth) +
            " depth images of it, and no two of the same time; record it again, with 'stillmesh capture' or NiViewer.";
@@ -185,33 +172,20 @@ Status OpenNi2Camera::calibrate(double fov_x) {
 
 Status OpenNi2Camera::poll(Frame& frame) noexcept {
     if (session_ == nullptr) return Status::kUnavailable;
-    const openni2::CpuMeter meter(poll_cpu_ns_);
+    const live::CpuMeter meter(before_.poll_cpu_ns);
     Session& session = *session_;
     if (session.is_file) {
         std::unique_lock lock(session.mutex);
         static_cast<void>(session.changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
-                                                   [&session] { return session.slot.is_full || session.has_ended; }));
-        if (!session.slot.is_full && session.has_ended) {
+                                                   [&session] { return session.slot || session.has_ended; }));
+        if (!session.slot && session.has_ended) {
             message_ = session.description + ": has ended.";
             return Status::kEnd;
         }
     }
-    {
-        Session::Slot old;  // released without the lock
-        const std::lock_guard lock(session.mutex);
-        if (!session.slot.is_full) {
-            if (session.watch->is_gone || session.watch->has_failed) {
-                message_ = session.watch->is_gone ? "unplugged" : "its driver reports an error";
-                return Status::kUnavailable;
-            }
-            return Status::kTimedOut;
-        }
-        old = std::move(session.given);
-        session.given = std::move(session.slot);
-        session.slot = {};
-        if (session.is_file) session.changed.notify_all();  // the next may be read
-    }
-    const Session::Slot& given = session.given;  // of this thread alone until the next poll
+    static_cast<void>(session.take_back());
+    if (const Status status = session.take(message_); status != Status::kOk) return status;
+    const Session::Pair& given = *session.given;  // of this thread alone until the next poll
     const auto has_form = [](const openni::VideoFrameRef& image, const openni::VideoMode& mode) {
         const auto bytes = static_cast<int>(mode.getPixelFormat() == openni::PIXEL_FORMAT_DEPTH_1_MM
                                                 ? 2
@@ -226,18 +200,18 @@ Status OpenNi2Camera::poll(Frame& frame) noexcept {
         message_ = "an image that is damaged, or of another size or format than " +
                    mode_text(session.streams.colour_mode) + ".";
         const std::lock_guard lock(session.mutex);
-        ++session.counts.wrong_form;
-        session.wrong_form_ns = session.given.complete_ns;
+        session.unusable_ns = given.complete_ns;
         return Status::kCorrupt;
     }
     frame = {};
-    if (!session.has_time_shift) {
-        session.has_time_shift = true;
-        session.time_shift_ns =
-            session.is_file ? 0 : unix_minus_monotonic_ns() + given.taken_ns - given.colour_us * 1000;
+    if (session.is_file) {
+        frame.time_ns = given.colour_us * 1000;
+        frame.depth_time_ns = given.depth_us * 1000;
+    } else {
+        session.time_of_day.begin(given.colour_us, given.taken_ns);
+        frame.time_ns = session.time_of_day.unix_ns(given.colour_us);
+        frame.depth_time_ns = session.time_of_day.unix_ns(given.depth_us);
     }
-    frame.time_ns = given.colour_us * 1000 + session.time_shift_ns;
-    frame.depth_time_ns = given.depth_us * 1000 + session.time_shift_ns;
     frame.depth_units_per_m = info_.depth_units_per_m;
     frame.colour = {static_cast<const std::uint8_t*>(given.colour.getData()), info_.model.width, info_.model.height,
                     static_cast<std::size_t>(given.colour.getStrideInBytes())};
@@ -252,65 +226,40 @@ Status OpenNi2Camera::poll(Frame& frame) noexcept {
 
 Status OpenNi2Camera::wait(std::uint32_t timeout_ms) noexcept {
     if (session_ == nullptr) return Status::kUnavailable;
-    Session& session = *session_;
-    if (session.is_file) return Status::kOk;
-    std::unique_lock lock(session.mutex);
-    const bool is_ready = session.changed.wait_for(lock, std::chrono::milliseconds(timeout_ms), [&session] {
-        return session.slot.is_full || session.watch->is_gone || session.watch->has_failed;
-    });
-    return is_ready ? Status::kOk : Status::kTimedOut;
+    return is_file_ ? Status::kOk : session_->wait(timeout_ms);
 }
 
 std::int64_t OpenNi2Camera::next_due_ns() noexcept {
-    const auto period_ns = static_cast<std::int64_t>(1e9 / std::max(info_.frames_per_s, 1.0));
-    if (session_ == nullptr) return clock_ns(CLOCK_MONOTONIC) + period_ns;
-    const std::lock_guard lock(session_->mutex);
-    if (session_->slot.is_full) return session_->slot.complete_ns;  // it waits already
-    const std::int64_t next_ns = session_->forecast.next_ns(period_ns);
-    return next_ns != 0 ? next_ns : clock_ns(CLOCK_MONOTONIC) + period_ns;
+    return session_ != nullptr ? session_->next_due_ns(monotonic_ns()) : monotonic_ns() + period_ns();
 }
 
 std::string OpenNi2Camera::silence() const {
     if (session_ == nullptr) return {};
     const std::lock_guard lock(session_->mutex);
-    if (clock_ns(CLOCK_MONOTONIC) - session_->wrong_form_ns < kRecent_ns) {
+    if (session_->has_unusable(monotonic_ns())) {
         return "images come, but of another size or format than " + mode_text(session_->streams.colour_mode);
     }
-    const std::int64_t apart_ns = session_->colour_arrival_ns - session_->depth_arrival_ns;
-    if (apart_ns > kRecent_ns) return "colour images come, depth images do not";
-    if (apart_ns < -kRecent_ns) return "depth images come, colour images do not";
-    return {};
+    return session_->silent_stream();
 }
 
-OpenNi2Counts OpenNi2Camera::counts() const noexcept {
-    OpenNi2Counts sum = before_;
-    sum.poll_cpu_ns = poll_cpu_ns_;
-    if (session_ == nullptr) return sum;
-    const std::lock_guard lock(session_->mutex);
-    const OpenNi2Counts& now = session_->counts;
-    sum.pairing.add(session_->pairer.counts());
-    sum.images_colour += now.images_colour;
-    sum.images_depth += now.images_depth;
-    sum.images_missing += now.images_missing;
-    sum.dropped += now.dropped;
-    sum.wrong_form += now.wrong_form;
-    sum.reader_cpu_ns += now.reader_cpu_ns;
+std::optional<std::string> OpenNi2Camera::usb_place() const {
+    return uri_.empty() ? std::nullopt : std::optional(uri_);
+}
+
+LiveCounts OpenNi2Camera::counts() const noexcept {
+    LiveCounts sum = before_;
+    if (session_ != nullptr) sum.add(session_->counted());
     return sum;
 }
 
 void OpenNi2Camera::close() noexcept {
     if (session_ == nullptr) return;
-    before_ = counts();
     conversion_.reset();
-    const std::shared_ptr<Session> session = std::move(session_);
-    session_ = nullptr;
-    std::unique_lock lock(session->mutex);
-    session->is_closing = true;
-    session->changed.notify_all();
-    if (!session->changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
-                                   [&session] { return session->is_closed; })) {
+    if (!session_->closes_within(options_.open_max_ms)) {
         message_ = "the camera's driver does not answer; what it holds is left behind.";
     }
+    before_ = counts();
+    session_.reset();
 }
 
 }  // namespace stillmesh

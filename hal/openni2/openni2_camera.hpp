@@ -13,9 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/depth_camera.hpp"
-#include "hal/live/frame_pairer.hpp"
-#include "hal/live/frame_times.hpp"
+#include "hal/live/live_camera.hpp"
 
 namespace stillmesh {
 
@@ -49,22 +47,10 @@ struct OpenNi2Options {
     std::function<void()> thread_begins{};
 };
 
-struct OpenNi2Counts {
-    PairingCounts pairing;
-    std::uint64_t images_colour = 0, images_depth = 0;  // brought by the driver
-    std::uint64_t images_missing = 0;                   // numbers of images that never came: lost before us
-    std::uint64_t dropped = 0;                          // pairs overtaken in the slot
-    std::uint64_t wrong_form = 0;                       // pairs of another size or format
-    std::int64_t reader_cpu_ns = 0;                     // of the thread that reads
-    std::int64_t poll_cpu_ns = 0;                       // of poll(), on the caller's thread
-};
-
-class OpenNi2Camera final : public DepthCamera, public FrameTimes {
+class OpenNi2Camera final : public LiveCamera {
 public:
     explicit OpenNi2Camera(OpenNi2Options options);
-    ~OpenNi2Camera();
-    OpenNi2Camera(const OpenNi2Camera&) = delete;
-    OpenNi2Camera& operator=(const OpenNi2Camera&) = delete;
+    ~OpenNi2Camera() override;
 
     // kOk; kUnavailable: no such device (now), or it does not answer; kInvalid: it cannot be used: message() says why.
     // Opened again, it is the camera of before or none, also where it has another address on the bus now; in the size
@@ -78,23 +64,18 @@ public:
 
     [[nodiscard]] std::int64_t due_ns() const noexcept override { return due_ns_; }
     [[nodiscard]] std::int64_t next_due_ns() noexcept override;
-    [[nodiscard]] std::uint64_t dropped() noexcept override { return counts().dropped; }
 
-    [[nodiscard]] const std::string& message() const noexcept { return message_; }
-    // What was found when it was opened: device, mode, registration, intrinsics.
-    [[nodiscard]] const std::string& device() const noexcept { return device_; }
-    // OpenNI2's name of it; empty: a file, or never open.
-    [[nodiscard]] const std::string& uri() const noexcept { return uri_; }
-    [[nodiscard]] const std::string& calibration_source() const noexcept { return calibration_source_; }
-    [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
+    [[nodiscard]] std::string message() const override { return message_; }
+    [[nodiscard]] std::string silence() const override;
     // The device is a recording: named *.oni, or the name of a file that was there when this was made.
-    [[nodiscard]] bool is_file() const noexcept { return is_file_; }
-    // What is known of a silence: which of the two streams it is, or images that cannot be used. Empty: nothing.
-    [[nodiscard]] std::string silence() const;
-    // Pairs at most; 0: unknown (live).
-    [[nodiscard]] std::uint64_t frames_expected() const noexcept { return frames_expected_; }
-    // Over all openings.
-    [[nodiscard]] OpenNi2Counts counts() const noexcept;
+    [[nodiscard]] bool is_file() const override { return is_file_; }
+    [[nodiscard]] std::string device() const override { return device_; }
+    [[nodiscard]] std::string calibration_source() const override { return calibration_source_; }
+    [[nodiscard]] std::vector<std::string> notes() const override { return notes_; }
+    [[nodiscard]] std::uint64_t frames_expected() const override { return frames_expected_; }
+    // OpenNI2's URI of it.
+    [[nodiscard]] std::optional<std::string> usb_place() const override;
+    [[nodiscard]] LiveCounts counts() const noexcept override;
 
 private:
     [[nodiscard]] Status refuse(Status status, std::string why);
@@ -112,8 +93,7 @@ private:
     int first_width_ = 0;  // px, of the first opening
     std::uint64_t frames_expected_ = 0;
     std::int64_t due_ns_ = 0;
-    std::int64_t poll_cpu_ns_ = 0;
-    OpenNi2Counts before_;                       // of the openings before this one
+    LiveCounts before_;                          // of the openings before this one, and of poll() in this one
     std::shared_ptr<openni2::Session> session_;  // of this opening
     std::shared_ptr<void> runtime_;  // keeps OpenNI2 running between two openings: it hears what is plugged in
     std::unique_ptr<openni2::ImageConversion> conversion_;  // of this opening

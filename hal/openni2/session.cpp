@@ -7,10 +7,11 @@
 
 #include "hal/openni2/device_choice.hpp"
 #include "hal/openni2/file_care.hpp"
-#include "hal/openni2/host_clock.hpp"
 
 namespace stillmesh::openni2 {
 namespace {
+
+using live::monotonic_ns;
 
 // A file that gives nothing for so long has ended, whatever it promised.
 constexpr int kFileSilence_ms = 3000;
@@ -49,22 +50,21 @@ Status Session::record(const std::string& file) {
             recorder.attach(streams.colour) != openni::STATUS_OK) {
             break;
         }
-        const std::int64_t end_ns = clock_ns(CLOCK_MONOTONIC) + std::int64_t{kPairWait_ms} * 1'000'000;
+        const std::int64_t end_ns = monotonic_ns() + std::int64_t{kPairWait_ms} * 1'000'000;
         bool is_pair = false;
-        while (!is_pair && clock_ns(CLOCK_MONOTONIC) < end_ns) {
+        while (!is_pair && monotonic_ns() < end_ns) {
             openni::VideoStream* const ready = wait_for_image(kLiveSilence_ms);
-            is_pair = ready != nullptr && take(*ready, clock_ns(CLOCK_MONOTONIC));
+            is_pair = ready != nullptr && take_in(*ready, monotonic_ns());
         }
         if (recorder.start() != openni::STATUS_OK) break;
-        const std::int64_t next_ns = slot.taken_ns + streams.period_us * 1000 - kBeforeNext_ns;
-        if (!is_pair || clock_ns(CLOCK_MONOTONIC) < next_ns || beginnings == kBeginningsMax) return Status::kOk;
+        const std::int64_t next_ns = (is_pair ? slot->taken_ns : 0) + streams.period_us * 1000 - kBeforeNext_ns;
+        if (!is_pair || monotonic_ns() < next_ns || beginnings == kBeginningsMax) return Status::kOk;
         streams.colour.stop();
         streams.depth.stop();
         end_recording(recorder, file);
         {
             const std::lock_guard lock(mutex);
-            slot.clear();
-            pairer = Pairer(streams.period_us);
+            release_images();
             colour_index = depth_index = -1;
         }
         if (streams.depth.start() != openni::STATUS_OK || streams.colour.start() != openni::STATUS_OK) break;
@@ -87,13 +87,14 @@ void Session::open(const OpenNi2Options& options) {
         watch->uri = identity.uri;
         watch->changed = [this] {
             const std::lock_guard lock(mutex);
+            gone_why = watch->is_gone ? "unplugged" : "its driver reports an error";
             changed.notify_all();
         };
         if (!is_file) runtime->watch(watch);
         choice.status = streams.start(device, is_file, description, options, choice.message);
     }
     message = std::move(choice.message);
-    if (choice.status == Status::kOk) pairer = Pairer(streams.period_us);
+    if (choice.status == Status::kOk) begin(streams.period_us, monotonic_ns());
     if (choice.status == Status::kOk && !options.record.empty()) choice.status = record(options.record);
     status = choice.status;
 }
@@ -113,9 +114,7 @@ void Session::close() {
     {
         // Before the streams they came from are gone.
         const std::lock_guard lock(mutex);
-        slot.clear();
-        given.clear();
-        pairer = Pairer(33'333);
+        release_images();
     }
     colour.destroy();
     depth.destroy();
@@ -123,12 +122,12 @@ void Session::close() {
     if (runtime != nullptr) runtime->forget(watch);
 }
 
-bool Session::take(openni::VideoStream& stream, std::int64_t arrival_ns) {
+bool Session::take_in(openni::VideoStream& stream, std::int64_t arrival_ns) {
     openni::VideoFrameRef image;
     if (stream.readFrame(&image) != openni::STATUS_OK || !image.isValid()) return false;
     const bool is_colour = image.getSensorType() == openni::SENSOR_COLOR;
     const auto time_us = static_cast<std::int64_t>(std::min<std::uint64_t>(image.getTimestamp(), 1ULL << 52U));
-    Slot old;  // released without the lock
+    std::optional<Pair> overtaken;  // released without the lock
     const std::lock_guard lock(mutex);
     if (is_closing) return false;
     int& index = is_colour ? colour_index : depth_index;
@@ -139,35 +138,20 @@ bool Session::take(openni::VideoStream& stream, std::int64_t arrival_ns) {
         return true;
     }
     last_us = time_us;
-    (is_colour ? colour_arrival_ns : depth_arrival_ns) = arrival_ns;
     const int missing = image.getFrameIndex() - index - 1;
     if (index >= 0 && missing > 0 && missing < 1000) counts.images_missing += static_cast<std::uint64_t>(missing);
     index = image.getFrameIndex();
-    ++(is_colour ? counts.images_colour : counts.images_depth);
-    // Both streams have one clock: each image tells something about it.
-    if (!is_file) static_cast<void>(clock.host_ns(time_us, arrival_ns));
-    std::optional<Pairer::Pair> pair = is_colour ? pairer.add_colour(image, time_us) : pairer.add_depth(image, time_us);
-    if (!pair) return false;
-    if (slot.is_full) ++counts.dropped;
-    old = std::move(slot);
-    slot.colour = pair->colour;
-    slot.depth = pair->depth;
-    slot.colour_us = pair->colour_us;
-    slot.depth_us = pair->depth_us;
-    slot.taken_ns = is_file ? arrival_ns : clock.host_ns(pair->colour_us, arrival_ns);
-    slot.complete_ns = arrival_ns;
-    slot.is_full = true;
-    forecast.arrived(slot.taken_ns, arrival_ns);
-    changed.notify_all();
-    return true;
+    bool is_pair = false;
+    overtaken = add(is_colour, image, time_us, arrival_ns, is_pair);
+    return is_pair;
 }
 
 void Session::read_live() {
     std::int64_t cpu_ns = 0;
     {
-        const CpuMeter meter(cpu_ns);
+        const live::CpuMeter meter(cpu_ns);
         openni::VideoStream* const ready = wait_for_image(kLiveSilence_ms);
-        if (ready != nullptr) static_cast<void>(take(*ready, clock_ns(CLOCK_MONOTONIC)));
+        if (ready != nullptr) static_cast<void>(take_in(*ready, monotonic_ns()));
     }
     const std::lock_guard lock(mutex);
     counts.reader_cpu_ns += cpu_ns;
@@ -176,7 +160,7 @@ void Session::read_live() {
 void Session::read_file() {
     {
         std::unique_lock lock(mutex);
-        changed.wait(lock, [this] { return is_closing || (!slot.is_full && !has_ended); });
+        changed.wait(lock, [this] { return is_closing || (!slot && !has_ended); });
         if (is_closing) return;
     }
     for (std::uint32_t i = 0;; ++i) {
@@ -185,7 +169,7 @@ void Session::read_file() {
         if (has_all || i > kFileImagesMax) break;
         openni::VideoStream* const ready = wait_for_image(kFileSilence_ms);
         if (ready == nullptr) break;
-        if (take(*ready, clock_ns(CLOCK_MONOTONIC))) return;
+        if (take_in(*ready, monotonic_ns())) return;
     }
     const std::lock_guard lock(mutex);
     has_ended = true;

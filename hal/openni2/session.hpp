@@ -4,14 +4,11 @@
 
 #include <OpenNI.h>
 
-#include <condition_variable>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <string>
 
-#include "hal/live/device_clock.hpp"
-#include "hal/live/frame_pairer.hpp"
+#include "hal/live/live_session.hpp"
 #include "hal/openni2/device_choice.hpp"
 #include "hal/openni2/openni2_camera.hpp"
 #include "hal/openni2/openni2_runtime.hpp"
@@ -19,24 +16,7 @@
 
 namespace stillmesh::openni2 {
 
-// One opening of a device or file, on whatever threads. Nothing in it refers to the camera: if closing hangs, it is
-// left behind with the thread that hangs.
-struct Session {
-    using Pairer = FramePairer<openni::VideoFrameRef>;
-    struct Slot {
-        openni::VideoFrameRef colour, depth;
-        std::int64_t colour_us = 0, depth_us = 0;
-        std::int64_t taken_ns = 0;     // the colour image, on the host's clock
-        std::int64_t complete_ns = 0;  // the pair was there
-        bool is_full = false;
-
-        void clear() {
-            colour.release();
-            depth.release();
-            is_full = false;
-        }
-    };
-
+struct Session : live::LiveSession<openni::VideoFrameRef> {
     // Of the thread that serves; the camera reads it once it is opened or closed.
     std::shared_ptr<Runtime> runtime;
     openni::Device device;
@@ -48,23 +28,9 @@ struct Session {
     bool is_file = false;
     DeviceIdentity identity;  // of the camera that was opened before; then of this one
 
-    std::mutex mutex;  // of all below
-    std::condition_variable changed;
-    bool is_opened = false, is_closing = false, is_closed = false;
-    bool has_ended = false;  // the file
-    Pairer pairer{33'333};
-    Slot slot, given;
-    DeviceClock clock;
-    ArrivalForecast forecast;
-    std::int64_t time_shift_ns = 0;  // of live stamps to the time of day
-    bool has_time_shift = false;
+    bool has_ended = false;  // the file; this and all below: under the mutex
     int colour_index = -1, depth_index = -1;
     std::int64_t last_colour_us = 0, last_depth_us = 0;
-    std::int64_t colour_arrival_ns = 0, depth_arrival_ns = 0;  // of the last image of either
-    std::int64_t wrong_form_ns = 0;                            // when a pair of another form came last
-    OpenNi2Counts counts;
-
-    ~Session() = default;
 
     // Opens, reads until it is told to close, closes: all on one thread, the only one that calls OpenNI2.
     void serve(const OpenNi2Options& options);
@@ -73,7 +39,7 @@ private:
     void open(const OpenNi2Options& options);
     void close();
     // One image of either stream; true: it made a pair, which is in the slot, or it is a file's first image again.
-    bool take(openni::VideoStream& stream, std::int64_t arrival_ns);
+    bool take_in(openni::VideoStream& stream, std::int64_t arrival_ns);
     void read_live();
     void read_file();
     // One of both streams has an image within so long; null: none has.

@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
-#include <condition_variable>
-#include <ctime>
 #include <exception>
-#include <mutex>
-#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "hal/calibration/calibration.hpp"
-#include "hal/live/device_clock.hpp"
+#include "hal/live/live_session.hpp"
 #include "hal/ros2/messages.hpp"
 #include "hal/ros2/ros2_images.hpp"
 #include "hal/ros2/ros_context.hpp"
@@ -22,19 +17,12 @@
 namespace stillmesh {
 namespace {
 
+using live::monotonic_ns;
+
 constexpr std::size_t kStampsForRate = 5;
 constexpr std::int64_t kPeriodMin_us = 4'000, kPeriodMax_us = 1'000'000;
 constexpr std::int64_t kLookAround_ns = 50'000'000;  // between two looks whether to end
 constexpr RosQos kSensorData{.is_reliable = false, .depth = 4};
-
-[[nodiscard]] std::int64_t clock_ns(clockid_t clock) noexcept {
-    timespec now{};
-    static_cast<void>(::clock_gettime(clock, &now));
-    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-[[nodiscard]] std::int64_t monotonic_ns() noexcept {
-    return clock_ns(CLOCK_MONOTONIC);
-}
 
 // An image of either kind.
 struct Pixels {
@@ -124,34 +112,19 @@ private:
 
 }  // namespace
 
-struct Ros2Camera::Session {
-    using Pairer = FramePairer<Image>;
-    struct Pair {
-        Image colour, depth;
-        std::int64_t taken_ns = 0;     // the colour image, on the host's monotonic clock
-        std::int64_t complete_ns = 0;  // the pair was there
-    };
+struct Ros2Camera::Session : live::LiveSession<Image> {
     enum Stream : std::uint8_t { kColour, kDepth, kLens, kStreams };
 
     Ros2Options options;
     std::array<dds_entity_t, kStreams> readers{};
     dds_entity_t waiting = 0;
-
-    mutable std::mutex mutex;  // of all below
-    std::condition_variable changed;
-    bool is_closing = false;
-    bool has_lens = false;
-    std::string problem;  // frames came that cannot be used
+    bool has_lens = false;  // this and all below: under the mutex
+    std::string problem;    // frames came that cannot be used
     CameraInfo lens;
-    Shelf shelf;  // before whoever takes from it
-    std::optional<Pairer> pairer;
-    std::vector<std::int64_t> stamps_us;  // of colour, until the rate is known
-    std::int64_t period_us = 0;
-    Pair slot, given;
-    DeviceClock clock;
-    ArrivalForecast forecast;
+    Shelf shelf;
+    std::vector<std::int64_t> stamps_us;           // of colour, until the rate is known
+    std::int64_t period_us = 0;                    // 0: not known yet
     std::array<std::int64_t, kStreams> last_ns{};  // when one came
-    Ros2Counts counts;
     std::jthread thread;
 
     explicit Session(Ros2Options given_options) : options(std::move(given_options)) {}
@@ -161,6 +134,7 @@ struct Ros2Camera::Session {
             is_closing = true;
         }
         if (thread.joinable()) thread.join();
+        release_images();  // to a shelf that is still there
         if (waiting > 0) static_cast<void>(dds_delete(waiting));
         for (const dds_entity_t reader : readers) {
             if (reader > 0) static_cast<void>(dds_delete(reader));
@@ -192,8 +166,8 @@ struct Ros2Camera::Session {
 private:
     bool take_lens();
     bool take_image(Stream stream);
-    void add(Stream stream, Image image, std::int64_t arrival_ns);
-    void learn_rate(std::int64_t time_us);
+    void take_in(Stream stream, Image image, std::int64_t arrival_ns);
+    void learn_rate(std::int64_t time_us, std::int64_t arrival_ns);
 };
 
 bool Ros2Camera::Session::subscribe(const RosContext& context, std::string& message) {
@@ -216,7 +190,7 @@ void Ros2Camera::Session::serve() noexcept {
         static_cast<void>(dds_waitset_wait(waiting, nullptr, 0, kLookAround_ns));
         {
             const std::lock_guard lock(mutex);
-            counts.reader_cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+            counts.reader_cpu_ns = live::clock_ns(CLOCK_THREAD_CPUTIME_ID);
             if (is_closing) return;
         }
         try {
@@ -267,9 +241,9 @@ bool Ros2Camera::Session::take_image(Stream stream) {
                                            : depth_of(view_of(message), image->depth, image->units_per_m, why);
     const std::lock_guard lock(mutex);
     if (is_good && image->time_ns > 0) {
-        add(stream, std::move(image), arrival_ns);
+        take_in(stream, std::move(image), arrival_ns);
     } else {
-        ++counts.images_refused;
+        ++counts.images_unusable;
         problem = name(stream) + ": an image " + (is_good ? "has no time." : why);
     }
     changed.notify_all();
@@ -277,33 +251,26 @@ bool Ros2Camera::Session::take_image(Stream stream) {
 }
 
 // The median of some intervals, as the stamps have them: half of it is what images of a pair may lie apart.
-void Ros2Camera::Session::learn_rate(std::int64_t time_us) {
+void Ros2Camera::Session::learn_rate(std::int64_t time_us, std::int64_t arrival_ns) {
     if (stamps_us.empty() || time_us > stamps_us.back()) stamps_us.push_back(time_us);
     if (stamps_us.size() < kStampsForRate) return;
     std::array<std::int64_t, kStampsForRate - 1> intervals{};
     for (std::size_t i = 0; i + 1 < kStampsForRate; ++i) intervals[i] = stamps_us[i + 1] - stamps_us[i];
     std::sort(intervals.begin(), intervals.end());
     period_us = std::clamp(intervals[intervals.size() / 2], kPeriodMin_us, kPeriodMax_us);
-    pairer.emplace(period_us);
+    begin(period_us, arrival_ns);
 }
 
-void Ros2Camera::Session::add(Stream stream, Image image, std::int64_t arrival_ns) {
+void Ros2Camera::Session::take_in(Stream stream, Image image, std::int64_t arrival_ns) {
     last_ns[stream] = arrival_ns;
-    ++(stream == kColour ? counts.images_colour : counts.images_depth);
     const std::int64_t time_us = image->time_ns / 1000;
-    if (!pairer) {
-        if (stream == kColour) learn_rate(time_us);
+    if (period_us == 0) {
+        ++(stream == kColour ? counts.images_colour : counts.images_depth);
+        if (stream == kColour) learn_rate(time_us, arrival_ns);
         return;
     }
-    std::optional<Pairer::Pair> pair = stream == kColour ? pairer->add_colour(std::move(image), time_us)
-                                                         : pairer->add_depth(std::move(image), time_us);
-    if (!pair) return;
-    if (slot.colour != nullptr) ++counts.dropped;
-    slot.colour = std::move(pair->colour);
-    slot.depth = std::move(pair->depth);
-    slot.taken_ns = clock.host_ns(pair->colour_us, arrival_ns);
-    slot.complete_ns = arrival_ns;
-    forecast.arrived(slot.taken_ns, arrival_ns);
+    bool is_pair = false;
+    static_cast<void>(add(stream == kColour, std::move(image), time_us, arrival_ns, is_pair));
 }
 
 Ros2Camera::Ros2Camera(Ros2Options options) : options_(std::move(options)) {}
@@ -342,7 +309,7 @@ Status Ros2Camera::begin() {
     if (!session.subscribe(*context_, why)) return refuse(Status::kInvalid, why);
     std::unique_lock lock(session.mutex);
     const bool needs_lens = options_.calibration.empty();
-    const auto is_there = [&] { return session.slot.colour != nullptr && (session.has_lens || !needs_lens); };
+    const auto is_there = [&] { return session.slot && (session.has_lens || !needs_lens); };
     static_cast<void>(session.changed.wait_for(lock, std::chrono::milliseconds(options_.open_max_ms),
                                                [&] { return is_there() || !session.problem.empty(); }));
     if (!is_there()) {
@@ -358,8 +325,8 @@ Status Ros2Camera::begin() {
                       silence().empty() ? "no colour image of ROS 2 has a depth image of its time." : silence());
     }
     if (needs_lens) info_ = session.lens;
-    const Pixels& colour = *session.slot.colour;
-    const Pixels& depth = *session.slot.depth;
+    const Pixels& colour = *session.slot->colour;
+    const Pixels& depth = *session.slot->depth;
     const auto size = [](std::uint32_t width, std::uint32_t height) {
         return std::to_string(width) + "x" + std::to_string(height);
     };
@@ -382,25 +349,16 @@ Status Ros2Camera::begin() {
 
 Status Ros2Camera::poll(Frame& frame) noexcept {
     if (session_ == nullptr) return Status::kUnavailable;
-    const std::int64_t cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+    const live::CpuMeter meter(before_.poll_cpu_ns);
     Session& session = *session_;
-    bool is_empty = false;
-    {
-        const std::lock_guard lock(session.mutex);
-        is_empty = session.slot.colour == nullptr;
-        if (!is_empty) {
-            session.given = std::move(session.slot);
-            session.slot = {};
-        }
-    }
-    if (is_empty) {
+    if (session.take(message_) != Status::kOk) {
         if (session.is_matched(Session::kColour) && session.is_matched(Session::kDepth)) return Status::kTimedOut;
         return refuse(Status::kUnavailable, "nobody publishes " + session.unmatched() + " any more");
     }
     // What is given is nobody else's until the next poll.
-    const Pixels& colour = *session.given.colour;
-    const Pixels& depth = *session.given.depth;
-    due_ns_ = session.given.taken_ns;
+    const Pixels& colour = *session.given->colour;
+    const Pixels& depth = *session.given->depth;
+    due_ns_ = session.given->taken_ns;
     frame.time_ns = colour.time_ns;
     frame.depth_time_ns = depth.time_ns;
     frame.format = colour.format;
@@ -408,16 +366,11 @@ Status Ros2Camera::poll(Frame& frame) noexcept {
                     std::size_t{channels_of(colour.format)} * colour.width};
     frame.depth = {depth.depth.data(), depth.width, depth.height, depth.width};
     frame.depth_units_per_m = depth.units_per_m;
-    poll_cpu_ns_ += clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_ns;
     return Status::kOk;
 }
 
 Status Ros2Camera::wait(std::uint32_t timeout_ms) noexcept {
-    if (session_ == nullptr) return Status::kUnavailable;
-    std::unique_lock lock(session_->mutex);
-    const auto is_full = [this] { return session_->slot.colour != nullptr; };
-    return session_->changed.wait_for(lock, std::chrono::milliseconds(timeout_ms), is_full) ? Status::kOk
-                                                                                            : Status::kTimedOut;
+    return session_ != nullptr ? session_->wait(timeout_ms) : Status::kUnavailable;
 }
 
 void Ros2Camera::close() noexcept {
@@ -427,12 +380,7 @@ void Ros2Camera::close() noexcept {
 }
 
 std::int64_t Ros2Camera::next_due_ns() noexcept {
-    const std::int64_t now_ns = monotonic_ns();
-    if (session_ == nullptr) return now_ns + kPeriodMax_us;
-    const std::lock_guard lock(session_->mutex);
-    if (session_->slot.colour != nullptr) return session_->slot.complete_ns;  // it waits already
-    const std::int64_t next_ns = session_->forecast.next_ns(session_->period_us * 1000);
-    return next_ns != 0 ? next_ns : now_ns + session_->period_us * 1000;
+    return session_ != nullptr ? session_->next_due_ns(monotonic_ns()) : monotonic_ns() + period_ns();
 }
 
 std::string Ros2Camera::silence() const {
@@ -448,18 +396,18 @@ std::string Ros2Camera::silence() const {
     return quiet.empty() ? quiet : "nothing comes on " + quiet;
 }
 
-Ros2Counts Ros2Camera::counts() const noexcept {
-    Ros2Counts sum = before_;
-    sum.poll_cpu_ns = poll_cpu_ns_;
-    if (session_ == nullptr) return sum;
-    const std::lock_guard lock(session_->mutex);
-    const Ros2Counts& now = session_->counts;
-    if (session_->pairer) sum.pairing.add(session_->pairer->counts());
-    sum.images_colour += now.images_colour;
-    sum.images_depth += now.images_depth;
-    sum.images_refused += now.images_refused;
-    sum.dropped += now.dropped;
-    sum.reader_cpu_ns += now.reader_cpu_ns;
+std::string Ros2Camera::device() const {
+    return "ROS 2 topics " + options_.colour + " and " + options_.depth + ", " + std::to_string(info_.model.width) +
+           "x" + std::to_string(info_.model.height) + "@" + std::to_string(static_cast<int>(info_.frames_per_s + 0.5));
+}
+
+std::string Ros2Camera::calibration_source() const {
+    return options_.calibration.empty() ? options_.info : options_.calibration;
+}
+
+LiveCounts Ros2Camera::counts() const noexcept {
+    LiveCounts sum = before_;
+    if (session_ != nullptr) sum.add(session_->counted());
     return sum;
 }
 

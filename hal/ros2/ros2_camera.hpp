@@ -12,9 +12,7 @@
 #include <memory>
 #include <string>
 
-#include "hal/depth_camera.hpp"
-#include "hal/live/frame_pairer.hpp"
-#include "hal/live/frame_times.hpp"
+#include "hal/live/live_camera.hpp"
 
 namespace stillmesh {
 
@@ -31,21 +29,10 @@ struct Ros2Options {
     std::function<void()> thread_begins{};
 };
 
-struct Ros2Counts {
-    PairingCounts pairing;
-    std::uint64_t images_colour = 0, images_depth = 0;
-    std::uint64_t images_refused = 0;  // of another size or encoding than at first
-    std::uint64_t dropped = 0;         // pairs overtaken in the slot
-    std::int64_t reader_cpu_ns = 0;    // of the thread that reads
-    std::int64_t poll_cpu_ns = 0;      // of poll(), on the caller's thread
-};
-
-class Ros2Camera final : public DepthCamera, public FrameTimes {
+class Ros2Camera final : public LiveCamera {
 public:
     explicit Ros2Camera(Ros2Options options = {});
-    ~Ros2Camera();
-    Ros2Camera(const Ros2Camera&) = delete;
-    Ros2Camera& operator=(const Ros2Camera&) = delete;
+    ~Ros2Camera() override;
 
     // kOk; kUnavailable: nobody publishes, or no frame came in time; kInvalid: frames that cannot be used, or a wrong
     // ROS_DOMAIN_ID: message() says what to do.
@@ -58,13 +45,12 @@ public:
 
     [[nodiscard]] std::int64_t due_ns() const noexcept override { return due_ns_; }
     [[nodiscard]] std::int64_t next_due_ns() noexcept override;
-    [[nodiscard]] std::uint64_t dropped() noexcept override { return counts().dropped; }
 
-    [[nodiscard]] const std::string& message() const noexcept { return message_; }
-    // What is known of a silence: which stream it is.
-    [[nodiscard]] std::string silence() const;
-    // Over all openings.
-    [[nodiscard]] Ros2Counts counts() const noexcept;
+    [[nodiscard]] std::string message() const override { return message_; }
+    [[nodiscard]] std::string silence() const override;
+    [[nodiscard]] std::string device() const override;
+    [[nodiscard]] std::string calibration_source() const override;
+    [[nodiscard]] LiveCounts counts() const noexcept override;
 
 private:
     struct Session;  // everything that belongs to one opening
@@ -76,8 +62,7 @@ private:
     CameraInfo info_;
     std::string message_;
     std::int64_t due_ns_ = 0;
-    std::int64_t poll_cpu_ns_ = 0;
-    Ros2Counts before_;                    // of the openings before this one
+    LiveCounts before_;                    // of the openings before this one, and of poll() in this one
     std::shared_ptr<RosContext> context_;  // kept from opening to opening: it knows who is there
     std::unique_ptr<Session> session_;
 };

@@ -1,7 +1,5 @@
 #include "hal/v4l2/session.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <exception>
@@ -12,12 +10,6 @@ namespace {
 
 constexpr std::uint32_t kWait_ms = 20;  // how long closing waits for the reader
 constexpr std::uint32_t kRoundsMax = 4 * ImageStream::kBuffers;
-
-[[nodiscard]] std::int64_t thread_cpu_ns() noexcept {
-    timespec now{};
-    static_cast<void>(::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now));
-    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
 
 }  // namespace
 
@@ -32,48 +24,30 @@ void Session::open() {
         opening.close();
         return;
     }
-    pairer = Pairer(opened.period_us);
-    colour_arrival_ns = depth_arrival_ns = link->now_ns();
+    begin(opened.period_us, link->now_ns());
 }
 
-void Session::pair(std::optional<Pairer::Pair> made, std::int64_t arrival_ns) {
-    if (!made) return;
-    if (slot.is_full()) ++counts.dropped;
-    slot.colour = std::move(made->colour);
-    slot.depth = std::move(made->depth);
-    slot.colour_us = made->colour_us;
-    slot.depth_us = made->depth_us;
-    slot.taken_ns = clock.host_ns(made->colour_us, arrival_ns);
-    slot.complete_ns = arrival_ns;
-    forecast.arrived(slot.taken_ns, arrival_ns);
-    changed.notify_all();
-}
-
-bool Session::add(bool is_colour, int error, Image image, std::int64_t arrival_ns) {
+bool Session::take_in(bool is_colour, int error, Image image, std::int64_t arrival_ns) {
     counts.images_missing = opening.colour.missing() + opening.depth.missing();
-    counts.images_broken = opening.colour.broken() + opening.depth.broken();
+    counts.images_unusable = opening.colour.broken() + opening.depth.broken();
     switch (error) {
         case 0: break;
         case EAGAIN: return false;
-        case EBADMSG: broken_ns = arrival_ns; return true;
+        case EBADMSG: unusable_ns = arrival_ns; return true;
         case ENODEV: gone_why = "unplugged"; return false;
         default: gone_why = "its driver reports an error"; return false;
     }
-    (is_colour ? colour_arrival_ns : depth_arrival_ns) = arrival_ns;
-    ++(is_colour ? counts.images_colour : counts.images_depth);
     const V4l2Buffer& buffer = image.buffer();
     // A driver that stamps with a clock nobody knows says less than the moment it came.
     const std::int64_t time_us =
         buffer.is_monotonic ? std::clamp<std::int64_t>(buffer.stamp_us, 0, std::int64_t{1} << 52U) : arrival_ns / 1000;
-    // Both streams have one clock: each image tells something about it.
-    static_cast<void>(clock.host_ns(time_us, arrival_ns));
-    pair(is_colour ? pairer.add_colour(std::move(image), time_us) : pairer.add_depth(std::move(image), time_us),
-         arrival_ns);
+    bool is_pair = false;
+    static_cast<void>(add(is_colour, std::move(image), time_us, arrival_ns, is_pair));
     return true;
 }
 
 void Session::read(std::uint32_t timeout_ms) {
-    const std::int64_t cpu_ns = thread_cpu_ns();
+    const std::int64_t begin_cpu_ns = live::clock_ns(CLOCK_THREAD_CPUTIME_ID);
     const int handles[] = {opening.depth.handle(), opening.colour.handle()};
     V4l2Ready ready[2];
     const int error = link->wait(handles, timeout_ms, ready);
@@ -86,14 +60,14 @@ void Session::read(std::uint32_t timeout_ms) {
             Image image;
             const int taken = (is_colour ? opening.colour : opening.depth).take(image);
             const std::lock_guard lock(mutex);
-            has_more[is_colour] = !is_closing && add(is_colour, taken, std::move(image), arrival_ns);
+            has_more[is_colour] = !is_closing && take_in(is_colour, taken, std::move(image), arrival_ns);
         }
     }
     const bool is_broken = (ready[0].is_broken && !ready[0].has_image) || (ready[1].is_broken && !ready[1].has_image);
     const std::lock_guard lock(mutex);
     if (error == ENODEV) gone_why = "unplugged";
     if (is_broken && gone_why == nullptr) gone_why = "its driver reports an error";
-    counts.reader_cpu_ns += thread_cpu_ns() - cpu_ns;
+    counts.reader_cpu_ns += live::clock_ns(CLOCK_THREAD_CPUTIME_ID) - begin_cpu_ns;
     if (gone_why != nullptr) changed.notify_all();
 }
 
@@ -102,10 +76,7 @@ void Session::close() noexcept {
         // Images go back before their streams stop.
         const std::lock_guard lock(mutex);
         is_closing = true;
-        slot = {};
-        given = {};
-        counts.pairing.add(pairer.counts());
-        pairer = Pairer(33'333);
+        release_images();
     }
     opening.close();
 }

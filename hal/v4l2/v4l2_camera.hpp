@@ -13,9 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/depth_camera.hpp"
-#include "hal/live/frame_pairer.hpp"
-#include "hal/live/frame_times.hpp"
+#include "hal/live/live_camera.hpp"
 #include "hal/v4l2/camera_choice.hpp"
 
 namespace stillmesh {
@@ -38,22 +36,10 @@ struct V4l2Options {
     std::function<void()> thread_begins{};
 };
 
-struct V4l2Counts {
-    PairingCounts pairing;
-    std::uint64_t images_colour = 0, images_depth = 0;
-    std::uint64_t images_missing = 0;  // numbers of images that never came: lost before us
-    std::uint64_t images_broken = 0;   // damaged, or of a wrong length
-    std::uint64_t dropped = 0;         // pairs overtaken in the slot
-    std::int64_t reader_cpu_ns = 0;    // of the thread that reads
-    std::int64_t poll_cpu_ns = 0;      // of poll(), on the caller's thread
-};
-
-class V4l2Camera final : public DepthCamera, public FrameTimes {
+class V4l2Camera final : public LiveCamera {
 public:
     V4l2Camera(V4l2Options options, std::shared_ptr<V4l2Link> link);
-    ~V4l2Camera();
-    V4l2Camera(const V4l2Camera&) = delete;
-    V4l2Camera& operator=(const V4l2Camera&) = delete;
+    ~V4l2Camera() override;
 
     // kOk; kUnavailable: no such camera (now), no permission, busy, or it does not answer; kInvalid: it cannot be used:
     // message() says why. Opened again, it is the camera of before or none, in the sizes of before if it still offers
@@ -67,19 +53,15 @@ public:
 
     [[nodiscard]] std::int64_t due_ns() const noexcept override { return due_ns_; }
     [[nodiscard]] std::int64_t next_due_ns() noexcept override;
-    [[nodiscard]] std::uint64_t dropped() noexcept override { return counts().dropped; }
 
-    [[nodiscard]] const std::string& message() const noexcept { return message_; }
-    // What was found when it was opened: device, modes, registration.
-    [[nodiscard]] const std::string& device() const noexcept { return device_; }
-    // Where it is plugged in, as the kernel writes it ("2-1"); empty: no USB device, or never open.
-    [[nodiscard]] const std::string& usb_port() const noexcept { return identity_.usb_port; }
-    [[nodiscard]] const std::string& calibration_source() const noexcept { return calibration_source_; }
-    [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
-    // What is known of a silence: which of the two streams it is, or images that cannot be used. Empty: nothing.
-    [[nodiscard]] std::string silence() const;
-    // Over all openings.
-    [[nodiscard]] V4l2Counts counts() const noexcept;
+    [[nodiscard]] std::string message() const override { return message_; }
+    [[nodiscard]] std::string silence() const override;
+    [[nodiscard]] std::string device() const override { return device_; }
+    [[nodiscard]] std::string calibration_source() const override { return calibration_source_; }
+    [[nodiscard]] std::vector<std::string> notes() const override { return notes_; }
+    // As the kernel writes it: "2-1".
+    [[nodiscard]] std::optional<std::string> usb_place() const override;
+    [[nodiscard]] LiveCounts counts() const noexcept override;
 
 private:
     [[nodiscard]] Status refuse(Status status, std::string why);
@@ -96,8 +78,7 @@ private:
     v4l2::Identity identity_;
     V4l2Size depth_first_, colour_first_;  // of the first opening
     std::int64_t due_ns_ = 0;
-    std::int64_t poll_cpu_ns_ = 0;
-    V4l2Counts before_;                       // of the openings before this one
+    LiveCounts before_;                       // of the openings before this one, and of poll() in this one
     std::shared_ptr<v4l2::Session> session_;  // of this opening
     std::unique_ptr<v4l2::FrameConversion> conversion_;
 };

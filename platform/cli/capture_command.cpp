@@ -32,12 +32,12 @@ int capture_command(const CaptureArguments& arguments) {
     reconnect.sleep_until_ns = sleep_until_ns;
     reconnect.source_message = [&live] { return live->message(); };
     reconnect.silence = [&live] { return live->silence(); };
-    reconnect.reset = [&live] { return live->reset(); };
-    reconnect.times = &live->times();
+    reconnect.reset = [&live] { return reset_live_camera(*live); };
+    reconnect.times = live.get();
     reconnect.is_live = !live->is_file();
-    ReconnectingCamera lasting(live->camera(), reconnect);
+    ReconnectingCamera lasting(*live, reconnect);
     // An .oni file is one opening of one device: it ends when the device goes.
-    DepthCamera& camera = is_oni ? live->camera() : lasting;
+    DepthCamera& camera = is_oni ? static_cast<DepthCamera&>(*live) : lasting;
     if (open_live_camera(
             camera, [&live] { return live->message(); }, arguments.does_wait, message) != Status::kOk) {
         if (stop_signal() != 0) return 128 + stop_signal();
@@ -82,8 +82,8 @@ int capture_command(const CaptureArguments& arguments) {
         }
     }
     CameraRecord record;
-    live->account(record);
-    const std::uint64_t dropped = live->times().dropped();
+    account_live_camera(live->counts(), record);
+    const std::uint64_t dropped = live->dropped();
     camera.close();
     if (const std::string problem = writer.close(); !problem.empty()) {
         complain(problem);

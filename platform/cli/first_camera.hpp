@@ -3,14 +3,15 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "platform/cli/live_camera.hpp"
+#include "hal/live/live_camera.hpp"
 
 namespace stillmesh {
 
-class FirstLiveCamera final : public LiveCamera, private DepthCamera, private FrameTimes {
+class FirstLiveCamera final : public LiveCamera {
 public:
     struct Candidate {
         std::string driver;  // as in a sentence: "OpenNI2"
@@ -19,28 +20,26 @@ public:
     // At least one.
     explicit FirstLiveCamera(std::vector<Candidate> candidates);
 
-    DepthCamera& camera() override { return *this; }
-    FrameTimes& times() override { return *this; }
-    std::string message() const override { return message_; }
-    std::string silence() const override { return has_chosen_ ? chosen().silence() : std::string(); }
-    bool is_file() const override { return false; }
-    std::string device() const override { return chosen().device(); }
-    std::string calibration_source() const override { return chosen().calibration_source(); }
-    std::vector<std::string> notes() const override { return chosen().notes(); }
-    std::uint64_t frames_expected() const override { return 0; }
-    void account(CameraRecord& record) const override { chosen().account(record); }
-    bool reset() override { return has_chosen_ && chosen().reset(); }
+    [[nodiscard]] Status open() noexcept override;
+    [[nodiscard]] const CameraInfo& info() const noexcept override { return chosen().info(); }
+    [[nodiscard]] Status poll(Frame& frame) noexcept override;
+    [[nodiscard]] Status wait(std::uint32_t timeout_ms) noexcept override { return chosen().wait(timeout_ms); }
+    void close() noexcept override { chosen().close(); }
+
+    [[nodiscard]] std::int64_t due_ns() const noexcept override { return chosen().due_ns(); }
+    [[nodiscard]] std::int64_t next_due_ns() noexcept override { return chosen().next_due_ns(); }
+
+    [[nodiscard]] std::string message() const override { return message_; }
+    [[nodiscard]] std::string silence() const override { return chosen().silence(); }
+    [[nodiscard]] std::string device() const override { return chosen().device(); }
+    [[nodiscard]] std::string calibration_source() const override { return chosen().calibration_source(); }
+    [[nodiscard]] std::vector<std::string> notes() const override { return chosen().notes(); }
+    [[nodiscard]] std::optional<std::string> usb_place() const override {
+        return has_chosen_ ? chosen().usb_place() : std::nullopt;
+    }
+    [[nodiscard]] LiveCounts counts() const noexcept override { return chosen().counts(); }
 
 private:
-    [[nodiscard]] Status open() noexcept override;
-    [[nodiscard]] const CameraInfo& info() const noexcept override { return chosen().camera().info(); }
-    [[nodiscard]] Status poll(Frame& frame) noexcept override;
-    [[nodiscard]] Status wait(std::uint32_t timeout_ms) noexcept override { return chosen().camera().wait(timeout_ms); }
-    void close() noexcept override { chosen().camera().close(); }
-    [[nodiscard]] std::int64_t due_ns() const noexcept override { return chosen().times().due_ns(); }
-    [[nodiscard]] std::int64_t next_due_ns() noexcept override { return chosen().times().next_due_ns(); }
-    [[nodiscard]] std::uint64_t dropped() noexcept override { return chosen().times().dropped(); }
-
     // The one that was opened last, or the first.
     [[nodiscard]] LiveCamera& chosen() const noexcept { return *candidates_[chosen_].camera; }
 

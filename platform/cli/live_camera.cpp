@@ -32,91 +32,7 @@ namespace {
 // Different reasons why a camera that is waited for does not open, that are told.
 constexpr std::size_t kReasonsMax = 16;
 
-#if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_V4L2) || \
-    defined(STILLMESH_HAS_ROS2)
-// What all drivers count.
-template <typename Counts>
-void account_pairs(const Counts& counts, CameraRecord& record) {
-    const PairingCounts& pairing = counts.pairing;
-    record.pairs = pairing.pairs;
-    record.colour_alone = pairing.colour_alone;
-    record.depth_alone = pairing.depth_alone;
-    record.lag_mean_ms = pairing.lag_mean_ms();
-    record.lag_min_ms = static_cast<double>(pairing.lag_min_us) * 1e-3;
-    record.lag_max_ms = static_cast<double>(pairing.lag_max_us) * 1e-3;
-    if (pairing.pairs > 0) {
-        record.layer_cpu_ms =
-            static_cast<double>(counts.reader_cpu_ns + counts.poll_cpu_ns) * 1e-6 / static_cast<double>(pairing.pairs);
-    }
-}
-#endif
-
-#ifdef STILLMESH_HAS_OPENNI2
-class OpenNi2LiveCamera final : public LiveCamera {
-public:
-    explicit OpenNi2LiveCamera(OpenNi2Options options) : camera_(std::move(options)) {}
-
-    DepthCamera& camera() override { return camera_; }
-    FrameTimes& times() override { return camera_; }
-    std::string message() const override { return camera_.message(); }
-    std::string silence() const override { return camera_.silence(); }
-    bool is_file() const override { return camera_.is_file(); }
-    std::string device() const override { return camera_.device(); }
-    std::string calibration_source() const override { return camera_.calibration_source(); }
-    std::vector<std::string> notes() const override { return camera_.notes(); }
-    std::uint64_t frames_expected() const override { return camera_.frames_expected(); }
-    void account(CameraRecord& record) const override {
-        const OpenNi2Counts counts = camera_.counts();
-        account_pairs(counts, record);
-        record.images_missing = counts.images_missing;
-    }
-
-#ifdef STILLMESH_HAS_USB
-    bool reset() override {
-        if (camera_.uri().empty()) return false;
-        LibusbLink link;
-        std::string message;
-        return reset_camera(link, camera_.uri(), message) == UsbStatus::kOk;
-    }
-#endif
-
-private:
-    OpenNi2Camera camera_;
-};
-#endif
-
 #ifdef STILLMESH_HAS_FREENECT
-class FreenectLiveCamera final : public LiveCamera {
-public:
-    explicit FreenectLiveCamera(FreenectOptions options)
-        : calibration_(options.calibration), camera_(std::move(options)) {}
-
-    DepthCamera& camera() override { return camera_; }
-    FrameTimes& times() override { return camera_; }
-    std::string message() const override { return camera_.message(); }
-    bool is_file() const override { return false; }
-    std::string device() const override {
-        return std::string("Kinect, 640x480@30, depth registered ") +
-               (camera_.is_registered_by_driver() ? "by libfreenect" : "here");
-    }
-    std::string calibration_source() const override { return calibration_; }
-    std::vector<std::string> notes() const override { return {}; }
-    std::uint64_t frames_expected() const override { return 0; }
-    void account(CameraRecord& record) const override { account_pairs(camera_.counts(), record); }
-
-#ifdef STILLMESH_HAS_USB
-    bool reset() override {
-        LibusbLink link;
-        std::string message;
-        return reset_camera(link, "", message) == UsbStatus::kOk;  // the only camera there is
-    }
-#endif
-
-private:
-    std::string calibration_;
-    FreenectCamera camera_;
-};
-
 [[nodiscard]] std::unique_ptr<LiveCamera> make_freenect(const LiveCameraOptions& options, const std::string& device,
                                                         std::string& message) {
     FreenectOptions freenect;
@@ -139,38 +55,11 @@ private:
     }
     if (!options.calibration.empty()) freenect.calibration = options.calibration;
     if (options.is_realtime) freenect.thread_begins = become_realtime_reader;
-    return std::make_unique<FreenectLiveCamera>(std::move(freenect));
+    return std::make_unique<FreenectCamera>(std::move(freenect));
 }
 #endif
 
 #ifdef STILLMESH_HAS_ROS2
-class Ros2LiveCamera final : public LiveCamera {
-public:
-    explicit Ros2LiveCamera(Ros2Options options) : options_(options), camera_(std::move(options)) {}
-
-    DepthCamera& camera() override { return camera_; }
-    FrameTimes& times() override { return camera_; }
-    std::string message() const override { return camera_.message(); }
-    std::string silence() const override { return camera_.silence(); }
-    bool is_file() const override { return false; }
-    std::string device() const override {
-        const CameraInfo& info = camera_.info();
-        return "ROS 2 topics " + options_.colour + " and " + options_.depth + ", " + std::to_string(info.model.width) +
-               "x" + std::to_string(info.model.height) + "@" +
-               std::to_string(static_cast<int>(info.frames_per_s + 0.5));
-    }
-    std::string calibration_source() const override {
-        return options_.calibration.empty() ? options_.info : options_.calibration;
-    }
-    std::vector<std::string> notes() const override { return {}; }
-    std::uint64_t frames_expected() const override { return 0; }
-    void account(CameraRecord& record) const override { account_pairs(camera_.counts(), record); }
-
-private:
-    Ros2Options options_;
-    Ros2Camera camera_;
-};
-
 [[nodiscard]] std::unique_ptr<LiveCamera> make_ros2(const LiveCameraOptions& options, const std::string& device,
                                                     std::string& message) {
     Ros2Options ros2;
@@ -190,43 +79,11 @@ private:
     }
     ros2.calibration = options.calibration;
     if (options.is_realtime) ros2.thread_begins = become_realtime_reader;
-    return std::make_unique<Ros2LiveCamera>(std::move(ros2));
+    return std::make_unique<Ros2Camera>(std::move(ros2));
 }
 #endif
 
 #ifdef STILLMESH_HAS_V4L2
-class V4l2LiveCamera final : public LiveCamera {
-public:
-    explicit V4l2LiveCamera(V4l2Options options) : camera_(std::move(options), std::make_shared<KernelV4l2Link>()) {}
-
-    DepthCamera& camera() override { return camera_; }
-    FrameTimes& times() override { return camera_; }
-    std::string message() const override { return camera_.message(); }
-    std::string silence() const override { return camera_.silence(); }
-    bool is_file() const override { return false; }
-    std::string device() const override { return camera_.device(); }
-    std::string calibration_source() const override { return camera_.calibration_source(); }
-    std::vector<std::string> notes() const override { return camera_.notes(); }
-    std::uint64_t frames_expected() const override { return 0; }
-    void account(CameraRecord& record) const override {
-        const V4l2Counts counts = camera_.counts();
-        account_pairs(counts, record);
-        record.images_missing = counts.images_missing + counts.images_broken;
-    }
-
-#ifdef STILLMESH_HAS_USB
-    bool reset() override {
-        if (camera_.usb_port().empty()) return false;
-        LibusbLink link;
-        std::string message;
-        return reset_camera(link, camera_.usb_port(), message) == UsbStatus::kOk;
-    }
-#endif
-
-private:
-    V4l2Camera camera_;
-};
-
 [[nodiscard]] std::unique_ptr<LiveCamera> make_v4l2(const LiveCameraOptions& options, const std::string& device,
                                                     std::string& message) {
     if (!options.record.empty()) {
@@ -241,7 +98,7 @@ private:
     v4l2.is_exposure_fixed = options.exposure == "fixed";
     v4l2.is_registered = options.registration == "none";
     if (options.is_realtime) v4l2.thread_begins = become_realtime_reader;
-    return std::make_unique<V4l2LiveCamera>(std::move(v4l2));
+    return std::make_unique<V4l2Camera>(std::move(v4l2), std::make_shared<KernelV4l2Link>());
 }
 #endif
 
@@ -258,7 +115,7 @@ private:
                                                             : Registration::kAuto;
     openni2.record = options.record;
     if (options.is_realtime) openni2.thread_begins = become_realtime_reader;
-    return std::make_unique<OpenNi2LiveCamera>(std::move(openni2));
+    return std::make_unique<OpenNi2Camera>(std::move(openni2));
 }
 #endif
 
@@ -315,6 +172,32 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
     if (candidates.empty()) return nullptr;
     if (candidates.size() == 1) return std::move(candidates.front().camera);
     return std::make_unique<FirstLiveCamera>(std::move(candidates));
+}
+
+bool reset_live_camera([[maybe_unused]] const LiveCamera& camera) {
+#ifdef STILLMESH_HAS_USB
+    if (const std::optional<std::string> place = camera.usb_place()) {
+        LibusbLink link;
+        std::string message;
+        return reset_camera(link, *place, message) == UsbStatus::kOk;
+    }
+#endif
+    return false;
+}
+
+void account_live_camera(const LiveCounts& counts, CameraRecord& record) {
+    const PairingCounts& pairing = counts.pairing;
+    record.pairs = pairing.pairs;
+    record.colour_alone = pairing.colour_alone;
+    record.depth_alone = pairing.depth_alone;
+    record.images_missing = counts.images_missing + counts.images_unusable;
+    record.lag_mean_ms = pairing.lag_mean_ms();
+    record.lag_min_ms = static_cast<double>(pairing.lag_min_us) * 1e-3;
+    record.lag_max_ms = static_cast<double>(pairing.lag_max_us) * 1e-3;
+    if (pairing.pairs > 0) {
+        record.layer_cpu_ms =
+            static_cast<double>(counts.reader_cpu_ns + counts.poll_cpu_ns) * 1e-6 / static_cast<double>(pairing.pairs);
+    }
 }
 
 Status open_live_camera(DepthCamera& camera, const std::function<std::string()>& camera_message, bool does_wait,

@@ -1,13 +1,11 @@
-// A camera that is plugged in, or a file of one, behind one face: what `--camera` names, whichever library drives it.
+// The camera that `--camera` names: made, opened, reset, and what it counted on record.
 #pragma once
 
 #include <functional>
 #include <memory>
 #include <string>
-#include <vector>
 
-#include "hal/depth_camera.hpp"
-#include "hal/live/frame_times.hpp"
+#include "hal/live/live_camera.hpp"
 #include "platform/report/run_record.hpp"
 
 namespace stillmesh {
@@ -25,30 +23,14 @@ struct LiveCameraOptions {
     bool is_realtime = false;           // its threads go before ordinary ones, where that is granted
 };
 
-class LiveCamera {
-public:
-    virtual ~LiveCamera() = default;
-    [[nodiscard]] virtual DepthCamera& camera() = 0;
-    [[nodiscard]] virtual FrameTimes& times() = 0;
-    // Why the last call failed.
-    [[nodiscard]] virtual std::string message() const = 0;
-    // What is known of a silence, such as which stream it is; empty: nothing.
-    [[nodiscard]] virtual std::string silence() const { return {}; }
-    // A recording: every frame in order, as fast as it is asked for.
-    [[nodiscard]] virtual bool is_file() const = 0;
-    // Once it is open:
-    [[nodiscard]] virtual std::string device() const = 0;
-    [[nodiscard]] virtual std::string calibration_source() const = 0;
-    [[nodiscard]] virtual std::vector<std::string> notes() const = 0;
-    [[nodiscard]] virtual std::uint64_t frames_expected() const = 0;  // 0: unknown
-    // What it counted.
-    virtual void account(CameraRecord& record) const = 0;
-    // Brings a stalled device back to its senses; false: nothing can be done here.
-    [[nodiscard]] virtual bool reset() { return false; }
-};
-
 // null: the name is not understood, or what it needs is not in this build; `message` says what to do.
 [[nodiscard]] std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, std::string& message);
+
+// Brings a stalled device back to its senses, as pulling its plug would; false: nothing can be done here.
+[[nodiscard]] bool reset_live_camera(const LiveCamera& camera);
+
+// What it counted.
+void account_live_camera(const LiveCounts& counts, CameraRecord& record);
 
 // Opens it; with `does_wait` until there is one, or a stop signal. kUnavailable, kInvalid: `message` says why.
 [[nodiscard]] Status open_live_camera(DepthCamera& camera, const std::function<std::string()>& camera_message,

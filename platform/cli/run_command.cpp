@@ -387,13 +387,13 @@ int live(const RunArguments& arguments) {
     if (camera == nullptr) return refuse(message);
     catch_stop_signals();
     RunRecord record;
-    Source source{.camera = camera->camera(),
+    Source source{.camera = *camera,
                   .message = [&camera] { return camera->message(); },
                   .frames = 0,
-                  .times = camera->is_file() ? nullptr : &camera->times(),
+                  .times = camera->is_file() ? nullptr : camera.get(),
                   .news = {},
                   .silence = [&camera] { return camera->silence(); },
-                  .account = [&camera](RunRecord& r) { camera->account(r.camera); }};
+                  .account = [&camera](RunRecord& r) { account_live_camera(camera->counts(), r.camera); }};
     const auto tracked = [&](const Source& open_source, RunRecord& r) {
         r.input = camera->is_file() ? camera->device() : "live: " + camera->device();
         r.camera.device = camera->device();
@@ -406,9 +406,9 @@ int live(const RunArguments& arguments) {
     };
     if (!camera->is_file() || !arguments.inject.empty()) {
         return keep_alive(
-            source, false, [&camera] { return camera->reset(); }, arguments, record, tracked);
+            source, false, [&camera] { return reset_live_camera(*camera); }, arguments, record, tracked);
     }
-    if (camera->camera().open() != Status::kOk) return refuse(camera->message());
+    if (camera->open() != Status::kOk) return refuse(camera->message());
     return tracked(source, record);
 }
 

@@ -186,7 +186,7 @@ TEST(Fakenect, PlaysARecording) {
         EXPECT_TRUE(row[outside] == 0 || row[outside] > 2900) << i << " at " << edge << ": " << row[outside];
     }
     EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), 10.0);
-    const FreenectCounts counts = camera.counts();
+    const LiveCounts counts = camera.counts();
     EXPECT_EQ(counts.images_colour, kFrames);
     EXPECT_EQ(counts.images_depth, kFrames - 2);
     EXPECT_EQ(counts.pairing.pairs, kFrames - 2);

@@ -8,34 +8,31 @@
 namespace stillmesh {
 namespace {
 
-class FakeCamera final : public LiveCamera, private DepthCamera, private FrameTimes {
+class FakeCamera final : public LiveCamera {
 public:
     explicit FakeCamera(std::string name) : name_(std::move(name)) {}
 
     Status answer = Status::kUnavailable;
     int openings = 0, closings = 0;
 
-    DepthCamera& camera() override { return *this; }
-    FrameTimes& times() override { return *this; }
-    std::string message() const override { return name_ + " has none."; }
-    bool is_file() const override { return false; }
-    std::string device() const override { return name_; }
-    std::string calibration_source() const override { return {}; }
-    std::vector<std::string> notes() const override { return {}; }
-    std::uint64_t frames_expected() const override { return 0; }
-    void account(CameraRecord& record) const override { record.pairs = 7; }
-    bool reset() override { return true; }
-
-private:
     Status open() noexcept override {
         ++openings;
         return answer;
     }
     const CameraInfo& info() const noexcept override { return info_; }
     Status poll(Frame&) noexcept override { return answer; }
-    Status wait(std::uint32_t) noexcept override { return Status::kOk; }
     void close() noexcept override { ++closings; }
+    std::string message() const override { return name_ + " has none."; }
+    std::string device() const override { return name_; }
+    std::string calibration_source() const override { return {}; }
+    std::optional<std::string> usb_place() const override { return name_; }
+    LiveCounts counts() const noexcept override {
+        LiveCounts counts;
+        counts.pairing.pairs = 7;
+        return counts;
+    }
 
+private:
     std::string name_;
     CameraInfo info_;
 };
@@ -59,11 +56,11 @@ struct Rig {
 // Promise: where none opens, what each found is said; one that may come is waited for, unless another is broken.
 TEST(FirstCamera, SaysWhatEachFound) {
     Rig rig;
-    EXPECT_EQ(rig.camera->camera().open(), Status::kUnavailable);
+    EXPECT_EQ(rig.camera->open(), Status::kUnavailable);
     EXPECT_EQ(rig.camera->message(), "A: one has none.\n  B: two has none.");
-    EXPECT_FALSE(rig.camera->reset());
+    EXPECT_EQ(rig.camera->usb_place(), std::nullopt) << "whose plug would be pulled?";
     rig.first->answer = Status::kInvalid;
-    EXPECT_EQ(rig.camera->camera().open(), Status::kInvalid);
+    EXPECT_EQ(rig.camera->open(), Status::kInvalid);
     EXPECT_EQ(rig.first->closings, 2);
 }
 
@@ -71,19 +68,17 @@ TEST(FirstCamera, SaysWhatEachFound) {
 TEST(FirstCamera, StaysWithTheFirst) {
     Rig rig;
     rig.second->answer = Status::kOk;
-    ASSERT_EQ(rig.camera->camera().open(), Status::kOk);
+    ASSERT_EQ(rig.camera->open(), Status::kOk);
     EXPECT_EQ(rig.camera->device(), "two");
-    CameraRecord record;
-    rig.camera->account(record);
-    EXPECT_EQ(record.pairs, 7U);
-    EXPECT_TRUE(rig.camera->reset());
+    EXPECT_EQ(rig.camera->counts().pairing.pairs, 7U);
+    EXPECT_EQ(rig.camera->usb_place(), "two");
     rig.first->answer = Status::kOk;
     rig.second->answer = Status::kUnavailable;
     Frame frame;
-    EXPECT_EQ(rig.camera->camera().poll(frame), Status::kUnavailable);
+    EXPECT_EQ(rig.camera->poll(frame), Status::kUnavailable);
     EXPECT_EQ(rig.camera->message(), "two has none.");
-    rig.camera->camera().close();
-    EXPECT_EQ(rig.camera->camera().open(), Status::kUnavailable);
+    rig.camera->close();
+    EXPECT_EQ(rig.camera->open(), Status::kUnavailable);
     EXPECT_EQ(rig.first->openings, 1);
     EXPECT_EQ(rig.camera->device(), "two");
 }

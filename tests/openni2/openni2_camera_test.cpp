@@ -166,7 +166,7 @@ TEST(OpenNi2Camera, ComesBackAsItself) {
         rig.camera(0).address = 7;
         rig.camera(0).is_plugged = 1;
         ASSERT_TRUE(within(2000, [&] { return camera.open() == Status::kOk; })) << camera.message();
-        EXPECT_EQ(camera.uri(), "1d27/0601@1/7");
+        EXPECT_EQ(camera.usb_place(), "1d27/0601@1/7");
         EXPECT_TRUE(within(2000, [&] { return camera.poll(frame) == Status::kOk; }));
         camera.close();
         if (!has_serial) {  // two of its kind, and nothing tells them apart
@@ -336,7 +336,7 @@ TEST(OpenNi2Camera, PairsSurviveLostImages) {
         EXPECT_EQ(frame.depth_time_ns - frame.time_ns, 9'000'000);
         EXPECT_GE(rendered_index(rig, frame), 0);
     }
-    const OpenNi2Counts counts = camera.counts();
+    const LiveCounts counts = camera.counts();
     EXPECT_GT(counts.pairing.colour_alone, 3U);
     EXPECT_GT(counts.pairing.depth_alone, 3U);
     EXPECT_GT(counts.images_missing, 6U) << "the driver's numbers say so";

@@ -179,7 +179,7 @@ TEST(Ros2Camera, EveryPixelComesAsItWasSent) {
             EXPECT_LE(camera.due_ns(), test::now_ns());
             return ++frames == 20 || testing::Test::HasFailure();
         }));
-        EXPECT_EQ(camera.counts().images_refused, 0U);
+        EXPECT_EQ(camera.counts().images_unusable, 0U);
     }
 }
 

@@ -156,7 +156,7 @@ TEST(V4l2Camera, PairsAreOfOneInstant) {
             }
             last = number;
         }
-        const V4l2Counts counts = rig.camera->counts();
+        const LiveCounts counts = rig.camera->counts();
         EXPECT_EQ(counts.dropped, 0U);
         EXPECT_EQ(counts.pairing.lag_max_us, -static_cast<std::int64_t>(delay_us));
     }
@@ -194,7 +194,7 @@ TEST(V4l2Camera, BrokenImagesAreDropped) {
             node->*fault = 1;
             ASSERT_EQ(rig.next(frame), Status::kOk);
             EXPECT_EQ(depth_number(frame), before + 2);
-            EXPECT_EQ(rig.camera->counts().images_broken, ++broken);
+            EXPECT_EQ(rig.camera->counts().images_unusable, ++broken);
         }
     }
     EXPECT_EQ(rig.camera->silence(), "images come, but damaged or cut off");
@@ -222,7 +222,7 @@ TEST(V4l2Camera, UnplugAndReplug) {
     Frame frame;
     ASSERT_EQ(rig.next(frame), Status::kOk);
     rig.device->unplug();
-    EXPECT_EQ(rig.camera->wait(1000), Status::kOk);
+    EXPECT_EQ(rig.camera->wait(1000), Status::kUnavailable);
     ASSERT_EQ(rig.next(frame), Status::kUnavailable);
     EXPECT_EQ(rig.camera->message(), "unplugged");
     EXPECT_EQ(rig.camera->open(), Status::kUnavailable);
