@@ -8,153 +8,12 @@
 #include <vector>
 
 #include "hal/calibration/calibration.hpp"
+#include "hal/calibration/key_names.hpp"
 #include "hal/calibration/lens_names.hpp"
 
 namespace stillmesh {
+namespace camera_keys {
 namespace {
-
-// The numbers of a camera, in the order of kNumbers below.
-enum Number : std::size_t {
-    kWidth,
-    kHeight,
-    kFx,
-    kFy,
-    kCx,
-    kCy,
-    kK1,
-    kK2,
-    kP1,
-    kP2,
-    kK3,
-    kK4,
-    kK5,
-    kK6,
-    kDepthUnits,
-    kFps,
-    kReadout,
-    kNumbersCount
-};
-
-constexpr double kSizeMax = 4096;        // what may be halved; the engine takes less
-constexpr double kFocalMax = 20000;      // px
-constexpr double kReadoutMax_s = 0.1;    // three frames of a usual camera
-constexpr double kDistortionMax = 1000;  // a real lens stays far below; the engine checks the shape itself
-
-struct NumberKind {
-    std::string_view name;  // ours
-    double min;
-    double max;
-};
-// Focal lengths have a lower bound above 0, the factor one that a 16-bit image can use at all.
-constexpr std::array<NumberKind, kNumbersCount> kNumbers = {{{"width", 1, kSizeMax},
-                                                             {"height", 1, kSizeMax},
-                                                             {"fx", 1, kFocalMax},
-                                                             {"fy", 1, kFocalMax},
-                                                             {"cx", -kSizeMax, 2 * kSizeMax},
-                                                             {"cy", -kSizeMax, 2 * kSizeMax},
-                                                             {"k1", -kDistortionMax, kDistortionMax},
-                                                             {"k2", -kDistortionMax, kDistortionMax},
-                                                             {"p1", -kDistortionMax, kDistortionMax},
-                                                             {"p2", -kDistortionMax, kDistortionMax},
-                                                             {"k3", -kDistortionMax, kDistortionMax},
-                                                             {"k4", -kDistortionMax, kDistortionMax},
-                                                             {"k5", -kDistortionMax, kDistortionMax},
-                                                             {"k6", -kDistortionMax, kDistortionMax},
-                                                             {"depth_units_per_m", 100, 100000},
-                                                             {"frames_per_s", 0.1, 1000},
-                                                             {"readout_s", 0, kReadoutMax_s}}};
-
-struct Alias {
-    std::string_view key;
-    Number number;
-};
-constexpr Alias kAliases[] = {{"image_width", kWidth},
-                              {"image_height", kHeight},
-                              {"cols", kWidth},
-                              {"rows", kHeight},
-                              {"W", kWidth},
-                              {"H", kHeight},
-                              {"w", kWidth},
-                              {"h", kHeight},
-                              {"fu", kFx},
-                              {"fv", kFy},
-                              {"cu", kCx},
-                              {"cv", kCy},
-                              {"fl_x", kFx},
-                              {"fl_y", kFy},
-                              {"ppx", kCx},
-                              {"ppy", kCy},
-                              {"fps", kFps},
-                              {"rate_hz", kFps}};
-// Of the depth images: many files have them beside the camera, not in it.
-constexpr std::string_view kDepthKeys[] = {"depth_units_per_m", "DepthMapFactor",  "RGBD.DepthMapFactor",
-                                           "depthmap_factor",   "png_depth_scale", "depth_factor"};
-constexpr std::string_view kDepthScaleKeys[] = {"depth_scale", "depth_unit"};
-constexpr std::string_view kMatrixKeys[] = {"K", "k", "camera_matrix", "intrinsic_matrix", "intrinsic"};
-constexpr std::string_view kIntrinsicsKeys[] = {"intrinsics"};
-constexpr std::string_view kCoefficientKeys[] = {"D",           "d",     "distortion_coefficients", "distortion_coeffs",
-                                                 "dist_coeffs", "coeffs"};
-constexpr std::string_view kSizeKeys[] = {"resolution", "image_size"};
-constexpr std::string_view kLensKeys[] = {"lens", "distortion_model", "camera_model", "model", "type"};
-constexpr std::string_view kScaledInputKeys[] = {"newWidth", "newHeight", "imageScale", "new_width", "new_height"};
-constexpr std::string_view kBinningKeys[] = {"binning_x", "binning_y", "roi.x_offset", "roi.y_offset"};
-// Of the Camera section of ORB-SLAM and stella_vslam, about other things than the lens.
-constexpr std::string_view kOtherCameraKeys[] = {"bf",
-                                                 "RGB",
-                                                 "name",
-                                                 "setup",
-                                                 "color_order",
-                                                 "focal_x_baseline",
-                                                 "depth_threshold",
-                                                 "overlappingBegin",
-                                                 "overlappingEnd",
-                                                 "lappingBegin",
-                                                 "lappingEnd"};
-
-template <typename List>
-[[nodiscard]] bool holds(const List& list, std::string_view key) {
-    return std::find(std::begin(list), std::end(list), key) != std::end(list);
-}
-// `camera_matrix` as OpenCV writes it is a map with `data`.
-[[nodiscard]] std::string_view without_data(std::string_view key) {
-    return key.ends_with(".data") ? key.substr(0, key.size() - 5) : key;
-}
-[[nodiscard]] std::optional<Number> number_named(std::string_view key) {
-    for (std::size_t i = 0; i < kDepthUnits; ++i) {
-        if (kNumbers[i].name == key) return static_cast<Number>(i);
-    }
-    for (const Alias& alias : kAliases) {
-        if (alias.key == key) return alias.number;
-    }
-    if (key == kNumbers[kFps].name) return kFps;
-    if (key == kNumbers[kReadout].name) return kReadout;
-    return std::nullopt;
-}
-// What a file must have to be of a camera at all.
-[[nodiscard]] bool is_core(std::string_view key) {
-    const std::string_view plain = without_data(key);
-    const auto number = number_named(key);
-    return (number && *number >= kFx && *number <= kCy) || holds(kMatrixKeys, plain) || holds(kIntrinsicsKeys, plain);
-}
-
-[[nodiscard]] std::string number_text(double value) {
-    std::array<char, 64> buffer{};
-    const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
-    return error == std::errc() ? std::string(buffer.data(), end) : std::string("?");
-}
-[[nodiscard]] std::string quoted(std::string_view text) {
-    return "'" + std::string(text.substr(0, 80)) + "'";
-}
-[[nodiscard]] std::string lower(std::string_view text) {
-    std::string out(text);
-    for (char& c : out) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
-    return out;
-}
-[[nodiscard]] bool names_colour(std::string_view text) {
-    const std::string name = lower(text);
-    return name.find("color") != std::string::npos || name.find("colour") != std::string::npos ||
-           name.find("rgb") != std::string::npos;
-}
 
 // Reads the entries of one camera.
 class CameraReader {
@@ -619,9 +478,10 @@ Status CameraReader::finish(CameraInfo& info) {
 }
 
 }  // namespace
+}  // namespace camera_keys
 
 Status camera_of_entries(const CameraFile& file, std::string& prefix, CameraInfo& info, std::string& message) {
-    return CameraReader(file, message).read(prefix, info);
+    return camera_keys::CameraReader(file, message).read(prefix, info);
 }
 
 }  // namespace stillmesh
