@@ -14,6 +14,7 @@
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/map_command.hpp"
+#include "platform/cli/publish_options.hpp"
 #include "platform/cli/rerun_command.hpp"
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
@@ -23,7 +24,6 @@
 #include "platform/linux/memory_reserve.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/text_output.hpp"
-#include "platform/ros2/ros_frames.hpp"
 
 namespace stillmesh {
 namespace {
@@ -81,42 +81,6 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
         ->check(CLI::IsMember({"auto", "here", "none"}).description(""))
         ->type_name("NAME")
         ->group(group);
-}
-
-void add_ros_options(CLI::App& app, RosOptions& options) {
-    constexpr const char* kGroup = "ROS 2 (--publish ros2)";
-    CLI::Option* const publish =
-        app.add_option_function<std::string>(
-               "--publish", [&options](const std::string&) { options.is_on = true; },
-               "ros2: poses, path, map points and diagnostics as topics of ROS 2, which need not be installed; "
-               "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY count (docs/ros2.md)")
-            ->check(CLI::IsMember({"ros2"}).description(""))
-            ->type_name("ros2")
-            ->group(kGroup);
-    app.add_option_function<std::string>(
-           "--base-from-camera",
-           [&options](const std::string& text) {
-               if (!parse_pose(text, options.base_from_camera_link)) {
-                   throw CLI::ValidationError("--base-from-camera " + text,
-                                              "give x,y,z (m) or x,y,z,qx,qy,qz,qw: where the camera is on the robot");
-               }
-           },
-           "where the camera is on the robot, base_link from camera_link (x forward, y left, z up); 0,0,0 if not given")
-        ->type_name("X,Y,Z[,QX,QY,QZ,QW]")
-        ->needs(publish)
-        ->group(kGroup);
-    app.add_option("--ros-namespace", options.name_space, "of /odom and /stillmesh/..., such as robot1")
-        ->type_name("NAME")
-        ->needs(publish)
-        ->group(kGroup);
-    app.add_option("--ros-frame-prefix", options.frame_prefix, "of map, odom, base_link and the camera's, as robot1/")
-        ->type_name("TEXT")
-        ->needs(publish)
-        ->group(kGroup);
-    app.add_flag("--tf,!--no-tf", options.has_tf,
-                 "/tf and /tf_static (the default); --no-tf where another program says where base_link is")
-        ->needs(publish)
-        ->group(kGroup);
 }
 
 void add_depth_units_option(CLI::App& app, double& depth_units_per_m, const char* group) {
@@ -259,7 +223,7 @@ int program(int argc, char** argv) {
         ->type_name("DEST")
         ->allow_extra_args(false)
         ->group("What comes out");
-    add_ros_options(*run_app, arguments.loop.ros);
+    add_publish_options(*run_app, arguments.loop.ros, arguments.loop.mavlink);
     run_app
         ->add_flag("--append", arguments.loop.adds_to_trajectory,
                    "with --trajectory and --poses: added to what is there")

@@ -1,5 +1,5 @@
-// `--poses` and `--publish`: each pose with its trust, and what happens to the camera, as lines of JSON to any number
-// of readers and as messages of ROS 2.
+// `--poses`, `--publish` and `--mavlink`: each pose with its trust, and what happens to the camera, as lines of JSON to
+// any number of readers, as messages of ROS 2 and for an autopilot.
 #pragma once
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "platform/cli/session.hpp"
+#include "platform/mavlink/mavlink_output.hpp"
 #include "platform/poses/line_outputs.hpp"
 #include "platform/poses/pose_line.hpp"
 #include "platform/report/run_record.hpp"
@@ -32,8 +33,8 @@ public:
         }
         return true;
     }
-    [[nodiscard]] bool publish(const RosOptions& options, std::string& message) {
-        return !options.is_on || ros_.open(options, message);
+    [[nodiscard]] bool publish(const RosOptions& ros, const MavlinkOptions& mavlink, std::string& message) {
+        return mavlink_.open(mavlink, message) && (!ros.is_on || ros_.open(ros, message));
     }
     // Where somebody wants the map's points; nullptr: nobody does.
     [[nodiscard]] MapPoints* points() { return ros_.points(); }
@@ -67,6 +68,7 @@ public:
     // Ends what is sent by a thread of its own.
     void account(RunRecord& record) {
         if (std::string problem = ros_.close(); !problem.empty()) record.problems.push_back(std::move(problem));
+        if (std::string problem = mavlink_.problem(); !problem.empty()) record.problems.push_back(std::move(problem));
         for (const auto& output : outputs_) {
             if (std::string problem = output->problem(); !problem.empty())
                 record.problems.push_back(std::move(problem));
@@ -76,6 +78,7 @@ public:
 private:
     [[nodiscard]] std::string write_pose() {
         std::string said = ros_.frame(last_);
+        if (std::string sentence = mavlink_.frame(last_); !sentence.empty()) said = std::move(sentence);
         if (outputs_.empty()) return said;
         lines_.pose(last_, line_);
         return write(std::move(said));
@@ -89,6 +92,7 @@ private:
 
     std::vector<std::unique_ptr<LineOutput>> outputs_;
     RosPublisher ros_;
+    MavlinkOutput mavlink_;
     PoseLines lines_;
     std::string line_;  // keeps its memory from frame to frame
     PoseReport last_;

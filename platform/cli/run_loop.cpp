@@ -70,7 +70,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     if (options.trajectory == "-") trajectory.wait_for_reader(patience_ms);
     PoseOutputs poses;
     const LineOutputOptions pose_options{options.adds_to_trajectory, options.trajectory_bytes_max, patience_ms};
-    if (!poses.publish(options.ros, message) || !poses.open(options.poses, pose_options, message) ||
+    if (!poses.publish(options.ros, options.mavlink, message) || !poses.open(options.poses, pose_options, message) ||
         !session.show_points(poses.points(), message)) {
         return give_up(kExitUsage);
     }

@@ -11,6 +11,7 @@
 #include "hal/live/frame_times.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/session.hpp"
+#include "platform/mavlink/mavlink_output.hpp"
 #include "platform/record/frame_folder_writer.hpp"
 #include "platform/ros2/ros_publisher.hpp"
 #include "platform/view/view_feed.hpp"
@@ -26,6 +27,7 @@ struct RunLoopOptions {
     std::uint64_t trajectory_bytes_max = 0;  // beyond, it becomes FILE.1 and begins anew; 0: no limit
     std::vector<std::string> poses;          // destinations of poses with their trust; files as the trajectory's
     RosOptions ros;                          // the same as messages of ROS 2
+    MavlinkOptions mavlink;                  // and for an autopilot
     std::string trajectory_final;            // file; empty: none
     std::string state_hashes;                // file, a line per frame; empty: none
     std::uint64_t frames_max = 0;            // 0: all

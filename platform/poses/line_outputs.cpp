@@ -51,21 +51,22 @@ private:
 // What somebody has lost.
 class Losses {
 public:
-    explicit Losses(std::string name) : name_(std::move(name)) {}
+    Losses(const std::string& name, const LineOutputOptions& options)
+        : name_(std::string(options.option) + " " + name), what_(options.what) {}
     // What to say: of the first.
-    [[nodiscard]] std::string add(std::uint64_t lines, const std::string& why) {
+    [[nodiscard]] std::string add(std::uint64_t lines, const char* why) {
         lost_ += lines;
         if (!first_why_.empty()) return {};
         first_why_ = why;
-        return "--poses " + name_ + ": " + why + "; the run goes on without these lines.";
+        return name_ + ": " + why + "; the run goes on without these " + what_ + ".";
     }
     [[nodiscard]] std::string problem() const {
         if (lost_ == 0) return {};
-        return "--poses " + name_ + ": " + first_why_ + "; " + std::to_string(lost_) + " lines were lost.";
+        return name_ + ": " + first_why_ + "; " + std::to_string(lost_) + " " + what_ + " were lost.";
     }
 
 private:
-    std::string name_, first_why_;
+    std::string name_, what_, first_why_;
     std::uint64_t lost_ = 0;
 };
 
@@ -87,7 +88,7 @@ private:
 
 class DatagramOutput final : public LineOutput {
 public:
-    explicit DatagramOutput(const std::string& name) : losses_(name) {}
+    DatagramOutput(const std::string& name, const LineOutputOptions& options) : losses_(name, options) {}
     void connect(Descriptor socket) { socket_ = std::move(socket); }
     std::string write(std::string_view lines) override {
         if (::send(socket_.get(), lines.data(), lines.size(), MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return {};
@@ -106,8 +107,8 @@ private:
 class ReadersOutput final : public LineOutput {
 public:
     // `path`: of a socket in the file system, to be taken away at the end; empty: none.
-    ReadersOutput(const std::string& name, Descriptor listening, std::string path)
-        : listening_(std::move(listening)), path_(std::move(path)), losses_(name) {
+    ReadersOutput(const std::string& name, const LineOutputOptions& options, Descriptor listening, std::string path)
+        : listening_(std::move(listening)), path_(std::move(path)), losses_(name, options) {
         for (Reader& reader : readers_) reader.pending.reserve(kPendingBytesMax);
     }
     ~ReadersOutput() override {
@@ -223,7 +224,8 @@ struct Addresses {
     return false;
 }
 
-[[nodiscard]] std::unique_ptr<LineOutput> open_datagrams(const std::string& name, std::string& why) {
+[[nodiscard]] std::unique_ptr<LineOutput> open_datagrams(const std::string& name, const LineOutputOptions& options,
+                                                         std::string& why) {
     Addresses found;
     if (!find_addresses(std::string_view(name).substr(4), SOCK_DGRAM, found, why)) return nullptr;
     for (const addrinfo* at = found.first; at != nullptr; at = at->ai_next) {
@@ -232,14 +234,15 @@ struct Addresses {
             why = std::string(std::strerror(errno)) + "; is the network there?";
             continue;
         }
-        auto output = std::make_unique<DatagramOutput>(name);
+        auto output = std::make_unique<DatagramOutput>(name, options);
         output->connect(std::move(socket));
         return output;
     }
     return nullptr;
 }
 
-[[nodiscard]] std::unique_ptr<LineOutput> open_tcp(const std::string& name, std::string& why) {
+[[nodiscard]] std::unique_ptr<LineOutput> open_tcp(const std::string& name, const LineOutputOptions& options,
+                                                   std::string& why) {
     Addresses found;
     if (!find_addresses(std::string_view(name).substr(4), SOCK_STREAM, found, why)) return nullptr;
     for (const addrinfo* at = found.first; at != nullptr; at = at->ai_next) {
@@ -248,14 +251,15 @@ struct Addresses {
         if (socket.is_open() && ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
             ::bind(socket.get(), at->ai_addr, at->ai_addrlen) == 0 &&
             ::listen(socket.get(), static_cast<int>(kReadersMax)) == 0) {
-            return std::make_unique<ReadersOutput>(name, std::move(socket), "");
+            return std::make_unique<ReadersOutput>(name, options, std::move(socket), "");
         }
         why = std::string(std::strerror(errno)) + "; give another port.";
     }
     return nullptr;
 }
 
-[[nodiscard]] std::unique_ptr<LineOutput> open_unix(const std::string& name, std::string& why) {
+[[nodiscard]] std::unique_ptr<LineOutput> open_unix(const std::string& name, const LineOutputOptions& options,
+                                                    std::string& why) {
     const std::string path = name.substr(5);
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
@@ -285,7 +289,7 @@ struct Addresses {
         why = std::string(std::strerror(errno)) + "; give another path.";
         return nullptr;
     }
-    return std::make_unique<ReadersOutput>(name, std::move(socket), path);
+    return std::make_unique<ReadersOutput>(name, options, std::move(socket), path);
 }
 
 }  // namespace
@@ -299,17 +303,17 @@ std::unique_ptr<LineOutput> open_line_output(const std::string& destination, con
     std::string why;
     std::unique_ptr<LineOutput> output;
     if (destination.starts_with("udp:")) {
-        output = open_datagrams(destination, why);
+        output = open_datagrams(destination, options, why);
     } else if (destination.starts_with("tcp:")) {
-        output = open_tcp(destination, why);
+        output = open_tcp(destination, options, why);
     } else if (destination.starts_with("unix:")) {
-        output = open_unix(destination, why);
+        output = open_unix(destination, options, why);
     } else {
         auto file = std::make_unique<FileOutput>();
         if (file->open(destination, options, message)) return file;
         return nullptr;
     }
-    if (output == nullptr) message = "--poses " + destination + ": " + why;
+    if (output == nullptr) message = std::string(options.option) + " " + destination + ": " + why;
     return output;
 }
 

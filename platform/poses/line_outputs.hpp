@@ -39,9 +39,11 @@ inline constexpr std::size_t kReadersMax = 8;
 inline constexpr std::size_t kPendingBytesMax = 16384;  // of a line that a reader has taken in part
 
 struct LineOutputOptions {
-    bool is_added_to = false;     // files: to what is there
-    std::uint64_t bytes_max = 0;  // files: beyond, FILE becomes FILE.1
-    int patience_ms = 0;          // for the reader of standard output
+    bool is_added_to = false;        // files: to what is there
+    std::uint64_t bytes_max = 0;     // files: beyond, FILE becomes FILE.1
+    int patience_ms = 0;             // for the reader of standard output
+    const char* option = "--poses";  // that asked for it, and what it writes: in what is said of sockets
+    const char* what = "lines";
 };
 
 // null: `message` says why. Nothing that is there is replaced but a file, and the socket of a run that has ended.

@@ -19,8 +19,8 @@ constexpr long kFrom = 40, kTo = 100;
     const test::HeapTrace trace(STILLMESH_HEAP_TRACE_MODULE, scratch.path("heap"), kFrom, kTo);
     test::Program run(STILLMESH_PROGRAM, "",
                       "run " + arguments + " --frames 105 --limits pocket --json --trajectory " +
-                          scratch.path("path.txt") + " --poses " + scratch.path("poses.jsonl") +
-                          " --poses unix:" + scratch.path("poses.sock"),
+                          scratch.path("path.txt") + " --poses " + scratch.path("poses.jsonl") + " --poses unix:" +
+                          scratch.path("poses.sock") + " --mavlink udp:127.0.0.1:9",  // nobody listens
                       scratch);
     EXPECT_GE(run.wait(120'000), 0) << run.err();
     return trace.calls();

@@ -1,0 +1,85 @@
+// The options of `run` that give poses to a robot: by ROS 2 and by MAVLink. Read once, at the start.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <map>
+#include <string>
+
+#include "platform/mavlink/mavlink_output.hpp"
+#include "platform/ros2/ros_frames.hpp"
+#include "platform/ros2/ros_publisher.hpp"
+
+namespace stillmesh {
+
+inline void add_ros_options(CLI::App& app, RosOptions& options) {
+    constexpr const char* kGroup = "ROS 2 (--publish ros2)";
+    CLI::Option* const publish =
+        app.add_option_function<std::string>(
+               "--publish", [&options](const std::string&) { options.is_on = true; },
+               "ros2: poses, path, map points and diagnostics as topics of ROS 2, which need not be installed; "
+               "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY count (docs/ros2.md)")
+            ->check(CLI::IsMember({"ros2"}).description(""))
+            ->type_name("ros2")
+            ->group(kGroup);
+    app.add_option("--ros-namespace", options.name_space, "of /odom and /stillmesh/..., such as robot1")
+        ->type_name("NAME")
+        ->needs(publish)
+        ->group(kGroup);
+    app.add_option("--ros-frame-prefix", options.frame_prefix, "of map, odom, base_link and the camera's, as robot1/")
+        ->type_name("TEXT")
+        ->needs(publish)
+        ->group(kGroup);
+    app.add_flag("--tf,!--no-tf", options.has_tf,
+                 "/tf and /tf_static (the default); --no-tf where another program says where base_link is")
+        ->needs(publish)
+        ->group(kGroup);
+}
+
+inline void add_mavlink_options(CLI::App& app, MavlinkOptions& options) {
+    constexpr const char* kGroup = "MAVLink (--mavlink)";
+    CLI::Option* const mavlink =
+        app.add_option("--mavlink", options.destination,
+                       "poses for an autopilot (PX4, ArduPilot), MAVLink 2 in datagrams (docs/mavlink.md)")
+            ->type_name("udp:HOST:PORT")
+            ->group(kGroup);
+    app.add_option("--mavlink-message", options.message,
+                   "odometry (default: ODOMETRY, with velocity) or vision (VISION_POSITION_ESTIMATE)")
+        ->transform(
+            CLI::CheckedTransformer(std::map<std::string, MavlinkMessage>{{"odometry", MavlinkMessage::kOdometry},
+                                                                          {"vision", MavlinkMessage::kVision}})
+                .description(""))
+        ->type_name("NAME")
+        ->needs(mavlink)
+        ->group(kGroup);
+    app.add_option("--mavlink-system", options.system, "the vehicle's number, its MAV_SYS_ID or SYSID_THISMAV (1)")
+        ->check(CLI::Range(1, 255).description(""))
+        ->type_name("N")
+        ->needs(mavlink)
+        ->group(kGroup);
+}
+
+inline void add_publish_options(CLI::App& app, RosOptions& ros, MavlinkOptions& mavlink) {
+    add_ros_options(app, ros);
+    add_mavlink_options(app, mavlink);
+    CLI::Option* const base =
+        app.add_option_function<std::string>(
+               "--base-from-camera",
+               [&ros, &mavlink](const std::string& text) {
+                   if (!parse_pose(text, ros.base_from_camera_link)) {
+                       throw CLI::ValidationError(
+                           "--base-from-camera " + text,
+                           "give x,y,z (m) or x,y,z,qx,qy,qz,qw: where the camera is on the robot");
+                   }
+                   mavlink.base_from_camera_link = ros.base_from_camera_link;
+               },
+               "where the camera is on the robot, base_link from camera_link (x forward, y left, z up); 0,0,0 if not "
+               "given")
+            ->type_name("X,Y,Z[,QX,QY,QZ,QW]")
+            ->group("ROS 2 (--publish ros2)");
+    app.parse_complete_callback([base, &ros, &mavlink] {
+        if (base->count() > 0 && !ros.is_on && mavlink.destination.empty())
+            throw CLI::RequiresError("--base-from-camera", "--publish or --mavlink");
+    });
+}
+
+}  // namespace stillmesh
