@@ -351,16 +351,6 @@ public:
         return &engine_->features();
     }
 
-    void draw(MeshSnapshot& snapshot) override {
-        const TrackingView view = engine_->tracking_view();
-        for (const TrackedEdge& edge : view.edges) {
-            snapshot.edges.push_back({edge.x0, edge.y0, edge.x1, edge.y1, edge.is_kept});
-        }
-        for (const TrackedFeature& feature : view.features) {
-            if (feature.is_matched) snapshot.points.push_back({feature.x, feature.y, feature.group, feature.is_static});
-        }
-    }
-
     bool look(SessionLook& look, std::span<KeyframePose> keyframes) override {
         look.tracking = engine_->tracking_view();
         for (std::size_t i = 0; i < kStages; ++i) look.stage_ms[i] = static_cast<float>(spent_ns_[i]) * 1e-6F;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/geometry/lens.hpp"
 
@@ -56,10 +57,15 @@ void copy_mesh(const TrackingView& view, ViewSnapshot& to) {
     }
 }
 
+[[nodiscard]] RigidTransform pose_of(const SessionFrame& out) {
+    const TrajectoryPose& pose = out.world_from_camera;
+    return {{pose.q[0], pose.q[1], pose.q[2], pose.q[3]}, {pose.t[0], pose.t[1], pose.t[2]}};
+}
+
 }  // namespace
 
-LiveView::LiveView(ViewFeed* feed, const CameraModel& camera, std::int64_t frame_period_ns)
-    : feed_(feed), camera_(camera), budget_ms_(static_cast<float>(frame_period_ns) * 1e-6F) {}
+LiveView::LiveView(ViewFeed* feed, RunFilm* film, const CameraModel& camera, std::int64_t frame_period_ns)
+    : feed_(feed), film_(film), camera_(camera), budget_ms_(static_cast<float>(frame_period_ns) * 1e-6F) {}
 
 void LiveView::fill(const Moment& moment, const Frame& frame, ViewSnapshot& to) const {
     to.frame = moment.frame;
@@ -72,18 +78,12 @@ void LiveView::fill(const Moment& moment, const Frame& frame, ViewSnapshot& to) 
 
 void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFrame& out, TrackingSession& session) {
     if (feed_ == nullptr) return;
+    last_time_ns_ = frame.time_ns;
+    keep_place(frame, out);
     const bool is_due = feed_->is_due(moment.now_ns);
-    const bool has_pose = out.state != PoseState::kNone;
-    const RigidTransform pose = {{out.world_from_camera.q[0], out.world_from_camera.q[1], out.world_from_camera.q[2],
-                                  out.world_from_camera.q[3]},
-                                 {out.world_from_camera.t[0], out.world_from_camera.t[1], out.world_from_camera.t[2]}};
-    if (has_pose) {
-        feed_->place(frame.time_ns,
-                     {static_cast<float>(pose.translation_m[0]), static_cast<float>(pose.translation_m[1]),
-                      static_cast<float>(pose.translation_m[2]), static_cast<float>(out.state)});
-    }
+    const bool is_picture = film_ != nullptr && film_->wants_picture();
     const bool is_keyframe = out.statistics.is_keyframe && out.state == PoseState::kTracked;
-    if (!is_due && !is_keyframe) return;
+    if (!is_due && !is_keyframe && film_ == nullptr) return;
     ViewSnapshot& to = feed_->draft();
     if (is_due) to.keyframes.resize(kViewKeyframesMax);
     if (!session.look(look_, is_due ? std::span(to.keyframes) : std::span<KeyframePose>())) look_ = {};
@@ -91,13 +91,17 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
         cloud_.keyframe = out.statistics.frame;
         keep_cloud(frame, look_);
     }
+    if (is_due || is_picture) {
+        fill(moment, frame, to);
+        copy_mesh(look_.tracking, to);
+    }
+    if (is_picture) film_->take(to);
+    if (film_ != nullptr) keep_on_film(moment, frame, out);
     if (!is_due) return;
-    fill(moment, frame, to);
     to.state = out.state;
     to.reason = out.state != out.estimate.state ? "camera fault" : unsure_reason_name(out.unsure);
-    to.map_from_camera = pose;
+    to.map_from_camera = pose_of(out);
     to.keyframes.resize(look_.keyframes_written);
-    copy_mesh(look_.tracking, to);
     to.statistics = out.statistics;
     to.stage_ms = look_.stage_ms;
     to.keyframe_pool = look_.keyframes;
@@ -106,16 +110,76 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
     feed_->hand_over();
 }
 
+void LiveView::keep_place(const Frame& frame, const SessionFrame& out) {
+    const bool has_pose = out.state != PoseState::kNone;
+    if (has_pose) {
+        const auto& t = out.world_from_camera.t;
+        const float state = static_cast<float>(out.state) + (had_pose_ ? 0.0F : kViewPlaceGap);
+        feed_->place(frame.time_ns,
+                     {static_cast<float>(t[0]), static_cast<float>(t[1]), static_cast<float>(t[2]), state});
+    }
+    had_pose_ = has_pose;
+}
+
+void LiveView::keep_on_film(const Moment& moment, const Frame& frame, const SessionFrame& out) {
+    FilmFrame kept;
+    kept.time_ns = frame.time_ns;
+    kept.number = static_cast<std::uint32_t>(moment.frame);
+    kept.ms = moment.frame_ms;
+    kept.features = out.features;
+    kept.static_features = out.static_features;
+    kept.moving_features = out.dynamic_features;
+    kept.map = static_cast<std::uint16_t>(moment.map);
+    kept.state = out.state;
+    const bool is_camera_fault = out.state != out.estimate.state;
+    kept.reason = is_camera_fault ? kFilmCameraFault : static_cast<std::uint8_t>(out.unsure);
+    for (std::size_t i = 0; i < 3; ++i) kept.pose[i] = static_cast<float>(out.world_from_camera.t[i]);
+    for (std::size_t i = 0; i < 4; ++i) kept.pose[3 + i] = static_cast<float>(out.world_from_camera.q[i]);
+    kept.stage_ms = look_.stage_ms;
+    film_->add(kept);
+}
+
 void LiveView::no_pose(const Moment& moment, const Frame& frame, const char* reason) {
-    if (feed_ == nullptr || !feed_->is_due(moment.now_ns)) return;
+    if (feed_ == nullptr) return;
+    last_time_ns_ = frame.time_ns;
+    had_pose_ = false;
+    const bool is_picture = film_ != nullptr && film_->wants_picture();
+    const bool is_due = feed_->is_due(moment.now_ns);
+    if (is_due || is_picture) {
+        fill(moment, frame, feed_->draft());
+        copy_mesh({}, feed_->draft());
+    }
+    if (is_picture) film_->take(feed_->draft());
+    if (film_ != nullptr) {
+        FilmFrame kept;
+        kept.time_ns = frame.time_ns;
+        kept.number = static_cast<std::uint32_t>(moment.frame);
+        kept.map = static_cast<std::uint16_t>(moment.map);
+        kept.reason = kFilmOldPictures;
+        film_->add(kept);
+    }
+    if (!is_due) return;
     ViewSnapshot& to = feed_->draft();
-    fill(moment, frame, to);
     to.state = PoseState::kNone;
     to.reason = reason;
-    copy_mesh({}, to);
     to.statistics = {};
     to.stage_ms = {};
     feed_->hand_over();
+}
+
+void LiveView::finish(TrackingSession& session) {
+    if (film_ == nullptr) return;
+    std::vector<KeyframePose> keyframes(kViewKeyframesMax);
+    SessionLook look;
+    keyframes.resize(session.look(look, keyframes) ? look.keyframes_written : 0);
+    std::vector<ViewCloud> clouds;
+    ViewCursor cursor;
+    ViewNews news;
+    do {
+        feed_->look(cursor, news);
+        clouds.insert(clouds.end(), news.clouds.begin(), news.clouds.end());
+    } while (news.clouds.size() == kViewCloudsAtOnce);
+    film_->finish(std::move(keyframes), std::move(clouds));
 }
 
 // What stood still, spread over the image as the features are, with the depth right below them.

@@ -15,6 +15,7 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/map_command.hpp"
 #include "platform/cli/publish_options.hpp"
+#include "platform/cli/report_command.hpp"
 #include "platform/cli/rerun_command.hpp"
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
@@ -30,7 +31,6 @@ namespace {
 
 // Switches that are planned and have nothing behind them yet: known, so that the answer is a sentence.
 constexpr const char* kLaterOptions[] = {"--cloud"};
-constexpr const char* kLaterCommands[][2] = {{"report", "compare runs"}};
 
 constexpr const char* kDirtHelp =
     "of a simulation: what cameras, hands and rooms do, 0 off, 1 ordinary; 'stillmesh simulate --help' lists";
@@ -206,9 +206,7 @@ int program(int argc, char** argv) {
                      "unless an address is given, as 0.0.0.0:8080; port 0: any that is free (docs/view.md)")
         ->type_name("[ADDRESS:]PORT")
         ->group("What comes out");
-    run_app->add_option("--report", arguments.report, "a page to look at: DIR/index.html")
-        ->type_name("DIR")
-        ->group("What comes out");
+    add_report_options(*run_app, arguments.report, arguments.report_frames);
     run_app
         ->add_option(
             "--trajectory", arguments.loop.trajectory,
@@ -524,11 +522,8 @@ int program(int argc, char** argv) {
         "Coordinates: m, in the frame of the first camera, x right, y down, z forward.\n"
         "Exit codes: 0 done; 1 could not be written; 2 no map, or bad usage.");
 
-    std::vector<CLI::App*> later_commands;
-    for (const auto& [name, sentence] : kLaterCommands) {
-        later_commands.push_back(app.add_subcommand(name, std::string(sentence) + " (not in this build)"));
-        later_commands.back()->allow_extras();
-    }
+    ReportArguments compared;
+    CLI::App* const report_app = add_report_command(app, compared);
 
     try {
         app.parse(argc, argv);
@@ -560,9 +555,6 @@ int program(int argc, char** argv) {
             }
         }
     }
-    for (const CLI::App* const command : later_commands) {
-        if (command->parsed()) return refuse("the command '" + command->get_name() + "' is not in this build.");
-    }
     if (!later.empty()) return refuse(later.front() + " is not in this build.");
     if (eval_command->parsed()) return eval(truth_file, trajectory_file, is_eval_json);
     if (rerun_command->parsed()) return stillmesh::rerun_command(rerun);
@@ -579,6 +571,7 @@ int program(int argc, char** argv) {
     if (train_command->parsed()) return vocabulary_train_command(training);
     if (map_info->parsed()) return map_info_command(map_export.file, is_map_json);
     if (map_out->parsed()) return map_export_command(map_export);
+    if (report_app->parsed()) return stillmesh::report_command(compared);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
     std::string command = "stillmesh";
     for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];

@@ -137,9 +137,11 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     catch_stop_signals();
     catch_reopen_signal();
     std::unique_ptr<ViewFeed> feed;
+    std::unique_ptr<RunFilm> film;
+    if (!arguments.report.empty()) film = std::make_unique<RunFilm>(arguments.report_frames);
+    if (film != nullptr || !arguments.view.empty()) feed = std::make_unique<ViewFeed>();
     std::unique_ptr<ViewServer> view;  // before become_realtime(): its threads are ordinary ones
     if (!arguments.view.empty()) {
-        feed = std::make_unique<ViewFeed>();
         view = open_view_server(arguments.view, *feed, message);
         if (view == nullptr) return refuse(message);
         write_standard_error(std::string(log_prefix(LogLevel::kNotice)) + view->sentence() + "\n");
@@ -151,9 +153,9 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     loop.new_map_after_ns = nanoseconds(arguments.new_map_when_lost_s);
     const bool ends_earlier = loop.frames_max > 0 && (loop.frames_max < source.frames || source.frames == 0);
     loop.frames_expected = ends_earlier ? loop.frames_max : source.frames;
-    loop.snapshots_max = arguments.report.empty() ? 0 : 6;
-    // 64 bytes a frame, for the error and the report only.
-    loop.keep_trajectory = !arguments.report.empty() || !record.truth.empty() || !arguments.simulate.empty();
+    // 64 bytes a frame, for the error only.
+    loop.keep_trajectory = !record.truth.empty() || !arguments.simulate.empty();
+    loop.film = film.get();
     loop.view = feed.get();
     loop.camera = camera.info().model;
     loop.show_progress = !arguments.is_json;
@@ -203,7 +205,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     std::string report;
     if (!arguments.report.empty()) {
         report = arguments.report + "/index.html";
-        if (!write_report(record, report, message)) {
+        if (!write_report(record, *film, report, message)) {
             record.problems.push_back(message);
             report.clear();
             if (code == kExitDone) code = kExitFailed;

@@ -23,14 +23,15 @@ struct RunArguments {
     std::string odometry;              // file; empty: the folder's own, if it has one; "none": none
     std::string gyroscope;             // likewise
     MotionErrors motion_errors;
-    LiveCameraOptions live;          // its calibration is `calibration`
-    std::string inject;              // a seed for faults; empty: none
-    std::string calibration;         // file or name; empty: the folder's own
-    std::string report;              // folder; empty: none
-    std::string record_frames;       // folder; empty: none
-    std::string map;                 // to go on in if it is there, and to write; empty: none
-    double new_map_when_lost_s = 0;  // 0: never
-    std::string command;             // as it was typed
+    LiveCameraOptions live;                              // its calibration is `calibration`
+    std::string inject;                                  // a seed for faults; empty: none
+    std::string calibration;                             // file or name; empty: the folder's own
+    std::string report;                                  // folder; empty: none
+    std::uint32_t report_frames = kFilmPicturesDefault;  // pictures in it, at most
+    std::string record_frames;                           // folder; empty: none
+    std::string map;                                     // to go on in if it is there, and to write; empty: none
+    double new_map_when_lost_s = 0;                      // 0: never
+    std::string command;                                 // as it was typed
     SessionOptions session;
     RunLoopOptions loop;
     std::string view;  // [ADDRESS:]PORT where a page shows the run; empty: none

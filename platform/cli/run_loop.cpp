@@ -17,7 +17,6 @@
 #include "platform/cli/maps_of_run.hpp"
 #include "platform/cli/pose_outputs.hpp"
 #include "platform/cli/progress.hpp"
-#include "platform/cli/snapshot_keeper.hpp"
 #include "platform/cli/stream_log.hpp"
 #include "platform/linux/memory_reserve.hpp"
 #include "platform/linux/process.hpp"
@@ -81,7 +80,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     ServiceNotifier service;
     service.ready();
     ProgressLine progress(options.show_progress, options.frames_expected);
-    LiveView view(options.view, options.camera, options.frame_period_ns);
+    LiveView view(options.view, options.film, options.camera, options.frame_period_ns);
     // What cannot be written ends nothing: it is said once, counted, and the run fails when it is over.
     const auto say = [&progress, &view](const std::string& sentence) {
         if (sentence.empty()) return;
@@ -100,7 +99,6 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     };
     put(trajectory, kHeader);
     std::string line;  // keeps its memory from frame to frame
-    SnapshotKeeper snapshots(options.snapshots_max);
     LossWatch loss(options, session);
     MapsOfRun maps;
     StreamLog streams;
@@ -205,7 +203,6 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         say(poses.pose(record.frames_total, maps.count(), out));
         watch.frame(camera, frame, session);
         for (std::string sentence = watch.news(); !sentence.empty(); sentence = watch.news()) tell(sentence);
-        snapshots.frame(record.frames_total, frame, out, session);
         view.frame({record.frames_total, maps.count(), end_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F}, frame,
                    out, session);
         session.work(options.times != nullptr ? std::optional(options.times->next_due_ns()) : std::nullopt, out);
@@ -244,7 +241,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
     progress.finish();
     record.wall_seconds = static_cast<double>(monotonic_ns() - wall_begin_ns) * 1e-9;
     record.cpu_seconds = cpu_seconds() - cpu_begin;
-    record.snapshots = snapshots.finish();
+    view.finish(session);
     maps.finish(record, given.size());
     const std::size_t problems = record.problems.size();
     for (const CountedLines* const lines : {&trajectory, &hashes}) {

@@ -13,6 +13,7 @@
 #include "platform/cli/session.hpp"
 #include "platform/mavlink/mavlink_output.hpp"
 #include "platform/record/frame_folder_writer.hpp"
+#include "platform/report/run_film.hpp"
 #include "platform/ros2/ros_publisher.hpp"
 #include "platform/view/view_feed.hpp"
 
@@ -32,7 +33,6 @@ struct RunLoopOptions {
     std::string state_hashes;                // file, a line per frame; empty: none
     std::uint64_t frames_max = 0;            // 0: all
     std::uint64_t frames_expected = 0;       // 0: unknown; only for the progress
-    std::uint32_t snapshots_max = 0;         // meshes kept for a report
     bool keep_trajectory = false;            // in record.estimate
     bool show_progress = true;
     bool checks_camera = false;            // while a fault of calibration or streams holds, nothing is `tracked`
@@ -42,7 +42,8 @@ struct RunLoopOptions {
     FrameFolderWriter* frames = nullptr;   // where every frame is written to, if anywhere
     std::int64_t frame_period_ns = 0;      // of the camera; longer from frame to pose is a deadline missed; 0: unknown
     std::int64_t new_map_after_ns = 0;     // lost for so long, another map is begun; 0: never
-    ViewFeed* view = nullptr;              // for a page that looks on; null: none
+    ViewFeed* view = nullptr;              // for a page that looks on, or a report; null: neither
+    RunFilm* film = nullptr;               // for a report; null: none
     CameraModel camera;                    // for the view
     bool begins_in_map = false;            // in one that was read
     DepthRange depth_range;                // that the engine uses

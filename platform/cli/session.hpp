@@ -84,8 +84,6 @@ public:
     [[nodiscard]] virtual std::string begin_new_map() { return {}; }
     // What should outlive the program is saved, without asking for memory: there is none.
     virtual void rescue() {}
-    // What the last frame's mesh was, without the picture.
-    virtual void draw(MeshSnapshot& snapshot) = 0;
     // The last frame's mesh and times, the pools, and as many keyframes as there is room for. Changes nothing, calls no
     // heap. False: there is nothing to be seen.
     [[nodiscard]] virtual bool look(SessionLook& look, std::span<KeyframePose> keyframes) {

@@ -23,27 +23,6 @@ struct FrameRecord {
     UnsureReason unsure = UnsureReason::kNone;
 };
 
-// One mesh as it lay over one image, for the report.
-struct MeshSnapshot {
-    struct Edge {
-        float x0, y0, x1, y1;  // px
-        bool is_kept;
-    };
-    struct Point {
-        float x, y;          // px
-        std::int32_t group;  // -1: in none
-        bool is_static;      // in the chosen group
-    };
-    std::uint64_t frame = 0;
-    std::int64_t time_ns = 0;
-    PoseState state = PoseState::kNone;
-    std::uint32_t width = 0, height = 0;
-    std::vector<std::uint8_t> grey_png;
-    std::vector<Edge> edges;
-    std::vector<Point> points;
-    float dynamic_share = 0;
-};
-
 struct StageRecord {
     std::string name;
     Percentiles ms;
@@ -144,7 +123,6 @@ struct RunRecord {
     Trajectory truth;           // empty: unknown
     std::optional<Evaluation> evaluation;
     std::optional<Evaluation> final_evaluation;  // of final_estimate
-    std::vector<MeshSnapshot> snapshots;
     std::uint64_t keyframes_made = 0, keyframes_forgotten = 0, points_forgotten = 0, recoveries = 0;
     std::uint64_t keyframes_refused = 0;
     bool has_vocabulary = false;

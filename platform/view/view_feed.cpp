@@ -30,6 +30,8 @@ void ViewFeed::hand_over() noexcept {
 }
 
 void ViewFeed::place(std::int64_t time_ns, const ViewPlace& place) noexcept {
+    const bool is_behind_gap = place.state >= kViewPlaceGap;
+    is_gap_waiting_ = is_gap_waiting_ || is_behind_gap;  // where this place is not kept, the next that is
     if (last_place_ns_ >= 0 && time_ns - last_place_ns_ < kViewPeriod_ns) return;  // before any lock
     const std::unique_lock lock(mutex_, std::try_to_lock);
     if (!lock.owns_lock()) return;
@@ -37,12 +39,18 @@ void ViewFeed::place(std::int64_t time_ns, const ViewPlace& place) noexcept {
     if (last_place_ns_ >= 0 && time_ns - last_place_ns_ < place_period_ns_) return;
     last_place_ns_ = time_ns;
     if (places_.size() == kViewPlacesMax) {
-        for (std::size_t i = 0; i < kViewPlacesMax / 2; ++i) places_[i] = places_[2 * i];
+        for (std::size_t i = 0; i < kViewPlacesMax / 2; ++i) {
+            const bool goes_behind_gap = i > 0 && places_[2 * i - 1].state >= kViewPlaceGap;  // the one that goes
+            places_[i] = places_[2 * i];
+            if (goes_behind_gap && places_[i].state < kViewPlaceGap) places_[i].state += kViewPlaceGap;
+        }
         places_.resize(kViewPlacesMax / 2);
         place_period_ns_ *= 2;
         ++life_;
     }
     places_.push_back(place);
+    if (is_gap_waiting_ && !is_behind_gap) places_.back().state += kViewPlaceGap;
+    is_gap_waiting_ = false;
 }
 
 void ViewFeed::cloud(const ViewCloud& cloud) noexcept {

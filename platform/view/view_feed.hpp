@@ -89,6 +89,7 @@ private:
     std::array<Event, 8> waiting_;  // events that came while the lock was held
     std::size_t waiting_count_ = 0;
     bool is_new_map_waiting_ = false;
+    bool is_gap_waiting_ = false;
 
     std::mutex mutex_;
     ViewSnapshot between_;  // from here on under the lock

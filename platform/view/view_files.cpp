@@ -25,28 +25,71 @@
 
 STILLMESH_VIEW_FILE(page, STILLMESH_VIEW_FOLDER "/index.html")
 STILLMESH_VIEW_FILE(style, STILLMESH_VIEW_FOLDER "/view.css")
-STILLMESH_VIEW_FILE(script, STILLMESH_VIEW_FOLDER "/view.js")
+STILLMESH_VIEW_FILE(words, STILLMESH_VIEW_FOLDER "/words.js")
+STILLMESH_VIEW_FILE(picture, STILLMESH_VIEW_FOLDER "/picture.js")
+STILLMESH_VIEW_FILE(path, STILLMESH_VIEW_FOLDER "/path.js")
 STILLMESH_VIEW_FILE(scene, STILLMESH_VIEW_FOLDER "/map.js")
+STILLMESH_VIEW_FILE(script, STILLMESH_VIEW_FOLDER "/view.js")
+STILLMESH_VIEW_FILE(report_body, STILLMESH_VIEW_FOLDER "/report.html")
+STILLMESH_VIEW_FILE(report_style, STILLMESH_VIEW_FOLDER "/report.css")
+STILLMESH_VIEW_FILE(run, STILLMESH_VIEW_FOLDER "/run.js")
+STILLMESH_VIEW_FILE(curves, STILLMESH_VIEW_FOLDER "/curves.js")
+STILLMESH_VIEW_FILE(report, STILLMESH_VIEW_FOLDER "/report.js")
+STILLMESH_VIEW_FILE(compare_body, STILLMESH_VIEW_FOLDER "/compare.html")
+STILLMESH_VIEW_FILE(compare, STILLMESH_VIEW_FOLDER "/compare.js")
+#ifdef STILLMESH_THREE
 STILLMESH_VIEW_FILE(three, STILLMESH_THREE)
+#endif
 
 namespace stillmesh {
 namespace {
 
-[[nodiscard]] std::string_view between(const char* begin, const char* end) noexcept {
-    return {begin, static_cast<std::size_t>(end - begin)};
-}
+constexpr const char* kHtml = "text/html; charset=utf-8";
+constexpr const char* kStyle = "text/css; charset=utf-8";
+constexpr const char* kScript = "text/javascript; charset=utf-8";
+
+#define STILLMESH_VIEW_BYTES(name)                  \
+    std::string_view(stillmesh_view_##name##_begin, \
+                     static_cast<std::size_t>(stillmesh_view_##name##_end - stillmesh_view_##name##_begin))
 
 }  // namespace
 
 std::span<const ViewFile> view_files() noexcept {
-    static const std::array<ViewFile, 5> kFiles = {{
-        {"/", "text/html; charset=utf-8", between(stillmesh_view_page_begin, stillmesh_view_page_end)},
-        {"/view.css", "text/css; charset=utf-8", between(stillmesh_view_style_begin, stillmesh_view_style_end)},
-        {"/view.js", "text/javascript; charset=utf-8", between(stillmesh_view_script_begin, stillmesh_view_script_end)},
-        {"/map.js", "text/javascript; charset=utf-8", between(stillmesh_view_scene_begin, stillmesh_view_scene_end)},
-        {"/three.js", "text/javascript; charset=utf-8", between(stillmesh_view_three_begin, stillmesh_view_three_end)},
-    }};
+    static const std::array kFiles = {
+        ViewFile{"/", kHtml, STILLMESH_VIEW_BYTES(page)},
+        ViewFile{"/view.css", kStyle, STILLMESH_VIEW_BYTES(style)},
+        ViewFile{"/words.js", kScript, STILLMESH_VIEW_BYTES(words)},
+        ViewFile{"/picture.js", kScript, STILLMESH_VIEW_BYTES(picture)},
+        ViewFile{"/path.js", kScript, STILLMESH_VIEW_BYTES(path)},
+        ViewFile{"/map.js", kScript, STILLMESH_VIEW_BYTES(scene)},
+        ViewFile{"/view.js", kScript, STILLMESH_VIEW_BYTES(script)},
+        ViewFile{"/three.js", kScript, page_parts().three},
+    };
     return kFiles;
+}
+
+const PageParts& page_parts() noexcept {
+    static const PageParts kParts = {
+        .page = STILLMESH_VIEW_BYTES(page),
+        .style = STILLMESH_VIEW_BYTES(style),
+        .report_style = STILLMESH_VIEW_BYTES(report_style),
+        .words = STILLMESH_VIEW_BYTES(words),
+        .picture = STILLMESH_VIEW_BYTES(picture),
+        .path = STILLMESH_VIEW_BYTES(path),
+        .map = STILLMESH_VIEW_BYTES(scene),
+        .run = STILLMESH_VIEW_BYTES(run),
+        .curves = STILLMESH_VIEW_BYTES(curves),
+        .report_body = STILLMESH_VIEW_BYTES(report_body),
+        .report = STILLMESH_VIEW_BYTES(report),
+        .compare_body = STILLMESH_VIEW_BYTES(compare_body),
+        .compare = STILLMESH_VIEW_BYTES(compare),
+#ifdef STILLMESH_THREE
+        .three = STILLMESH_VIEW_BYTES(three),
+#else
+        .three = {},
+#endif
+    };
+    return kParts;
 }
 
 }  // namespace stillmesh

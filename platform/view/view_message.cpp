@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "platform/report/png_writer.hpp"
+#include "platform/report/picture_writer.hpp"
 
 namespace stillmesh {
 namespace {

@@ -58,9 +58,10 @@ struct ViewSnapshot {
 };
 
 // A place on the path, in the map.
+inline constexpr float kViewPlaceGap = 8;
 struct ViewPlace {
     float x = 0, y = 0, z = 0;  // m
-    float state = 0;            // a PoseState
+    float state = 0;  // a PoseState; kViewPlaceGap more: between the place before and this one nothing is known
 };
 
 // What a keyframe saw to stand still: in the frame of its own camera, so that it follows when the map is corrected.

@@ -9,7 +9,6 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
-#include "platform/report/report.hpp"
 #include "tests/platform/story_session.hpp"
 #include "tests/replay/recording_folder.hpp"
 
@@ -390,33 +389,6 @@ TEST(RunRecord, StaysBounded) {
     }
 }
 
-// Promise: the report is one page that fetches nothing, holds what was promised, and no name in it can break out.
-TEST(Report, IsSelfContained) {
-    StoryCamera camera;
-    StorySession session;
-    RunLoopOptions options;
-    options.keep_trajectory = true;
-    options.show_progress = false;
-    options.snapshots_max = 4;
-    RunRecord record;
-    record.input = "<script>alert(1)</script>";
-    ASSERT_EQ(run_loop(
-                  camera, [] { return std::string(); }, session, options, record),
-              0);
-    record.truth = record.estimate;
-    record.evaluation = evaluate(record.truth, record.estimate);
-    const std::string html = report_html(record);
-    EXPECT_EQ(html.find("<script>alert"), std::string::npos);
-    EXPECT_EQ(html.find("http://"), std::string::npos);
-    EXPECT_EQ(html.find("https://"), std::string::npos);
-    EXPECT_EQ(html.find("nan"), std::string::npos);
-    for (const char* part : {"Path from above", "Error over time", "Static and moving features", "What it saw",
-                             "map points", "static region", "data:image/png;base64,iVBOR"}) {
-        EXPECT_NE(html.find(part), std::string::npos) << part;
-    }
-    EXPECT_FALSE(report_html(RunRecord()).empty());
-}
-
 // Promise: the machine's summary is the human's: same numbers, and a name of broken bytes does not break it.
 TEST(Summary, JsonHoldsTheNumbers) {
     RunRecord record;
@@ -439,33 +411,6 @@ TEST(Summary, JsonHoldsTheNumbers) {
     EXPECT_NE(json.find("\"few_points\": 1"), std::string::npos);
     EXPECT_NE(json.find("\"rival_motion\": 0"), std::string::npos);
     EXPECT_NE(summary_text(record, "").find("no ground truth"), std::string::npos);
-}
-
-// For looking at: STILLMESH_REPORT_OUT=DIR writes a report of a story over real pictures.
-TEST(Report, ForLookingAt) {
-    const char* const out = std::getenv("STILLMESH_REPORT_OUT");
-    const char* const data = std::getenv("STILLMESH_TEST_DATA");
-    if (out == nullptr || data == nullptr)
-        GTEST_SKIP() << "SKIPPED: only writes a page when STILLMESH_REPORT_OUT is set";
-    ReplayCamera camera({.folder = std::string(data) + "/fr1_rpy_a_walking", .calibration = ""});
-    ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
-    StorySession session;
-    session.state_of = [](std::uint64_t i) { return i > 100 && i < 120 ? PoseState::kUnsure : PoseState::kTracked; };
-    RunLoopOptions options;
-    options.keep_trajectory = true;
-    options.snapshots_max = 4;
-    options.frames_max = 200;
-    RunRecord record;
-    record.input = "fr1_rpy_a_walking (a story, not a measurement)";
-    EXPECT_EQ(run_loop(
-                  camera, [] { return std::string(); }, session, options, record),
-              0);
-    record.truth = record.estimate;
-    for (std::size_t i = 0; i < record.truth.size(); ++i)
-        record.truth[i].t[2] += 0.02 * std::sin(static_cast<double>(i) / 9);
-    record.evaluation = evaluate(record.truth, record.estimate);
-    std::string message;
-    EXPECT_TRUE(write_report(record, std::string(out) + "/index.html", message)) << message;
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,8 @@ public:
     std::function<PoseState(std::uint64_t)> state_of = [](std::uint64_t) { return PoseState::kTracked; };
     std::function<Status(std::uint64_t)> status_of = [](std::uint64_t) { return Status::kOk; };
 
+    std::vector<TrackedEdge> edges;
+    std::vector<TrackedFeature> points;
     bool would_begin_here = false;
     int maps_begun = 0;
 
@@ -40,16 +43,21 @@ public:
         out.state_hash = 0x1000 + index;
         return Status::kOk;
     }
-    void draw(MeshSnapshot& snapshot) override {
-        for (float y = 30; y < static_cast<float>(snapshot.height) - 30; y += 24) {
-            for (float x = 30; x < static_cast<float>(snapshot.width) - 30; x += 24) {
+    // A mesh over the picture: a person before a wall.
+    bool look(SessionLook& look, std::span<KeyframePose>) override {
+        edges.clear();
+        points.clear();
+        for (float y = 30; y < 450; y += 24) {
+            for (float x = 30; x < 610; x += 24) {
                 const bool is_person = x > 280 && x < 420 && y > 90;
                 const bool is_border = is_person && (x < 305 || x > 390);
-                snapshot.edges.push_back({x, y, x + 24, y, !is_border});
-                snapshot.edges.push_back({x, y, x + 11, y + 24, !is_border});
-                snapshot.points.push_back({x, y, is_person ? 1 : 0, !is_person});
+                edges.push_back({x, y, x + 24, y, !is_border});
+                points.push_back({x, y, is_person ? 1 : 0, true, !is_person, is_person});
             }
         }
+        look = {};
+        look.tracking = {points, edges};
+        return true;
     }
     void account(RunRecord& record) override {
         for (const char* name : {"features", "matching", "mesh", "static region", "pose", "map"}) {

@@ -20,7 +20,6 @@ public:
     std::uint32_t keyframes = 0;
 
     Status submit(const Frame&, SessionFrame&, std::string&) override { return Status::kOk; }
-    void draw(MeshSnapshot&) override {}
     void account(RunRecord&) override {}
     bool look(SessionLook& look, std::span<KeyframePose> room) override {
         look.tracking = {features, edges};
@@ -65,7 +64,7 @@ TEST(LiveView, APictureOfAnySize) {
             feed.come();
             ShownSession session;
             const Pixels pixels(size.width, size.height, format, 77);
-            LiveView view(&feed, pinhole(size.width, size.height), 33'000'000);
+            LiveView view(&feed, nullptr, pinhole(size.width, size.height), 33'000'000);
             view.frame({0, 1, kSecond_ns, 5}, pixels.frame, {}, session);
             ViewSnapshot seen;
             ASSERT_TRUE(feed.take(seen));
@@ -84,7 +83,7 @@ TEST(LiveView, AMeshOfAnySize) {
     feed.come();
     ShownSession session;
     const Pixels pixels(640, 480, PixelFormat::kGrey8, 9);
-    LiveView view(&feed, pinhole(640, 480), 33'000'000);
+    LiveView view(&feed, nullptr, pinhole(640, 480), 33'000'000);
     session.features = {
         {10.5F, 20.25F, 3, true, true, false}, {1, 2, -1, true, false, true}, {3, 4, 0, false, false, false}};
     session.edges = {{1, 2, 3, 4, true}, {5, 6, 7, 8, false}};
@@ -121,7 +120,7 @@ TEST(LiveView, AKeyframeLeavesWhatStoodStill) {
     Pixels pixels(640, 480, PixelFormat::kGrey8, 9);
     pixels.depth[std::size_t{480 - 1} * 640 + 639] = 0;
     pixels.frame.depth_units_per_m = 2500;  // two metres everywhere else
-    LiveView view(&feed, pinhole(640, 480), 33'000'000);
+    LiveView view(&feed, nullptr, pinhole(640, 480), 33'000'000);
     session.features = {{480, 240, 0, true, true, false},
                         {480, 240, 0, true, false, true},
                         {480, 240, 0, false, false, false},
@@ -158,7 +157,7 @@ TEST(LiveView, CallsNoHeap) {
     session.edges.assign(3000, {});
     session.keyframes = 256;
     const Pixels pixels(640, 480, PixelFormat::kRgb8, 9);
-    LiveView view(&feed, pinhole(640, 480), 33'000'000);
+    LiveView view(&feed, nullptr, pinhole(640, 480), 33'000'000);
     SessionFrame out;
     out.state = PoseState::kTracked;
     out.statistics.is_keyframe = true;
@@ -182,7 +181,7 @@ TEST(LiveView, CallsNoHeap) {
 TEST(LiveView, WithoutAFeedThereIsNone) {
     ShownSession session;
     const Pixels pixels(64, 64, PixelFormat::kGrey8, 9);
-    LiveView view(nullptr, pinhole(64, 64), 0);
+    LiveView view(nullptr, nullptr, pinhole(64, 64), 0);
     SessionFrame out;
     out.statistics.is_keyframe = true;
     view.frame({}, pixels.frame, out, session);

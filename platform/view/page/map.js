@@ -3,9 +3,11 @@
 'use strict';
 
 class MapView {
-  constructor(canvas, onFollow) {
+  // `onPick`: somebody pressed on a place of the path, by its index; may be left out.
+  constructor(canvas, onFollow, onPick) {
     this.canvas = canvas;
     this.onFollow = onFollow;
+    this.onPick = onPick;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
     this.scene = new THREE.Scene();
@@ -14,7 +16,7 @@ class MapView {
     this.scene.add(this.root);
     this.clouds = new Map();  // keyframe -> Points
     this.keyframes = new Map();  // keyframe -> [x, y, z, qx, qy, qz, qw]
-    this.places = [];
+    this.path = new MapPath(this.root);
     this.up = new THREE.Vector3(0, -1, 0);
     this.target = new THREE.Vector3();
     this.turn = { azimuth: -0.6, height: 0.5, distance: 3.2 };
@@ -38,11 +40,6 @@ class MapView {
     };
     this.keyframeLines = lines(1);
     this.cameraLines = lines(2);
-    this.pathLine = new THREE.LineSegments(new THREE.BufferGeometry(),
-      new THREE.LineBasicMaterial({ vertexColors: THREE.VertexColors, linewidth: 2 }));
-    this.pathDots = new THREE.Points(new THREE.BufferGeometry(),
-      new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 4, sizeAttenuation: false }));
-    this.pathLine.frustumCulled = this.pathDots.frustumCulled = false;
     this.cameraFace = new THREE.Mesh(new THREE.BufferGeometry(),
       new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false }));
     this.cameraFace.frustumCulled = false;
@@ -52,9 +49,9 @@ class MapView {
       for (let k = -10; k < 10; ++k) ends.push(i, 0, k, i, 0, k + 1, k, 0, i, k + 1, 0, i);
     }
     this.grid = lines(1);
-    this.replace(this.grid, new Float32Array(ends));
+    replaceGeometry(this.grid, new Float32Array(ends));
     this.scene.add(this.grid);
-    this.root.add(this.keyframeLines, this.cameraLines, this.cameraFace, this.pathLine, this.pathDots);
+    this.root.add(this.keyframeLines, this.cameraLines, this.cameraFace);
     this.material = new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 3, sizeAttenuation: false });
   }
 
@@ -66,7 +63,7 @@ class MapView {
     this.keyframeLines.material.color = colour('none');
     this.grid.material.color = colour('grid');
     for (const cloud of this.clouds.values()) this.paint(cloud);
-    this.drawPath();
+    this.path.restyle(this.colours, colour);
     this.change();
   }
 
@@ -74,12 +71,11 @@ class MapView {
     for (const cloud of this.clouds.values()) this.drop(cloud);
     this.clouds.clear();
     this.keyframes.clear();
-    this.places = [];
+    this.path.clear();
     this.pose = null;
     this.points = 0;
     this.upCount = 0;
     this.target.set(0, 0, 0);
-    this.drawPath();
     this.drawKeyframes();
   }
 
@@ -94,7 +90,7 @@ class MapView {
       grey[i] = numbers[4 * i + 3];
     }
     const geometry = new THREE.BufferGeometry();
-    this.attribute(geometry, 'position', positions);
+    setAttribute(geometry, 'position', positions);
     const cloud = new THREE.Points(geometry, this.material);
     cloud.matrixAutoUpdate = false;
     cloud.frustumCulled = false;
@@ -114,12 +110,7 @@ class MapView {
       const value = this.isDark ? 0.35 + 0.65 * share : 0.1 + 0.55 * share;
       colours.fill(value, 3 * i, 3 * i + 3);
     }
-    this.attribute(cloud.geometry, 'color', colours);
-  }
-
-  attribute(geometry, name, values) {
-    const made = new THREE.BufferAttribute(values, 3);
-    if (geometry.setAttribute) geometry.setAttribute(name, made); else geometry.addAttribute(name, made);
+    setAttribute(cloud.geometry, 'color', colours);
   }
 
   drop(cloud) {
@@ -152,9 +143,7 @@ class MapView {
   }
 
   addPlaces(begin, places) {
-    this.places.length = begin;
-    for (const place of places) this.places.push(place);
-    this.drawPath();
+    this.path.add(begin, places);
     this.change();
   }
 
@@ -164,12 +153,20 @@ class MapView {
     this.state = state;
     if (pose) {
       const isFirst = !this.upCount;
-      this.learnUp(pose);
+      if (!this.isUpKnown) this.learnUp(pose);
       if (isFirst) this.turn.azimuth = this.azimuthBehind() + 0.5;
     }
     this.drawCamera();
     if (this.follow && this.pose) this.goTo();
     this.change();
+  }
+
+  // All poses are known: what is up does not change from here on.
+  knowUp(poses) {
+    this.isUpKnown = false;
+    this.upCount = 0;
+    for (const pose of poses) this.learnUp(pose);
+    this.isUpKnown = poses.length > 0;
   }
 
   // Where the camera's "up" points on average is up.
@@ -201,32 +198,6 @@ class MapView {
     this.grid.position.y = this.floor;
   }
 
-  drawPath() {
-    const dots = new Float32Array(3 * this.places.length);
-    const dotColours = new Float32Array(dots.length);
-    const segments = [];
-    const colours = [];
-    const names = ['none', 'predicted', 'unsure', 'tracked'];
-    this.places.forEach((place, i) => {
-      const colour = this.colours[names[place[3]] || 'none'];
-      dots.set(place.slice(0, 3), 3 * i);
-      dotColours.set([colour.r, colour.g, colour.b], 3 * i);
-      if (i === 0) return;
-      const before = this.places[i - 1];
-      segments.push(before[0], before[1], before[2], place[0], place[1], place[2]);
-      colours.push(colour.r, colour.g, colour.b, colour.r, colour.g, colour.b);
-    });
-    this.replace(this.pathDots, dots, dotColours);
-    this.replace(this.pathLine, new Float32Array(segments), new Float32Array(colours));
-  }
-
-  replace(object, positions, colours) {
-    object.geometry.dispose();
-    object.geometry = new THREE.BufferGeometry();
-    this.attribute(object.geometry, 'position', positions);
-    if (colours) this.attribute(object.geometry, 'color', colours);
-  }
-
   // A pyramid from the camera's centre to the corners of its picture, as pairs of ends.
   pyramid(pose, size, to) {
     const q = new THREE.Quaternion(pose[3], pose[4], pose[5], pose[6]);
@@ -243,7 +214,7 @@ class MapView {
   drawKeyframes() {
     const ends = [];
     for (const pose of this.keyframes.values()) this.pyramid(pose, 0.06, ends);
-    this.replace(this.keyframeLines, new Float32Array(ends));
+    replaceGeometry(this.keyframeLines, new Float32Array(ends));
   }
 
   drawCamera() {
@@ -251,10 +222,10 @@ class MapView {
     const colour = this.colours[this.state] || this.colours.none;
     const ends = [];
     const [a, b, c, d] = this.pyramid(this.pose, 0.25, ends);
-    this.replace(this.cameraLines, new Float32Array(ends));
+    replaceGeometry(this.cameraLines, new Float32Array(ends));
     const top = this.pose;  // its face, and a roof that says where up is
     const face = [a, b, c, a, c, d].flatMap((v) => [v.x, v.y, v.z]).concat([top[0], top[1], top[2], a.x, a.y, a.z, b.x, b.y, b.z]);
-    this.replace(this.cameraFace, new Float32Array(face));
+    replaceGeometry(this.cameraFace, new Float32Array(face));
     this.cameraLines.material.color = this.cameraFace.material.color = colour;
   }
 
@@ -287,7 +258,7 @@ class MapView {
   all() {
     const box = new THREE.Box3();
     const at = new THREE.Vector3();
-    for (const place of this.places) box.expandByPoint(at.set(place[0], place[1], place[2]).applyQuaternion(this.root.quaternion));
+    this.path.grow(box, this.root.quaternion);
     for (const cloud of this.clouds.values()) {
       if (cloud.visible) box.expandByObject(cloud);
     }
@@ -324,7 +295,7 @@ class MapView {
     };
     canvas.addEventListener('pointerdown', (e) => {
       canvas.setPointerCapture(e.pointerId);
-      fingers.set(e.pointerId, { x: e.clientX, y: e.clientY, button: e.button });
+      fingers.set(e.pointerId, { x: e.clientX, y: e.clientY, button: e.button, way: 0 });
     });
     canvas.addEventListener('pointermove', (e) => {
       const finger = fingers.get(e.pointerId);
@@ -332,6 +303,7 @@ class MapView {
       const before = fingers.size === 2 ? spread() : null;
       const dx = (e.clientX - finger.x) / canvas.clientHeight;
       const dy = (e.clientY - finger.y) / canvas.clientHeight;
+      finger.way += Math.hypot(e.clientX - finger.x, e.clientY - finger.y);
       finger.x = e.clientX;
       finger.y = e.clientY;
       if (before) {
@@ -344,7 +316,15 @@ class MapView {
         this.rotate(4 * dx, 4 * dy);
       }
     });
-    for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, (e) => fingers.delete(e.pointerId));
+    canvas.addEventListener('pointerup', (e) => {
+      const finger = fingers.get(e.pointerId);
+      fingers.delete(e.pointerId);
+      if (!this.onPick || !finger || finger.way > 4) return;
+      const box = canvas.getBoundingClientRect();
+      const index = this.path.pick(e.clientX - box.left, e.clientY - box.top, this.eye, canvas);
+      if (index >= 0) this.onPick(index);
+    });
+    canvas.addEventListener('pointercancel', (e) => fingers.delete(e.pointerId));
     canvas.addEventListener('contextmenu', (e) => e.preventDefault());
     canvas.addEventListener('wheel', (e) => {
       e.preventDefault();

@@ -1,8 +1,10 @@
-#include "platform/report/png_writer.hpp"
+#include "platform/report/picture_writer.hpp"
 
 #include <spng.h>
 
 #include <cstdlib>
+
+#include "platform/report/jpeg_writer.hpp"
 
 namespace stillmesh {
 
@@ -41,6 +43,16 @@ std::vector<std::uint8_t> encode_grey_png(const Frame& frame) {
     }
     spng_ctx_free(context);
     return result;
+}
+
+std::vector<std::uint8_t> encode_small_picture(std::span<const std::uint8_t> grey, std::uint32_t width,
+                                               std::uint32_t height, bool& is_jpeg) {
+    std::vector<std::uint8_t> bytes;
+    is_jpeg = encode_grey_jpeg(grey, width, height, bytes);
+    if (is_jpeg || width == 0 || height == 0) return bytes;
+    Frame frame;
+    frame.colour = {grey.data(), width, height, width};
+    return encode_grey_png(frame);
 }
 
 std::string base64(std::span<const std::uint8_t> bytes) {
