@@ -233,6 +233,10 @@ const FeatureSet& Engine::features() const noexcept {
 std::uint32_t Engine::keyframes(std::span<KeyframePose> out) const noexcept {
     return list_keyframes(state_of(this).world.map, out);
 }
+DepthImage Engine::depth_image(std::uint32_t index) const noexcept {
+    const World& world = state_of(this).world;
+    return world.depth_images.at(index, world.map.keyframes());
+}
 std::uint64_t Engine::reference_keyframe() const noexcept {
     return state_of(this).tracking.reference_keyframe();
 }

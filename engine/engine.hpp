@@ -101,6 +101,10 @@ public:
     // All keyframes, as many as `out` takes (limits.keyframes_max: all); returns how many were written. With them poses
     // that were given out can be carried along as the map is corrected.
     [[nodiscard]] std::uint32_t keyframes(std::span<KeyframePose> out) const noexcept;
+    // One of the small depth images, index < limits.depth_images_max; borrowed until the next submit or step. Each
+    // keyframe made from a frame has one, and once a second what is seen now is kept beside that of the nearest
+    // keyframe. Without cells: none has this index.
+    [[nodiscard]] DepthImage depth_image(std::uint32_t index) const noexcept;
     // The keyframe that saw most of what the last frame was measured against; kNoKeyframe: there is none yet.
     [[nodiscard]] std::uint64_t reference_keyframe() const noexcept;
     // Over everything that has been decided so far: equal on every build, frame by frame.

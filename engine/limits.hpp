@@ -16,13 +16,16 @@ struct Limits {
     std::uint32_t local_points_max = 9000;       // that a frame is matched against; farther ones are left out
     std::uint32_t vocabulary_words_max = 10000;  // a larger vocabulary is refused; at most 65535
     std::uint32_t store_features_max = 0;        // of a region of a map store; 0: no store
+    std::uint32_t depth_images_max = 256;        // small ones, of keyframes; full: the oldest is forgotten; 0: none
 
     // The desk and the robot with memory to spare: at most 48 MiB.
     [[nodiscard]] static constexpr Limits room() noexcept { return {}; }
     // A small board: at most 8 MiB.
-    [[nodiscard]] static constexpr Limits pocket() noexcept { return {640, 480, 8, 500, 40, 5500, 64, 3000, 10000}; }
+    [[nodiscard]] static constexpr Limits pocket() noexcept {
+        return {640, 480, 8, 500, 40, 5500, 64, 3000, 10000, 0, 0};
+    }
     // For tests: every full pool happens within seconds; at most 512 KiB.
-    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 290, 16, 200, 230}; }
+    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 290, 16, 200, 230, 0, 0}; }
 };
 
 // Calls visitor(name, value, min, max, unit, sentence) for every limit, as visit_parameters does for a configuration;
@@ -41,6 +44,8 @@ constexpr void visit_limits(Limits& l, Visitor&& v) {
     v("limits.vocabulary_words_max", l.vocabulary_words_max, 2.0, 65535.0, "", "words of the vocabulary");
     v("limits.store_features_max", l.store_features_max, 0.0, 16000.0, "",
       "features of a region of the map store, 0: no store");
+    v("limits.depth_images_max", l.depth_images_max, 0.0, 1024.0, "",
+      "small depth images of keyframes, for a grid to drive in, 9.5 KiB each; 0: none");
 }
 
 }  // namespace stillmesh

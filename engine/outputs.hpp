@@ -90,6 +90,16 @@ struct FrameStatistics {
     std::uint32_t pose_iterations = 0;
 };
 
+// What was seen at one moment, small: along the camera's axis, where nothing was measured or something moved 0. Cell i
+// lies on the ray (rays[2 i], rays[2 i + 1], 1) of the camera.
+struct DepthImage {
+    std::uint32_t columns = 0, rows = 0;      // 0: there is none
+    std::span<const std::uint16_t> depth_mm;  // row by row
+    std::span<const float> rays;
+    std::uint64_t frame = 0;         // that it is of
+    RigidTransform map_from_camera;  // as the map lies now
+};
+
 struct PoolStatistics {
     std::uint32_t size = 0, high_water = 0, capacity = 0;
 };

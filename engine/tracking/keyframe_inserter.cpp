@@ -2,13 +2,24 @@
 
 #include <algorithm>
 
+#include "engine/base/time.hpp"
 #include "engine/map/eviction.hpp"
 
 namespace stillmesh {
+namespace {
+
+// Furniture that was moved has left its place in a grid after some looks.
+constexpr double kLookEvery_s = 1.0;
+// Before, nothing has moved for long enough to be known for it: people would be in the images.
+constexpr double kLooksAfter_s = 1.0;
+
+}  // namespace
 
 void KeyframeInserter::begin_after(std::uint64_t number) noexcept {
     frame_ = number;
     tracked_ = 0;
+    looked_ns_ = 0;
+    begun_ns_ = -1;
 }
 
 std::uint32_t KeyframeInserter::new_points_possible(const MeasuredFrame& frame, const MapMatcher& matcher) noexcept {
@@ -88,11 +99,46 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
         add_point(source, i, handle, may_move ? weights.suspicious : weights.eligible, world);
         added += may_move ? 0U : 1U;
     }
+    if (world.depth_images.is_on()) keep_depth(source, {handle, SE3{}, source.posed.number, false}, world);
     frame_ = source.posed.number;
     tracked_ = source.static_count + added / parameters_->keyframes.new_per_tracked;
     ++world.statistics.keyframes_made;
     if (is_mapping && !world.keyframe_queue.push(handle)) ++world.statistics.keyframes_refused;
     return static_cast<double>(added) / static_cast<double>(std::max(source.static_count + added, 1U));
+}
+
+void KeyframeInserter::look(const Source& source, World& world) noexcept {
+    if (!world.depth_images.is_on()) return;
+    if (seconds_between(looked_ns_, source.posed.time_ns) < kLookEvery_s) return;
+    Handle<Keyframe> nearest =
+        parameters_->mapping.is_enabled ? world.local_map.reference(world.map) : Handle<Keyframe>{};
+    if (nearest.is_null()) nearest = world.map.recent_keyframe(0);
+    const Keyframe* const keyframe = world.map.keyframes().find(nearest);
+    if (keyframe == nullptr) return;
+    if (parameters_->mapping.is_enabled) free_space_.ask(source.posed, source.matcher, world);
+    const SE3 keyframe_from_camera = keyframe->world_from_camera.inverse() * source.posed.world_from_camera;
+    keep_depth(source, {nearest, keyframe_from_camera, source.posed.number, true}, world);
+}
+
+// What only misses the threshold does not move: that is a third of the matches in a still room. Of new features those
+// are told that came into the room.
+void KeyframeInserter::keep_depth(const Source& source, const DepthImages::Owner& owner, World& world) noexcept {
+    const MeasuredFrame& frame = source.posed.frame;
+    const std::int64_t time_ns = source.posed.time_ns;
+    if (begun_ns_ < 0) begun_ns_ = time_ns;
+    if (seconds_between(begun_ns_, time_ns) < kLooksAfter_s) return;
+    looked_ns_ = time_ns;
+    still_depth_.begin(frame.frame(), world.depth_images);
+    for (const Correspondence& c : source.matches) {
+        const bool is_still = source.judge.verdict(c.feature) == Verdict::kStill;
+        if (!c.has_depth || !(is_still || c.is_moving)) continue;
+        still_depth_.note(frame.keypoint(c.feature), frame[c.feature].seen_z_m, c.is_moving);
+    }
+    for (std::size_t i = 0; parameters_->mapping.is_enabled && i < frame.size(); ++i) {
+        if (!source.matcher.claim(i).is_free() || !frame[i].has_depth() || !free_space_.came(i)) continue;
+        still_depth_.note(frame.keypoint(i), frame[i].seen_z_m, true);
+    }
+    still_depth_.finish(world.depth_images.add(owner, world.map.keyframes()));
 }
 
 // What moves, more likely than not: it came into the room, or belongs to a body that moves.

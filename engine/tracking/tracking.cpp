@@ -211,6 +211,8 @@ void Tracking::learn() noexcept {
         keyframe_inserter_.wants(world_->clock.frame, statistics_.static_matches,
                                  KeyframeInserter::new_points_possible(measured_, estimator_.matcher()))) {
         make_keyframe();
+    } else if (estimate_.is_sure() && lost_.state(camera_) != LostCamera::State::kProbation) {
+        keyframe_inserter_.look(source(), *world_);
     }
     observe(Stage::kMapUpdate, false);
 }
@@ -281,9 +283,17 @@ PosedFrame Tracking::posed() const noexcept {
     return {measured_, shutter_, world_from_camera(), world_->clock.frame, time_ns_, camera_.odometry.travelled()};
 }
 
+KeyframeInserter::Source Tracking::source() const noexcept {
+    return {posed(),
+            estimator_.matcher(),
+            judge_,
+            statistics_.static_matches,
+            camera_.odometry.drift_m(),
+            estimator_.correspondences()};
+}
+
 void Tracking::make_keyframe() noexcept {
-    const double renewed_share = keyframe_inserter_.insert(
-        {posed(), estimator_.matcher(), judge_, statistics_.static_matches, camera_.odometry.drift_m()}, *world_);
+    const double renewed_share = keyframe_inserter_.insert(source(), *world_);
     keyframe_average_.begin(world_->map, world_->map.recent_keyframe(0));
     camera_.confidence.set_renewed_share(renewed_share);
     statistics_.is_keyframe = true;

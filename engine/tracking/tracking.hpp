@@ -77,6 +77,7 @@ private:
     void learn_points() noexcept;
     // The frame at hand, where the camera is.
     [[nodiscard]] PosedFrame posed() const noexcept;
+    [[nodiscard]] KeyframeInserter::Source source() const noexcept;
     void make_keyframe() noexcept;
     void lose() noexcept;
     void give_out(PoseState state, const Matrix6& information) noexcept;

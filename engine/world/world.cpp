@@ -21,6 +21,7 @@ void World::create(Arena& arena, const Limits& limits_max, const Parameters& all
     camera = model;
     pixel_noise.create(parameters, model);
     map.create(arena, limits_max, parameters.map);
+    depth_images.create(arena, limits_max, model);
     local_map.create(arena, limits_max, parameters.local_map, view_cosine(model));
     map_correction.create(arena, limits_max);
     keyframe_queue.create(arena, kKeyframeQueueMax);
@@ -29,6 +30,7 @@ void World::create(Arena& arena, const Limits& limits_max, const Parameters& all
 
 void World::reset() noexcept {
     map.reset();
+    depth_images.reset();
     local_map.reset();
     keyframe_queue.clear();
     clock = Clock{};

@@ -9,6 +9,7 @@
 #include "engine/geometry/camera_model.hpp"
 #include "engine/geometry/pixel_noise.hpp"
 #include "engine/limits.hpp"
+#include "engine/map/depth_images.hpp"
 #include "engine/map/local_map.hpp"
 #include "engine/map/map.hpp"
 #include "engine/map/map_correction.hpp"
@@ -45,6 +46,7 @@ struct World {
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         Map::plan(arena, limits);
+        DepthImages::plan(arena, limits);
         LocalMap::plan(arena, limits);
         MapCorrection::plan(arena, limits);
         Ring<Handle<Keyframe>>::plan(arena, kKeyframeQueueMax);
@@ -74,6 +76,7 @@ struct World {
     PixelNoise pixel_noise;  // by pyramid level
 
     Map map;
+    DepthImages depth_images;
     LocalMap local_map;
     MapCorrection map_correction;           // used within one step, by what moves the map
     Ring<Handle<Keyframe>> keyframe_queue;  // made by tracking, waiting for mapping; full: not refined

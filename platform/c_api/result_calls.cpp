@@ -210,6 +210,13 @@ std::uint32_t sm_keyframes(const sm_engine* engine, sm_keyframe* out, std::uint3
                ? 0
                : engine->engine->keyframes({reinterpret_cast<KeyframePose*>(out), count});
 }
+sm_status sm_get_depth_image(const sm_engine* engine, std::uint32_t index, sm_depth_image* image) {
+    if (engine == nullptr) return SM_INVALID;
+    const DepthImage in = engine->engine->depth_image(index);
+    return write_struct(
+        {0, 0, in.columns, in.rows, in.depth_mm.data(), in.rays.data(), in.frame, transform_of(in.map_from_camera)},
+        image);
+}
 std::uint64_t sm_reference_keyframe(const sm_engine* engine) {
     return engine == nullptr ? SM_NO_KEYFRAME : engine->engine->reference_keyframe();
 }

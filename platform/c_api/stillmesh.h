@@ -326,6 +326,16 @@ typedef struct sm_keyframe {
     uint64_t parent_id;
     sm_transform map_from_camera;
 } sm_keyframe;
+/* What was seen at one moment, small, without what moved: mm along the camera's axis, row by row, 0 where there is
+   none. Cell i lies on the ray (rays[2 i], rays[2 i + 1], 1) of the camera. */
+typedef struct sm_depth_image {
+    uint32_t size, reserved;
+    uint32_t columns, rows; /* 0: there is none */
+    const uint16_t* depth_mm;
+    const float* rays;
+    uint64_t frame;               /* that it is of */
+    sm_transform map_from_camera; /* as the map lies now */
+} sm_depth_image;
 
 SM_API sm_status sm_get_pose(const sm_engine* engine, sm_pose* pose);
 SM_API sm_status sm_get_frame_statistics(const sm_engine* engine, sm_frame_statistics* statistics);
@@ -334,6 +344,8 @@ SM_API sm_status sm_get_tracking_view(sm_engine* engine, sm_tracking_view* view)
 SM_API sm_status sm_get_features(const sm_engine* engine, sm_features* features);
 /* All keyframes, as many as `out` takes (limits.keyframes_max: all); how many were written. */
 SM_API uint32_t sm_keyframes(const sm_engine* engine, sm_keyframe* out, uint32_t count);
+/* index < limits.depth_images_max; borrowed until the next sm_submit or sm_step. */
+SM_API sm_status sm_get_depth_image(const sm_engine* engine, uint32_t index, sm_depth_image* image);
 SM_API uint64_t sm_reference_keyframe(const sm_engine* engine);
 /* Over everything that has been decided so far: equal on every build, frame by frame. */
 SM_API uint64_t sm_state_hash(const sm_engine* engine);

@@ -168,6 +168,7 @@ public:
             return Status::kUnavailable;
         }
         map_out_ = map_files_begin_ = options.map_out;
+        if (!grid_.open(options.grid, limits_, map_every_ns_, message)) return Status::kInvalid;
         units_per_frame_ = configuration.schedule.units_per_frame;
         slice_units_ = configuration.schedule.slice_units;
         pacer_ = StepPacer(slice_units_);
@@ -271,6 +272,7 @@ public:
         background_ms_.add(static_cast<double>(now_ns - begin_ns) * 1e-6);
         const bool is_shown = points_ != nullptr && points_->is_copying();
         if (map_saver_->is_open() && !is_shown) map_saver_->work(*engine_, now_ns, slice_units_);
+        grid_.work(*engine_, now_ns, until_ns);
         if (points_ != nullptr) points_->work(*engine_, !map_saver_->is_copying(), slice_units_);
         out.state_hash = recorded_.hash = engine_->state_hash();
         if (writer_ != nullptr) {
@@ -325,12 +327,14 @@ public:
                 map_problems_.push_back(message);
             }
         }
+        grid_.begin_new_map(*engine_);
         engine_->reset();
         return sentence;
     }
 
     std::string news() override {
         if (std::string sentence = map_saver_->take_news(monotonic_ns()); !sentence.empty()) return sentence;
+        if (std::string sentence = grid_.take_news(); !sentence.empty()) return sentence;
         // These two have ended with their first failure, and are said once.
         if (writer_ != nullptr && !is_recording_lost_ && writer_->has_failed()) {
             is_recording_lost_ = true;
@@ -391,6 +395,7 @@ public:
             record.maps.push_back(
                 map_record(map_in_, map_in_info_, map_load_s_, is_localising_ ? "localised in" : "read"));
         }
+        grid_.finish(*engine_, record);
         finish_map();
         record.maps.insert(record.maps.end(), maps_written_.begin(), maps_written_.end());
         record.problems.insert(record.problems.end(), map_problems_.begin(), map_problems_.end());
@@ -551,6 +556,7 @@ private:
     bool is_localising_ = false;
     std::string not_gone_on_in_, kept_aside_;  // why not in the map that is there; that map
     std::unique_ptr<MapSaver> map_saver_ = std::make_unique<MapSaver>();
+    GridOutputs grid_;
     MapPoints* points_ = nullptr;
     std::vector<MapRecord> maps_written_;
     std::vector<std::string> map_problems_;

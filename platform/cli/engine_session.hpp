@@ -8,6 +8,7 @@
 
 #include "hal/depth_camera.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
+#include "platform/cli/grid_outputs.hpp"
 #include "platform/cli/session.hpp"
 #include "platform/motion/motion_file.hpp"
 
@@ -26,6 +27,7 @@ struct SessionOptions {
     std::string map_out;                   // map to write at the end; empty: none
     std::string map_store;                 // folder for places that memory has no room for; empty: none
     double map_every_s = 0;                // and as often while running; 0: not
+    GridOutputOptions grid;                // to drive in, and cloud
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
     const MotionFile* motion = nullptr;    // how the camera moved, by others; nullptr: not known. Outlives the session

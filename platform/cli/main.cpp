@@ -29,9 +29,6 @@
 namespace stillmesh {
 namespace {
 
-// Switches that are planned and have nothing behind them yet: known, so that the answer is a sentence.
-constexpr const char* kLaterOptions[] = {"--cloud"};
-
 constexpr const char* kDirtHelp =
     "of a simulation: what cameras, hands and rooms do, 0 off, 1 ordinary; 'stillmesh simulate --help' lists";
 constexpr const char* kCameraGroup = "Camera (--camera, --replay or --simulate)";
@@ -83,6 +80,34 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
         ->group(group);
 }
 
+void add_grid_options(CLI::App& app, GridOutputOptions& options) {
+    constexpr const char* kGroup = "Map";
+    app.add_option(
+           "--grid", options.grid,
+           "where a robot can drive, for Nav2: NAME.yaml and NAME.pgm, without people, when the run ends and as "
+           "--map-every says (docs/grid.md)")
+        ->type_name("NAME")
+        ->group(kGroup);
+    app.add_option("--cloud", options.cloud, "what the keyframes saw, when the run ends: a PLY file of points")
+        ->type_name("FILE")
+        ->group(kGroup);
+    app.add_option_function<std::string>(
+           "--level", [&options](const std::string& by) { options.is_level = by == "floor"; },
+           "of the cloud: off (default: as the map lies), or floor: z up, the floor at 0; a grid always is")
+        ->check(CLI::IsMember({"off", "floor"}).description(""))
+        ->type_name("NAME")
+        ->group(kGroup);
+    app.add_option("--obstacle-height", options.obstacle_m,
+                   "of a grid: what is higher above the floor is in the way; 0.08")
+        ->check(CLI::Range(0.02, 1.0).description(""))
+        ->type_name("M")
+        ->group(kGroup);
+    app.add_option("--robot-height", options.robot_m, "of a grid: what begins higher above the floor is not; 1.2")
+        ->check(CLI::Range(0.1, 3.0).description(""))
+        ->type_name("M")
+        ->group(kGroup);
+}
+
 void add_depth_units_option(CLI::App& app, double& depth_units_per_m, const char* group) {
     app.add_option("--depth-units", depth_units_per_m,
                    "of a recording: so many make a metre (millimetres: 1000; TUM: 5000), whatever its camera file says")
@@ -109,7 +134,6 @@ int program(int argc, char** argv) {
 
     RunArguments arguments;
     arguments.loop.checks_camera = true;
-    std::vector<std::string> later;  // switches of what is not in this build
     CLI::App* const run_app = app.add_subcommand("run", "track a camera and write its trajectory");
     add_camera_options(*run_app, arguments.live, arguments.does_wait, kCameraGroup);
     run_app->add_option("--replay", arguments.replay, kReplayHelp)->type_name("DIR|BAG")->group(kCameraGroup);
@@ -266,6 +290,7 @@ int program(int argc, char** argv) {
                      "runs too")
         ->type_name("DIR")
         ->group("Map");
+    add_grid_options(*run_app, arguments.session.grid);
     run_app->add_option("--map-every", arguments.session.map_every_s, "and while it runs, as often")
         ->check(CLI::Range(0.1, 1e6).description(""))
         ->type_name("SECONDS")
@@ -324,13 +349,6 @@ int program(int argc, char** argv) {
         "  stillmesh run --simulate static_xyz:1 --map-out room.map\n"
         "  stillmesh run --simulate walking_xyz:1+7 --map-in room.map --localize     (the room on another day)\n"
         "  stillmesh run --replay DIR --set region.is_enabled=false     (what the static region is worth)");
-    // Not in this build: parsed all the same, without a place in the help.
-    for (const char* name : kLaterOptions) {
-        run_app
-            ->add_option_function<std::string>(name, [name, &later](const std::string&) { later.emplace_back(name); })
-            ->group("");
-    }
-
     std::string truth_file;
     std::string trajectory_file;
     bool is_eval_json = false;
@@ -555,7 +573,6 @@ int program(int argc, char** argv) {
             }
         }
     }
-    if (!later.empty()) return refuse(later.front() + " is not in this build.");
     if (eval_command->parsed()) return eval(truth_file, trajectory_file, is_eval_json);
     if (rerun_command->parsed()) return stillmesh::rerun_command(rerun);
     if (cameras_app->parsed()) {

@@ -426,6 +426,9 @@ int live(const RunArguments& arguments) {
         {"--record-frames", arguments.record_frames, kNewFolder},
         {"--map-out", session.map_out, kFile},
         {"--map-store", session.map_store, kFolder},
+        {"--grid", session.grid.grid.empty() ? "" : session.grid.grid + ".yaml", kWhole},
+        {"--grid", session.grid.grid.empty() ? "" : session.grid.grid + ".pgm", kWhole},
+        {"--cloud", session.grid.cloud, kWhole},
         {"--report", arguments.report, kFolder},
         {"--out", arguments.corrected, kWhole},
     };
@@ -494,8 +497,8 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
         return refuse("--append: needs a file to add to: --trajectory FILE or --poses FILE.");
     }
     if (!std::isfinite(session.map_every_s)) return refuse("--map-every: give a number of seconds.");
-    if (session.map_every_s > 0 && session.map_out.empty()) {
-        return refuse("--map-every: needs a file to write the map to: --map-out FILE.");
+    if (session.map_every_s > 0 && session.map_out.empty() && session.grid.grid.empty()) {
+        return refuse("--map-every: needs a file to write the map to: --map-out FILE, or --grid NAME.");
     }
     if (!arguments.replay_topics.empty() && arguments.replay.empty()) {
         return refuse("--topics: are a bag's; give it with --replay.");

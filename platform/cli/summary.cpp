@@ -54,6 +54,15 @@ using Json = nlohmann::ordered_json;
     return text + "\n";
 }
 
+[[nodiscard]] std::string grid_line(const GridRecord& g) {
+    std::string text = fmt::format("grid          {}", g.grid.empty() ? "none" : g.grid);
+    if (!g.grid.empty()) text += fmt::format(": {}x{} cells{}", g.width, g.height, g.is_cut ? ", cut off" : "");
+    if (!g.cloud.empty()) text += fmt::format("; cloud {}{}", g.cloud, g.is_level ? ", level" : "");
+    text += g.has_floor ? fmt::format("; floor {:.0f} % of what was seen", 100 * g.floor_share) : "; floor unknown";
+    return text + fmt::format("; of {} depth images in {:.0f} ms, {:.1f} MiB\n", g.looks, g.build_ms,
+                              static_cast<double>(g.memory_bytes) / (1024.0 * 1024.0));
+}
+
 }  // namespace
 
 std::string evaluation_text(const Evaluation& e) {
@@ -161,6 +170,7 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
                             1e3 * map.seconds);
         text += map.times > 1 ? fmt::format(", {} times\n", map.times) : "\n";
     }
+    for (const GridRecord& g : record.grids) text += grid_line(g);
     if (const StoreRecord& s = record.store; !s.folder.empty()) {
         text += fmt::format(
             "map store     {}: {} regions, {:.1f} MB; {} written, {} brought back ({} of use), {} asked for; {} "
@@ -252,6 +262,20 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                                 {"hash", fmt::format("{:016x}", map.hash)},
                                 {"ms", 1e3 * map.seconds},
                                 {"times", map.times}});
+    }
+    json["grids"] = Json::array();
+    for (const GridRecord& g : record.grids) {
+        json["grids"].push_back({{"grid", g.grid},
+                                 {"cloud", g.cloud},
+                                 {"floor", g.has_floor},
+                                 {"floor_share", g.floor_share},
+                                 {"level", g.is_level},
+                                 {"cut", g.is_cut},
+                                 {"width", g.width},
+                                 {"height", g.height},
+                                 {"looks", g.looks},
+                                 {"memory_bytes", g.memory_bytes},
+                                 {"ms", g.build_ms}});
     }
     const StoreRecord& s = record.store;
     json["map_store"] = s.folder.empty() ? Json(nullptr)

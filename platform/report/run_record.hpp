@@ -46,6 +46,17 @@ struct MapRecord {
     std::uint64_t times = 1;  // that it was written
 };
 
+// What was made of depth images.
+struct GridRecord {
+    std::string grid;   // NAME.yaml; empty: none
+    std::string cloud;  // file; empty: none
+    bool has_floor = false, is_level = false, is_cut = false;
+    double floor_share = 0;  // of what was looked at
+    std::uint32_t width = 0, height = 0;
+    std::size_t looks = 0, memory_bytes = 0;
+    double build_ms = 0;
+};
+
 // The map store of a run.
 struct StoreRecord {
     std::string folder;  // empty: none
@@ -133,6 +144,7 @@ struct RunRecord {
     std::uint64_t frames_recorded = 0;
     Percentiles record_ms;  // what recording a frame costs the engine's thread
     std::vector<MapRecord> maps;
+    std::vector<GridRecord> grids;  // one a map, if any were asked for
     StoreRecord store;
     StreamRecord streams;
     struct NewMap {

@@ -198,6 +198,7 @@ static void results(sm_engine* engine) {
     sm_tracking_view view = {sizeof(sm_tracking_view), 0, NULL, 0, NULL, 0};
     sm_features features = {sizeof(sm_features), 0, NULL, NULL, 0};
     sm_keyframe keyframes[8];
+    sm_depth_image depth;
     size_t i;
     uint32_t count;
     memset(&all, 0x77, sizeof all);
@@ -218,6 +219,11 @@ static void results(sm_engine* engine) {
     count = sm_keyframes(engine, keyframes, 8);
     EXPECT(count == all.keyframes_size && keyframes[0].id != SM_NO_KEYFRAME && sm_keyframes(engine, NULL, 8) == 0);
     EXPECT(sm_reference_keyframe(engine) != SM_NO_KEYFRAME);
+    /* these limits keep no depth images */
+    memset(&depth, 0x77, sizeof depth);
+    depth.size = sizeof depth;
+    EXPECT(sm_get_depth_image(engine, 0, &depth) == SM_OK && depth.columns == 0 && depth.rows == 0);
+    EXPECT(sm_get_depth_image(NULL, 0, &depth) == SM_INVALID);
 }
 
 static size_t bytes_of(const char* name, uint8_t* bytes, size_t room) {

@@ -41,15 +41,6 @@ TEST(Program, TheManualHasEveryCommand) {
     EXPECT_EQ(version.text.rfind("stillmesh ", 0), 0U) << version.text;
 }
 
-// Promise: what comes with later issues is known and refused with a sentence and exit 2.
-TEST(Program, LaterPartsAreNotInThisBuild) {
-    for (const char* arguments : {"run --cloud room.ply"}) {
-        const Answer answer = stillmesh_says(arguments);
-        EXPECT_EQ(answer.code, 2) << arguments;
-        EXPECT_NE(answer.text.find("not in this build"), std::string::npos) << arguments << ": " << answer.text;
-    }
-}
-
 // Promise: bad usage and bad input end with 2 and one sentence on standard error, and touch no output.
 TEST(Program, BadUsageAndInput) {
     test::TemporaryFolder folder;

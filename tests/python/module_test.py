@@ -105,6 +105,20 @@ class Module(unittest.TestCase):
         self.assertIn(made.reference_keyframe, [keyframe.id for keyframe in made.keyframes])
         self.assertIn(made.step(0), ("idle", "working"))
 
+    def test_what_was_seen(self):
+        """Promise: a small depth image is what its frame measured, in mm, with the rays of its cells; where the limits have no room
+        there is none."""
+        self.assertEqual(list(follow(engine()).depth_images), [])
+        settings = stillmesh.Settings("tiny")
+        settings["limits.depth_images_max"] = 8
+        made = follow(stillmesh.Engine(settings, CAMERA, b""))
+        seen = next(made.depth_images)
+        self.assertEqual(seen.depth_mm.shape + (2,), seen.rays.shape)
+        self.assertTrue(np.all(np.abs(seen.depth_mm[seen.depth_mm > 0].astype(int) - 400) <= 1))
+        self.assertGreater(int(np.count_nonzero(seen.depth_mm)), seen.depth_mm.size // 2)
+        self.assertTrue(np.all(np.diff(seen.rays[0, :, 0]) > 0))
+        self.assertEqual(seen.map_from_camera.shape, (4, 4))
+
     def test_copies_nothing(self):
         """Promise: images are read where they lie, in parts of larger ones too, and results are views that keep their memory."""
         plain, parts = engine(), engine()

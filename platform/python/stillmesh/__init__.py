@@ -12,15 +12,15 @@ Only calls of libstillmesh_c (stillmesh.h). An engine is used by one thread. Wha
 import ctypes
 import os
 from dataclasses import dataclass, field
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _c
 
-__all__ = ["Camera", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "Pose", "Settings", "Trajectory", "TrackingView",
-           "read_map_header", "version"]
+__all__ = ["Camera", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "Pose", "Settings", "Trajectory",
+           "TrackingView", "read_map_header", "version"]
 
 Matrix = npt.NDArray[np.float64]
 # A compound of the engine's own bytes: fields by name.
@@ -198,6 +198,15 @@ class Keyframe(NamedTuple):
     map_from_camera: Matrix
 
 
+class DepthImage(NamedTuple):
+    """What was seen at one moment, without what moved: rows x columns of mm along the camera's axis, 0: none, and x/z, y/z of each
+    cell: views of the engine's memory, until the next frame or step."""
+    frame: int
+    map_from_camera: Matrix
+    depth_mm: npt.NDArray[np.uint16]
+    rays: npt.NDArray[np.float32]
+
+
 class Engine:
     """vocabulary: None for the one of the library, b"" for none (no place is ever recognised), or the bytes of a file."""
 
@@ -206,6 +215,7 @@ class Engine:
         self._memory = np.zeros(_c.lib.sm_engine_bytes(settings._c), np.uint8)
         self._vocabulary = vocabulary  # used where it lies
         self._keyframes_max = int(settings["limits.keyframes_max"])
+        self._depth_images_max = int(settings["limits.depth_images_max"])
         self._units = int(settings["schedule.units_per_frame"])
         self._observer: Any = None
         options = _sized(_c.Options)
@@ -288,6 +298,19 @@ class Engine:
                 for k in out[:count]]
 
     @property
+    def depth_images(self) -> Iterator[DepthImage]:
+        """What keyframes keep of what was seen, at most limits.depth_images_max."""
+        for index in range(self._depth_images_max):
+            out = _sized(_c.DepthImage)
+            _check(_c.lib.sm_get_depth_image(self._c, index, out))
+            if out.columns == 0:
+                continue
+            count = out.rows * out.columns
+            yield DepthImage(out.frame, _matrix(out.map_from_camera),
+                             self._view(out.depth_mm, count, ctypes.c_uint16).reshape(out.rows, out.columns),
+                             self._view(out.rays, 2 * count, ctypes.c_float).reshape(out.rows, out.columns, 2))
+
+    @property
     def reference_keyframe(self) -> Optional[int]:
         """The keyframe that saw most of what the last frame was measured against."""
         number = _c.lib.sm_reference_keyframe(self._c)
@@ -317,7 +340,7 @@ class Engine:
         problem = _sized(_c.Problem)
         _check(_c.lib.sm_load_map_file(self._c, os.fsencode(file), use, problem), problem)
 
-    def _view(self, address: Optional[int], count: int, kind: Type[ctypes.Structure]) -> Any:
+    def _view(self, address: Optional[int], count: int, kind: Any) -> Any:
         """Structs that lie in the engine's memory, without a copy; the memory lives as long as the view."""
         if not address or count == 0:
             return np.empty(0, np.dtype(kind))

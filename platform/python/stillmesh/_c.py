@@ -66,6 +66,11 @@ class Pose(ctypes.Structure):
                 ("map_from_odom", Transform), ("map_from_camera", Transform), ("covariance", c_double * 36)]
 
 
+class DepthImage(ctypes.Structure):
+    _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("columns", c_uint32), ("rows", c_uint32),
+                ("depth_mm", c_void_p), ("rays", c_void_p), ("frame", c_uint64), ("map_from_camera", Transform)]
+
+
 class FrameStatistics(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("unsure", c_int32), ("frame", c_uint64),
                 *[(name, c_uint32) for name in "features features_with_depth matches static_matches dynamic_matches "
@@ -151,6 +156,7 @@ _CALLS: Tuple[Tuple[Any, ...], ...] = (
     ("sm_get_statistics", c_int32, _E, POINTER(Statistics)),
     ("sm_get_tracking_view", c_int32, _E, POINTER(TrackingView)), ("sm_get_features", c_int32, _E, POINTER(Features)),
     ("sm_keyframes", c_uint32, _E, c_void_p, c_uint32), ("sm_reference_keyframe", c_uint64, _E),
+    ("sm_get_depth_image", c_int32, _E, c_uint32, POINTER(DepthImage)),
     ("sm_state_hash", c_uint64, _E), ("sm_set_stage_observer", None, _E, STAGE_FUNCTION, c_void_p),
     ("sm_pose_line", c_size_t, POINTER(Pose), c_char_p, c_size_t), ("sm_trajectory_create", c_void_p, _E),
     ("sm_trajectory_destroy", None, c_void_p), ("sm_trajectory_add", c_int32, c_void_p),

@@ -1,0 +1,78 @@
+#include "platform/grid/grid_files.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <bit>
+#include <cstring>
+#include <filesystem>
+
+#include "platform/linux/text_output.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr char kFree = static_cast<char>(254), kOccupied = 0, kUnknown = static_cast<char>(205);
+
+static_assert(std::endian::native == std::endian::little, "a cloud is written as it lies in memory");
+
+}  // namespace
+
+std::string grid_pgm(const OccupancyGrid& grid) {
+    std::string text = fmt::format("P5\n{} {}\n255\n", grid.width(), grid.height());
+    for (std::uint32_t row = grid.height(); row-- > 0;) {
+        for (std::uint32_t column = 0; column < grid.width(); ++column) {
+            const GridCell cell = grid.at(column, row);
+            text += cell == GridCell::kFree ? kFree : cell == GridCell::kOccupied ? kOccupied : kUnknown;
+        }
+    }
+    return text;
+}
+
+std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::string& picture) {
+    const RigidTransform& level = floor.level_from_map;
+    return fmt::format(
+        "image: \"{}\"\nmode: trinary\nresolution: {:g}\norigin: [{:.4f}, {:.4f}, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+        "# From a pose of the trajectory to a pose in this grid: {:.6f} {:.6f} {:.6f} {:.9f} {:.9f} {:.9f} {:.9f}\n"
+        "# (tx ty tz qx qy qz qw, multiplied from the left; z up, floor at 0)\n",
+        picture, grid.options().resolution_m, grid.origin_x(), grid.origin_y(), level.translation_m[0],
+        level.translation_m[1], level.translation_m[2], level.rotation_xyzw[0], level.rotation_xyzw[1],
+        level.rotation_xyzw[2], level.rotation_xyzw[3]);
+}
+
+std::string cloud_ply(const Engine& engine, const GridJob& job, bool is_level) {
+    std::string points;
+    std::size_t count = 0;
+    for (const GridJob::Look& look : job.looks()) {
+        const DepthImage depth = engine.depth_image(look.index);
+        const RigidTransform level = compose(job.floor().level_from_map, look.map_from_camera);
+        for (std::size_t i = 0; i < depth.depth_mm.size(); ++i) {
+            if (depth.depth_mm[i] == 0) continue;
+            const double z = depth.depth_mm[i] * 1e-3;
+            const std::array<double, 3> p = {static_cast<double>(depth.rays[2 * i]) * z,
+                                             static_cast<double>(depth.rays[2 * i + 1]) * z, z};
+            const std::array<double, 3> on_floor = transformed(level, p);
+            if (job.has_grid() && !job.grid().stands(on_floor[0], on_floor[1], on_floor[2])) continue;
+            const std::array<double, 3> at = is_level ? on_floor : transformed(look.map_from_camera, p);
+            const float xyz[3] = {static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2])};
+            char bytes[sizeof(xyz)];
+            std::memcpy(bytes, xyz, sizeof(xyz));
+            points.append(bytes, sizeof(bytes));
+            ++count;
+        }
+    }
+    return fmt::format(
+               "ply\nformat binary_little_endian 1.0\ncomment {}\nelement vertex {}\nproperty float x\nproperty float "
+               "y\nproperty float z\nend_header\n",
+               is_level ? "m; z up, floor at 0" : "m; the first camera: x right, y down, z forward", count) +
+           points;
+}
+
+bool write_grid(const GridJob& job, const std::string& name, std::string& message) {
+    const std::string picture = std::filesystem::path(name).filename().string() + ".pgm";
+    return write_whole_file(name + ".pgm", grid_pgm(job.grid()), message) &&
+           write_whole_file(name + ".yaml", grid_yaml(job.grid(), job.floor(), picture), message);
+}
+
+}  // namespace stillmesh

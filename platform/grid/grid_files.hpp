@@ -1,0 +1,22 @@
+// A grid as Nav2's map server reads it (NAME.yaml and NAME.pgm: nav2_map_server, mode trinary) and depth images as a
+// cloud (binary PLY). Each file is replaced as a whole or not at all.
+#pragma once
+
+#include <string>
+
+#include "engine/engine.hpp"
+#include "platform/grid/grid_job.hpp"
+
+namespace stillmesh {
+
+// The picture: free 254, occupied 0, unknown 205, the highest row first.
+[[nodiscard]] std::string grid_pgm(const OccupancyGrid& grid);
+// `picture`: its file's name, in the same folder.
+[[nodiscard]] std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::string& picture);
+// All that keyframes see, but what a grid knows to have gone. `is_level`: z up, floor at 0; else as the map lies.
+[[nodiscard]] std::string cloud_ply(const Engine& engine, const GridJob& job, bool is_level);
+
+// NAME.pgm, then NAME.yaml. False: `message`.
+[[nodiscard]] bool write_grid(const GridJob& job, const std::string& name, std::string& message);
+
+}  // namespace stillmesh

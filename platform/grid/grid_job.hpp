@@ -1,0 +1,57 @@
+// Floor, grid and cloud of a map as it is when the job begins, in slices between frames: the depth images and where
+// they lie are listed once, each slice looks at one of them. One that is gone by then is left out. It reads the engine
+// and changes nothing in it. Limits: depth_images_max images. Memory: open() takes it all, no heap after that. Cost: a
+// slice is one depth image, some .2 ms (docs/grid.md).
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "engine/engine.hpp"
+#include "platform/grid/floor_finder.hpp"
+#include "platform/grid/occupancy_grid.hpp"
+#include "platform/linux/memory_block.hpp"
+
+namespace stillmesh {
+
+class GridJob {
+public:
+    // False: no memory; `message` says so.
+    [[nodiscard]] bool open(const Limits& limits, const GridOptions& options, std::string& message);
+
+    void begin(const Engine& engine);
+    // False: it is done. `has_grid()` and `floor()` are valid then.
+    bool step(const Engine& engine);
+    [[nodiscard]] bool is_working() const { return pass_ != Pass::kDone; }
+
+    [[nodiscard]] const Floor& floor() const { return finder_.floor(); }
+    [[nodiscard]] bool has_grid() const { return has_grid_; }
+    [[nodiscard]] const OccupancyGrid& grid() const { return grid_; }
+    // What it is made of, oldest first; a pose is that of when the job began.
+    struct Look {
+        std::uint64_t frame = 0;
+        std::uint32_t index = 0;  // of Engine::depth_image()
+        RigidTransform map_from_camera;
+    };
+    [[nodiscard]] const std::vector<Look>& looks() const { return looks_; }
+    [[nodiscard]] std::size_t memory_bytes() const { return block_.bytes().size(); }
+
+private:
+    enum class Pass : std::uint8_t { kFloor, kCover, kGrid, kDone };
+    // Looked at for the floor: as many say where it is.
+    static constexpr std::size_t kFloorLooks = 64;
+
+    void end_pass();
+
+    MemoryBlock block_;
+    OccupancyGrid grid_;
+    FloorFinder finder_;
+    std::vector<Look> looks_;
+    std::uint32_t images_max_ = 0;
+    std::size_t next_ = 0;
+    Pass pass_ = Pass::kDone;
+    bool has_grid_ = false;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,251 @@
+#include "platform/grid/occupancy_grid.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/base/check.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::uint32_t kRayStride = 2;  // cells of a depth image, of rays; surfaces are taken from all
+constexpr int kHitWeight = 2, kMissWeight = 1;
+constexpr int kCountMin = -3, kCountMax = 4;
+constexpr int kOccupied = 3;           // surfaces of two images
+constexpr float kEndGap_m = 0.1F;      // rays say nothing of it
+constexpr float kGrazingGap_m = 0.4F;  // nor of this in the layer where they end
+constexpr float kFloorDeep_m = 0.3F;   // what lies lower is no floor
+constexpr float kJoined_m = 0.3F;  // so far apart two cells of an image, one above the other, show one level surface
+constexpr float kJoinedStep_m = 0.03F;
+constexpr unsigned kSteps = 16;          // of a layer
+constexpr unsigned kHitsMin = 4;         // fewer pixels of an image are no obstacle
+constexpr unsigned kNoise_percent = 15;  // hit less often than the cell beside it by so much: noise of that
+
+}  // namespace
+
+void OccupancyGrid::create(std::span<std::byte> block, const GridOptions& options) noexcept {
+    STILLMESH_CHECK(block.size() >= bytes(options));
+    options_ = options;
+    cells_ = {reinterpret_cast<Cell*>(block.data()), options.cells_max};
+    low_m_ = static_cast<float>(options.obstacle_m);
+    high_m_ = static_cast<float>(options.robot_m);
+    layers_per_m_ = static_cast<float>(kLayers - 1) / (high_m_ - low_m_);
+    cells_per_m_ = static_cast<float>(1 / options.resolution_m);
+    begin();
+}
+
+void OccupancyGrid::begin() noexcept {
+    x_min_ = y_min_ = 1e9F;
+    x_max_ = y_max_ = -1e9F;
+    width_ = height_ = 0;
+    look_ = 0;
+    is_cut_ = false;
+}
+
+OccupancyGrid::Eye OccupancyGrid::eye_of(const RigidTransform& level_from_camera) noexcept {
+    const RotationMatrix rotation = matrix_of(level_from_camera.rotation_xyzw);
+    Eye eye;
+    for (std::size_t i = 0; i < 9; ++i) eye.r[i] = static_cast<float>(rotation[i]);
+    const auto& t = level_from_camera.translation_m;
+    eye.at = {static_cast<float>(t[0]), static_cast<float>(t[1]), static_cast<float>(t[2])};
+    return eye;
+}
+
+OccupancyGrid::Point OccupancyGrid::point_of(const DepthImage& depth, std::size_t cell, const Eye& eye) noexcept {
+    const float z = static_cast<float>(depth.depth_mm[cell]) * 1e-3F;
+    const float x = depth.rays[2 * cell] * z, y = depth.rays[2 * cell + 1] * z;
+    const float(&r)[9] = eye.r;
+    return {eye.at.x + r[0] * x + r[1] * y + r[2] * z, eye.at.y + r[3] * x + r[4] * y + r[5] * z,
+            eye.at.z + r[6] * x + r[7] * y + r[8] * z};
+}
+
+void OccupancyGrid::cover(const DepthImage& depth, const RigidTransform& level_from_camera) noexcept {
+    const Eye eye = eye_of(level_from_camera);
+    const auto far_mm = static_cast<std::uint16_t>(std::min(options_.range_m * 1000, 65535.0));
+    for (std::size_t cell = 0; cell < depth.depth_mm.size(); cell += kRayStride) {
+        if (depth.depth_mm[cell] == 0 || depth.depth_mm[cell] > far_mm) continue;
+        const Point p = point_of(depth, cell, eye);
+        if (p.z > high_m_) continue;
+        x_min_ = std::min(x_min_, p.x);
+        x_max_ = std::max(x_max_, p.x);
+        y_min_ = std::min(y_min_, p.y);
+        y_max_ = std::max(y_max_, p.y);
+    }
+}
+
+// With a border of two cells; too large, as much as there is room for about the middle.
+void OccupancyGrid::lay_out() noexcept {
+    if (!(x_max_ >= x_min_)) return;
+    const double side = options_.resolution_m;
+    double x0 = std::floor(static_cast<double>(x_min_) / side) - 2,
+           y0 = std::floor(static_cast<double>(y_min_) / side) - 2;
+    double columns = std::ceil(static_cast<double>(x_max_) / side) + 2 - x0;
+    double rows = std::ceil(static_cast<double>(y_max_) / side) + 2 - y0;
+    const double cells_max = options_.cells_max;
+    is_cut_ = columns * rows > cells_max;
+    if (is_cut_) {
+        const double square = std::floor(std::sqrt(cells_max));
+        const double columns_kept = std::min(columns, std::max(square, std::floor(cells_max / rows)));
+        const double rows_kept = std::min(rows, std::floor(cells_max / columns_kept));
+        x0 += std::floor(0.5 * (columns - columns_kept));
+        y0 += std::floor(0.5 * (rows - rows_kept));
+        columns = columns_kept;
+        rows = rows_kept;
+    }
+    origin_x_ = x0 * side;
+    origin_y_ = y0 * side;
+    width_ = static_cast<std::uint32_t>(columns);
+    height_ = static_cast<std::uint32_t>(rows);
+    std::fill_n(cells_.begin(), std::size_t{width_} * height_, Cell{});
+}
+
+OccupancyGrid::Cell* OccupancyGrid::cell_at(float x, float y) noexcept {
+    const float column = (x - static_cast<float>(origin_x_)) * cells_per_m_;
+    const float row = (y - static_cast<float>(origin_y_)) * cells_per_m_;
+    if (!(column >= 0 && row >= 0 && column < static_cast<float>(width_) && row < static_cast<float>(height_))) {
+        return nullptr;
+    }
+    return &cells_[static_cast<std::size_t>(row) * width_ + static_cast<std::size_t>(column)];
+}
+
+// 0: the floor; -1: none.
+int OccupancyGrid::layer_of(float z) const noexcept {
+    if (z < -kFloorDeep_m || z >= high_m_) return -1;
+    return z < low_m_ ? 0 : std::min(1 + static_cast<int>((z - low_m_) * layers_per_m_), kLayers - 1);
+}
+
+void OccupancyGrid::add(const DepthImage& depth, const RigidTransform& level_from_camera) noexcept {
+    if (width_ == 0) return;
+    ++look_;
+    const Eye eye = eye_of(level_from_camera);
+    const auto far_mm = static_cast<std::uint16_t>(std::min(options_.range_m * 1000, 65535.0));
+    for (std::uint32_t row = 0; row < depth.rows; ++row) {
+        for (std::uint32_t column = 0; column < depth.columns; ++column) {
+            const std::size_t i = std::size_t{row} * depth.columns + column;
+            if (depth.depth_mm[i] == 0) continue;
+            const Point p = point_of(depth, i, eye);
+            if (depth.depth_mm[i] <= far_mm) {
+                hit(p);
+                const std::size_t below = i + depth.columns;
+                if (row + 1 < depth.rows && depth.depth_mm[below] != 0) join(p, point_of(depth, below, eye));
+            }
+            if (row % kRayStride == 0 && column % kRayStride == 0) look_through(eye.at, p);
+        }
+    }
+}
+
+unsigned OccupancyGrid::step_of(float z, int layer) const noexcept {
+    const float above = (z - low_m_) * layers_per_m_ - static_cast<float>(layer - 1);
+    return static_cast<unsigned>(std::clamp(above * kSteps, 0.0F, kSteps - 1.0F));
+}
+
+void OccupancyGrid::hit(const Point& p) noexcept {
+    const int layer = layer_of(p.z);
+    Cell* const cell = layer < 0 ? nullptr : cell_at(p.x, p.y);
+    if (cell == nullptr) return;
+    renew(*cell);
+    cell->hit = static_cast<std::uint8_t>(cell->hit | 1U << static_cast<unsigned>(layer));
+    if (layer == 0) return;
+    if (cell->hits < 65535) ++cell->hits;
+    Span& span = cell->spans[layer];
+    const unsigned step = step_of(p.z, layer);
+    if (step < span.low) span.low = step & 15U;
+    if (step > span.high) span.high = step & 15U;
+}
+
+// A level surface seen at a flat angle is hit here and there: what lies between two of its cells is part of it.
+void OccupancyGrid::join(const Point& a, const Point& b) noexcept {
+    const float dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
+    if (a.z < low_m_ || a.z >= high_m_ || std::abs(dz) > kJoinedStep_m) return;
+    const float apart = std::sqrt(dx * dx + dy * dy), step = 1 / cells_per_m_;
+    if (apart > kJoined_m) return;
+    for (float at = step; at < apart; at += step) {
+        const float share = at / apart;
+        hit({a.x + dx * share, a.y + dy * share, a.z + dz * share});
+    }
+}
+
+// The part of the ray between robot's height and floor, a step a cell.
+void OccupancyGrid::look_through(const Point& eye, const Point& end) noexcept {
+    const float dx = end.x - eye.x, dy = end.y - eye.y, dz = end.z - eye.z;
+    const float across = std::sqrt(dx * dx + dy * dy);
+    if (across < kEndGap_m) return;
+    const float fall = dz / across;  // per metre across
+    float from = 0, to = std::min(across - kEndGap_m, static_cast<float>(options_.range_m));
+    if (fall < 0) {
+        from = std::max(from, (high_m_ - eye.z) / fall);
+        to = std::min(to, (low_m_ - eye.z) / fall);
+    } else if (fall > 0) {
+        from = std::max(from, (low_m_ - eye.z) / fall);
+        to = std::min(to, (high_m_ - eye.z) / fall);
+    } else if (eye.z < low_m_ || eye.z >= high_m_) {
+        return;
+    }
+    const int last = layer_of(end.z);
+    const float step = 1 / cells_per_m_;
+    for (float at = from + 0.5F * step; at < to; at += step) {
+        const int layer = layer_of(eye.z + fall * at);
+        if (layer < 1 || (layer == last && at > across - kGrazingGap_m)) continue;
+        Cell* const cell = cell_at(eye.x + dx / across * at, eye.y + dy / across * at);
+        if (cell == nullptr) continue;
+        renew(*cell);
+        if (cell->counts[layer] > 0) {
+            const unsigned height = step_of(eye.z + fall * at, layer);
+            if (height < cell->spans[layer].low || height > cell->spans[layer].high) continue;
+        }
+        cell->seen = static_cast<std::uint8_t>(cell->seen | 1U << static_cast<unsigned>(layer));
+    }
+}
+
+void OccupancyGrid::renew(Cell& cell) const noexcept {
+    if (cell.look == look_) return;
+    count(cell);
+    cell.look = look_;
+    cell.hit = cell.seen = 0;
+}
+
+void OccupancyGrid::count(Cell& cell) noexcept {
+    const unsigned both = cell.hit | cell.seen;
+    if (both == 0) return;
+    for (unsigned layer = 0; layer < kLayers; ++layer) {
+        if ((both >> layer & 1U) == 0) continue;
+        const int change = (cell.hit >> layer & 1U) != 0 ? kHitWeight : -kMissWeight;
+        cell.counts[layer] = static_cast<std::int8_t>(std::clamp(cell.counts[layer] + change, kCountMin, kCountMax));
+        if (cell.counts[layer] <= 0) cell.spans[layer] = Span{};
+    }
+}
+
+void OccupancyGrid::finish() noexcept {
+    for (Cell& cell : cells_.first(std::size_t{width_} * height_)) {
+        count(cell);
+        cell.hit = cell.seen = 0;
+    }
+}
+
+GridCell OccupancyGrid::at(std::uint32_t x, std::uint32_t y) const noexcept {
+    const Cell& cell = cells_[std::size_t{y} * width_ + x];
+    bool is_hit = false;
+    for (int layer = 1; layer < kLayers; ++layer) is_hit = is_hit || cell.counts[layer] >= kOccupied;
+    if (is_hit) return cell.hits >= kHitsMin && is_ridge(x, y) ? GridCell::kOccupied : GridCell::kUnknown;
+    return cell.counts[0] > 0 || cell.counts[1] < 0 || cell.counts[2] < 0 ? GridCell::kFree : GridCell::kUnknown;
+}
+
+bool OccupancyGrid::is_ridge(std::uint32_t x, std::uint32_t y) const noexcept {
+    std::uint32_t most = 0;
+    for (std::uint32_t row = y > 0 ? y - 1 : 0; row < std::min(y + 2, height_); ++row) {
+        for (std::uint32_t column = x > 0 ? x - 1 : 0; column < std::min(x + 2, width_); ++column) {
+            most = std::max<std::uint32_t>(most, cells_[std::size_t{row} * width_ + column].hits);
+        }
+    }
+    return cells_[std::size_t{y} * width_ + x].hits * 100U >= most * kNoise_percent;
+}
+
+bool OccupancyGrid::stands(double x, double y, double z) const noexcept {
+    const int layer = layer_of(static_cast<float>(z));
+    if (layer < 1) return true;
+    const double column = (x - origin_x_) / options_.resolution_m, row = (y - origin_y_) / options_.resolution_m;
+    if (!(column >= 0 && row >= 0 && column < width_ && row < height_)) return true;
+    return cells_[static_cast<std::size_t>(row) * width_ + static_cast<std::size_t>(column)].counts[layer] >= kOccupied;
+}
+
+}  // namespace stillmesh

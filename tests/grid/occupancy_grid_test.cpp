@@ -1,0 +1,189 @@
+#include "platform/grid/occupancy_grid.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "tests/grid/synthetic_room.hpp"
+#include "tests/support/heap_calls.hpp"
+
+namespace stillmesh {
+namespace {
+
+using test::camera_at;
+using test::RoomBox;
+using test::SeenRoom;
+
+struct Look {
+    std::vector<std::uint16_t> depth_mm;
+    RigidTransform level_from_camera;
+};
+
+// A grid of looks at rooms; coordinates of the room are level ones.
+class Grid {
+public:
+    explicit Grid(const GridOptions& options = {}) : block_(OccupancyGrid::bytes(options)) {
+        grid_.create(block_, options);
+    }
+    void build(SeenRoom& room, const std::vector<Look>& looks) {
+        grid_.begin();
+        for (const Look& look : looks) grid_.cover(room.image(look.depth_mm), look.level_from_camera);
+        grid_.lay_out();
+        for (const Look& look : looks) grid_.add(room.image(look.depth_mm), look.level_from_camera);
+        grid_.finish();
+    }
+    [[nodiscard]] GridCell at(double x, double y) const {
+        const double column = std::floor((x - grid_.origin_x()) / grid_.options().resolution_m);
+        const double row = std::floor((y - grid_.origin_y()) / grid_.options().resolution_m);
+        if (column < 0 || row < 0 || column >= grid_.width() || row >= grid_.height()) return GridCell::kUnknown;
+        return grid_.at(static_cast<std::uint32_t>(column), static_cast<std::uint32_t>(row));
+    }
+    // How many cells of a rectangle are so.
+    [[nodiscard]] int count(GridCell what, double x0, double x1, double y0, double y1) const {
+        int count = 0;
+        for (double x = x0 + 0.025; x < x1; x += 0.05) {
+            for (double y = y0 + 0.025; y < y1; y += 0.05) count += at(x, y) == what ? 1 : 0;
+        }
+        return count;
+    }
+    [[nodiscard]] const OccupancyGrid& operator*() const { return grid_; }
+
+private:
+    std::vector<std::byte> block_;
+    OccupancyGrid grid_;
+};
+
+// From some places beside each other, 1.2 m high.
+std::vector<Look> looks_at(SeenRoom& room, int count, double from_y = -0.3) {
+    std::vector<Look> looks;
+    for (int i = 0; i < count; ++i) {
+        const RigidTransform camera = camera_at({0.02 * i, from_y + 0.05 * i, 1.2}, 0, 0.35);
+        looks.push_back({room.look(camera), camera});
+    }
+    return looks;
+}
+void append(std::vector<Look>& to, const std::vector<Look>& more) {
+    to.insert(to.end(), more.begin(), more.end());
+}
+
+constexpr RoomBox kWall{3.5, 3.7, -4, 4, 0, 2.5};
+constexpr RoomBox kCrate{2.0, 2.4, -0.3, 0.3, 0, 0.5};
+
+// Promise: what stands is occupied, seen floor is free, and what lies behind or beside the view is unknown.
+TEST(OccupancyGrid, SaysWhatIsFreeOccupiedAndUnknown) {
+    SeenRoom room;
+    room.boxes = {kWall, kCrate};
+    Grid grid;
+    grid.build(room, looks_at(room, 8));
+    EXPECT_GE(grid.count(GridCell::kOccupied, 2.0, 2.05, -0.3, 0.3), 11);
+    EXPECT_GE(grid.count(GridCell::kOccupied, 3.5, 3.55, -1, 1), 35);
+    EXPECT_EQ(grid.count(GridCell::kOccupied, 0.8, 1.9, -0.3, 0.3), 0);
+    EXPECT_GE(grid.count(GridCell::kFree, 1.2, 1.9, -0.3, 0.3), 160);
+    EXPECT_EQ(grid.at(3.9, 0), GridCell::kUnknown);
+    EXPECT_EQ(grid.at(-1, 0), GridCell::kUnknown);
+    EXPECT_EQ(grid.count(GridCell::kFree, 2.05, 2.4, -0.25, 0.25), 0);
+}
+
+// Promise: a table top is in the way although floor is seen under it and the wall over it, however flat the look.
+TEST(OccupancyGrid, ATableIsInTheWay) {
+    SeenRoom room;
+    room.noise = 0.0014;
+    room.boxes = {kWall, {1.6, 2.4, -0.5, 0.5, 0.70, 0.74}};
+    Grid grid;
+    grid.build(room, looks_at(room, 12));
+    const int inside = 16 * 20;
+    EXPECT_GE(grid.count(GridCell::kOccupied, 1.6, 2.4, -0.5, 0.5), inside * 9 / 10);
+    EXPECT_LE(grid.count(GridCell::kFree, 1.65, 2.35, -0.45, 0.45), inside / 50);
+}
+
+// Promise: what is higher than the robot, or lower than an obstacle, is not in the way; the two heights say so.
+TEST(OccupancyGrid, HeightsAreThoseOfTheRobot) {
+    SeenRoom room;
+    room.boxes = {kWall, {1.6, 1.9, -0.2, 0.2, 0.9, 1.1}, {1.3, 1.5, 0.4, 0.6, 0, 0.06}};
+    const std::vector<Look> looks = looks_at(room, 8);
+    GridOptions low;
+    low.robot_m = 0.8;
+    Grid low_robot(low), tall_robot;
+    low_robot.build(room, looks);
+    tall_robot.build(room, looks);
+    EXPECT_EQ(low_robot.count(GridCell::kOccupied, 1.5, 2.0, -0.3, 0.3), 0);
+    EXPECT_GT(tall_robot.count(GridCell::kOccupied, 1.5, 2.0, -0.3, 0.3), 6);
+    EXPECT_EQ(tall_robot.count(GridCell::kOccupied, 1.2, 1.6, 0.35, 0.65), 0);
+    GridOptions flat;
+    flat.obstacle_m = 0.03;
+    Grid careful(flat);
+    careful.build(room, looks);
+    EXPECT_GT(careful.count(GridCell::kOccupied, 1.2, 1.6, 0.35, 0.65), 6);
+}
+
+// Promise: furniture that was moved has left its place after six looks, and is at the new one after two.
+TEST(OccupancyGrid, WhatWasMovedLeavesItsPlace) {
+    SeenRoom before, after;
+    before.boxes = {kWall, kCrate};
+    after.boxes = {kWall, {2.0, 2.4, -1.1, -0.5, 0, 0.5}};
+    std::vector<Look> looks = looks_at(before, 20);
+    append(looks, looks_at(after, 8));
+    Grid grid;
+    grid.build(after, looks);
+    EXPECT_EQ(grid.count(GridCell::kOccupied, 1.95, 2.45, -0.3, 0.35), 0);
+    EXPECT_GE(grid.count(GridCell::kOccupied, 2.0, 2.05, -1.0, -0.6), 7);
+}
+
+// Promise: somebody who crosses the view leaves nothing behind, where later looks go; seen last, he stands there.
+TEST(OccupancyGrid, WhoeverWentThroughIsNoPartOfIt) {
+    SeenRoom empty;
+    empty.boxes = {kWall};
+    std::vector<Look> looks = looks_at(empty, 3);
+    for (int step = 0; step < 6; ++step) {
+        SeenRoom room;
+        const double y = -0.9 + 0.3 * step;
+        room.boxes = {kWall, {1.8, 2.1, y, y + 0.4, 0, 1.8}};
+        append(looks, looks_at(room, 1));
+    }
+    Grid with_him;
+    with_him.build(empty, looks);
+    EXPECT_GT(with_him.count(GridCell::kOccupied, 1.7, 2.2, 0.6, 1.0), 4);
+    append(looks, looks_at(empty, 6));
+    Grid grid;
+    grid.build(empty, looks);
+    EXPECT_EQ(grid.count(GridCell::kOccupied, 1.0, 2.5, -1.0, 1.2), 0);
+}
+
+// Promise: an area larger than there is room for is cut about its middle, and said; no byte behind the block is touched
+// and the heap is not asked.
+TEST(OccupancyGrid, TooLargeAnAreaIsCut) {
+    GridOptions options;
+    options.cells_max = 1000;
+    const std::size_t size = OccupancyGrid::bytes(options);
+    std::vector<std::byte> block(size + 64, std::byte{0x5a});
+    OccupancyGrid grid;
+    grid.create(std::span(block).first(size), options);
+    SeenRoom room;
+    room.boxes = {kWall};
+    const std::vector<Look> looks = looks_at(room, 3);
+    const std::uint64_t before = test::heap_calls();
+    grid.begin();
+    for (const Look& look : looks) grid.cover(room.image(look.depth_mm), look.level_from_camera);
+    grid.lay_out();
+    for (const Look& look : looks) grid.add(room.image(look.depth_mm), look.level_from_camera);
+    grid.finish();
+    EXPECT_EQ(test::heap_calls(), before);
+    EXPECT_TRUE(grid.is_cut());
+    EXPECT_LE(grid.width() * grid.height(), 1000U);
+    EXPECT_GE(grid.width() * grid.height(), 900U);
+    for (std::size_t i = size; i < block.size(); ++i) EXPECT_EQ(block[i], std::byte{0x5a});
+}
+
+// Promise: nothing seen is no grid.
+TEST(OccupancyGrid, NothingIsNothing) {
+    SeenRoom room;
+    room.has_floor = false;
+    Grid grid;
+    grid.build(room, looks_at(room, 2));
+    EXPECT_EQ((*grid).width(), 0U);
+}
+
+}  // namespace
+}  // namespace stillmesh

@@ -1,0 +1,104 @@
+#include "engine/map/depth_images.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <set>
+
+#include "engine/geometry/camera.hpp"
+#include "tests/support/small_world.hpp"
+
+namespace stillmesh {
+namespace {
+
+Limits limits_with(std::uint32_t images) {
+    Limits out = Limits::tiny();
+    out.depth_images_max = images;
+    return out;
+}
+
+// Promise: a cell is a square of pixels, all of them in the picture, and its ray is that of its middle.
+TEST(DepthImages, RaysAreThoseOfTheCells) {
+    test::SmallWorld world(test::small_parameters(), limits_with(2));
+    DepthImages& images = world->depth_images;
+    EXPECT_EQ(images.cell_px(), 2U);
+    EXPECT_EQ(images.columns(), 80U);
+    EXPECT_EQ(images.rows(), 60U);
+    const Handle<Keyframe> keyframe = world.add_keyframe(SE3{}, 5);
+    ASSERT_EQ(images.add({keyframe, SE3{}, 5, false}, world.map().keyframes()).size(), 4800U);
+    const DepthImage image = images.at(0, world.map().keyframes());
+    ASSERT_EQ(image.rays.size(), 9600U);
+    for (std::uint32_t row = 0; row < 60; row += 7) {
+        for (std::uint32_t column = 0; column < 80; column += 7) {
+            const Vector2 ray = undistort_to_normalised(test::small_camera(), {2 * column + 0.5, 2 * row + 0.5});
+            const std::size_t cell = row * 80 + column;
+            EXPECT_NEAR(static_cast<double>(image.rays[2 * cell]), ray.x(), 1e-6);
+            EXPECT_NEAR(static_cast<double>(image.rays[2 * cell + 1]), ray.y(), 1e-6);
+        }
+    }
+}
+
+// Promise: an image lies where its keyframe lies now, and goes with it.
+TEST(DepthImages, MoveWithTheirKeyframe) {
+    test::SmallWorld world(test::small_parameters(), limits_with(2));
+    DepthImages& images = world->depth_images;
+    const Pool<Keyframe>& keyframes = world.map().keyframes();
+    const Handle<Keyframe> keyframe = world.add_keyframe(SE3{}, 5);
+    SE3 offset;
+    offset.translation = {0.1, 0, 0};
+    images.add({keyframe, offset, 9, true}, keyframes)[17] = 1234;
+    world[keyframe].world_from_camera.translation = {1, 2, 3};
+    const DepthImage image = images.at(0, keyframes);
+    EXPECT_EQ(image.frame, 9U);
+    EXPECT_EQ(image.depth_mm[17], 1234);
+    EXPECT_NEAR(image.map_from_camera.translation_m[0], 1.1, 1e-12);
+    EXPECT_EQ(images.at(1, keyframes).columns, 0U);
+    EXPECT_EQ(images.at(2, keyframes).columns, 0U);
+    world.map().release_keyframe(keyframe);
+    EXPECT_EQ(images.at(0, keyframes).columns, 0U);
+}
+
+// Promise: full, a later image takes the oldest of its keyframe, a keyframe's the oldest later one, and those of
+// keyframes that are gone come first: a camera that stands still forgets nothing of where it was before.
+TEST(DepthImages, FullTheyForgetInOrder) {
+    test::SmallWorld world(test::small_parameters(), limits_with(4));
+    DepthImages& images = world->depth_images;
+    const Pool<Keyframe>& keyframes = world.map().keyframes();
+    const auto frames = [&] {
+        std::set<std::uint64_t> out;
+        for (std::uint32_t i = 0; i < 4; ++i) {
+            if (images.at(i, keyframes).columns > 0) out.insert(images.at(i, keyframes).frame);
+        }
+        return out;
+    };
+    const Handle<Keyframe> first = world.add_keyframe(SE3{}, 1), second = world.add_keyframe(SE3{}, 2);
+    images.add({first, SE3{}, 1, false}, keyframes);
+    images.add({second, SE3{}, 2, false}, keyframes);
+    for (const std::uint64_t frame : {10U, 11U, 12U, 13U}) images.add({second, SE3{}, frame, true}, keyframes);
+    // The second keyframe's own went first: what is as old, and of the same place, tells least.
+    EXPECT_EQ(frames(), (std::set<std::uint64_t>{1, 11, 12, 13}));
+    const Handle<Keyframe> third = world.add_keyframe(SE3{}, 20);
+    images.add({third, SE3{}, 20, false}, keyframes);
+    EXPECT_TRUE(frames().contains(20));
+    EXPECT_TRUE(frames().contains(1));
+    EXPECT_EQ(frames().size(), 4U);
+    world.map().release_keyframe(first);
+    images.add({third, SE3{}, 21, true}, keyframes);
+    EXPECT_TRUE(frames().contains(20) && frames().contains(21) && !frames().contains(1));
+    images.reset();
+    EXPECT_TRUE(frames().empty());
+}
+
+// Promise: without room there is none, and it costs no byte.
+TEST(DepthImages, WithoutRoomThereIsNone) {
+    ArenaPlan plan;
+    DepthImages::plan(plan, Limits::tiny());
+    EXPECT_EQ(plan.used_bytes(), 0U);
+    test::SmallWorld world;
+    EXPECT_FALSE(world->depth_images.is_on());
+    EXPECT_EQ(world->depth_images.at(0, world.map().keyframes()).columns, 0U);
+}
+
+}  // namespace
+}  // namespace stillmesh
