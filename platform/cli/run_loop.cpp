@@ -29,9 +29,15 @@ namespace {
 // A broken image now and then is skipped; so many at once are a broken camera or disk.
 constexpr std::uint32_t kBadImagesInARowMax = 30;
 
-// A predicted pose is given out, but not measured: a comment, so that no tool counts it as covered.
+// A predicted pose is given out, but not measured: a comment, so that no tool counts it as covered. Of a frame without
+// a pose the comment has the time alone.
 void append_trajectory_line(PoseState state, const TrajectoryPose& pose, std::string& text) {
-    if (state == PoseState::kNone) return;
+    if (state == PoseState::kNone) {
+        text += "# none ";
+        append_time(pose.time_ns, text);
+        text += '\n';
+        return;
+    }
     if (state == PoseState::kPredicted) text += "# predicted ";
     append_pose_line(pose, text);
 }
@@ -180,6 +186,9 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         SessionFrame out;
         const std::int64_t begin_ns = monotonic_ns();
         if (streams.fault() != FrameFault::kNone) {  // old pictures: a pose of them would be of another time
+            line.clear();
+            append_trajectory_line(PoseState::kNone, {.time_ns = frame.time_ns}, line);
+            put(trajectory, line);
             say(poses.no_pose(record.frames_total, frame.time_ns, "old pictures"));
             view.no_pose({record.frames_total, maps.count(), begin_ns, 0}, frame, "old pictures");
             record.add({frame.time_ns, 0, 0, 0, 0, PoseState::kNone}, false);

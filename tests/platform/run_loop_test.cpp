@@ -87,6 +87,18 @@ TEST(RunLoop, PredictedIsNotCovered) {
     EXPECT_EQ(outcome.record.estimate.size(), 81U);
 }
 
+// Promise: a frame without a pose is a comment with its time, which no reader takes for a pose.
+TEST(RunLoop, NoneIsAComment) {
+    StoryCamera camera;
+    StorySession session;
+    session.state_of = [](std::uint64_t i) { return i == 5 ? PoseState::kNone : PoseState::kTracked; };
+    const Outcome outcome = play(camera, session);
+    EXPECT_EQ(poses_in(outcome.trajectory), 89U);
+    EXPECT_EQ(poses_in(outcome.final_trajectory), 89U);
+    EXPECT_NE(outcome.trajectory.find("\n# none 1.165000000\n"), std::string::npos) << outcome.trajectory;
+    EXPECT_EQ(outcome.final_trajectory.find("# none"), std::string::npos);
+}
+
 // Promise: a broken image is skipped, said and a failure; with many in a row the run ends. Whatever stops a run, every
 // pose given out before is in the file.
 TEST(RunLoop, NothingIsLostWhenItBreaks) {

@@ -202,6 +202,26 @@ class Module(unittest.TestCase):
             with self.assertRaisesRegex(stillmesh.Error, "none.map"):
                 other.load_map(pathlib.Path(folder) / "none.map")
 
+    def test_maps_in_slices(self):
+        """Promise: a map that is copied between frames is that of one moment, the bytes of save_map, and comes back from bytes."""
+        with tempfile.TemporaryDirectory() as folder:
+            made, file = follow(engine()), pathlib.Path(folder) / "wall.map"
+            made.save_map(file)
+            copy, slices = made.begin_map_copy(), 1
+            with self.assertRaisesRegex(stillmesh.Error, "not done"):
+                next(copy.blocks())
+            while not copy.step(units=1):
+                slices += 1
+            self.assertGreater(slices, 1)
+            follow(made, begin=6)  # does not change what was copied
+            data = b"".join(copy.blocks())
+            self.assertEqual(data, file.read_bytes())
+            other = engine()
+            other.load_map_bytes(data, localise=True)
+            self.assertGreater(len(other.keyframes), 0)
+            with self.assertRaisesRegex(stillmesh.Error, "cut off"):
+                other.load_map_bytes(data[:-1])
+
 
 if __name__ == "__main__":
     unittest.main()

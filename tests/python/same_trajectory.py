@@ -40,8 +40,7 @@ def path_by_module(folder):
         pose = engine.submit(np.asarray(Image.open(folder / colour)), pixels, nanoseconds(time),
                              depth_units_per_m=float(said["DepthMapFactor"]))
         trajectory.add()
-        if pose.state != "none":
-            text += ("# predicted " if pose.state == "predicted" else "") + pose.line()
+        text += f"# none {time}\n" if pose.state == "none" else ("# predicted " if pose.state == "predicted" else "") + pose.line()
         engine.step()
     final = HEADER
     for time_ns, pose in zip(*trajectory.known()):

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from . import _c
 
-__all__ = ["Camera", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "Pose", "Settings", "Trajectory",
-           "TrackingView", "read_map_header", "version"]
+__all__ = ["Camera", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "MapCopy", "Pose", "Settings",
+           "Trajectory", "TrackingView", "read_map_header", "version"]
 
 Matrix = npt.NDArray[np.float64]
 # A compound of the engine's own bytes: fields by name.
@@ -218,6 +218,8 @@ class Engine:
         self._depth_images_max = int(settings["limits.depth_images_max"])
         self._units = int(settings["schedule.units_per_frame"])
         self._observer: Any = None
+        self._map_copy: Optional["MapCopy"] = None
+        self._map_copy_bytes = int(_c.lib.sm_map_copy_bytes(settings._c))
         options = _sized(_c.Options)
         if vocabulary:
             options.vocabulary = ctypes.cast(ctypes.c_char_p(vocabulary), ctypes.c_void_p)
@@ -340,6 +342,17 @@ class Engine:
         problem = _sized(_c.Problem)
         _check(_c.lib.sm_load_map_file(self._c, os.fsencode(file), use, problem), problem)
 
+    def load_map_bytes(self, data: bytes, localise: bool = False) -> None:
+        """The same of what a file holds."""
+        use = _c.MAP_LOCALISE if localise else _c.MAP_CONTINUE
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_load_map(self._c, data, len(data), use, problem), problem)
+
+    def begin_map_copy(self) -> "MapCopy":
+        """For a map that is saved while frames come; one at a time."""
+        self._map_copy = MapCopy(self, self._map_copy_bytes)  # its memory is the engine's until it is done
+        return self._map_copy
+
     def _view(self, address: Optional[int], count: int, kind: Any) -> Any:
         """Structs that lie in the engine's memory, without a copy; the memory lives as long as the view."""
         if not address or count == 0:
@@ -348,6 +361,35 @@ class Engine:
         view: Any = self._memory[begin:begin + count * ctypes.sizeof(kind)].view(np.dtype(kind))
         view.flags.writeable = False
         return view
+
+
+class MapCopy:
+    """The map of one moment: step() between frames until it says True, then blocks() on any thread."""
+
+    def __init__(self, engine: Engine, size: int) -> None:
+        self._engine = engine  # lives as long
+        memory = np.zeros(size + 63, np.uint8)
+        begin = -memory.ctypes.data % 64
+        self._memory = memory[begin:begin + size]
+        self._is_done = False
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_begin_map_copy(engine._c, self._memory.ctypes.data, size, problem), problem)
+
+    def step(self, units: int = 20000) -> bool:
+        """Copies for so many units, as Engine.step; True: all is copied."""
+        if not self._is_done:
+            self._is_done = _c.lib.sm_step_map_copy(self._engine._c, units) == _c.DONE
+        return self._is_done
+
+    def blocks(self) -> Iterator[bytes]:
+        """The bytes of the file, piece by piece."""
+        writer = _sized(_c.MapWriter)
+        if not self._is_done:
+            raise Error(_c.INVALID, "the copy is not done: step it until it says True.")
+        _check(_c.lib.sm_map_writer_init(writer, self._memory.ctypes.data, self._memory.size))
+        piece = ctypes.create_string_buffer(65536)
+        while count := _c.lib.sm_map_writer_next(writer, piece, len(piece)):
+            yield piece.raw[:count]
 
 
 class Trajectory:

@@ -131,6 +131,10 @@ class MapInfo(ctypes.Structure):
                 ("scale_factor", c_double), ("time_ns", c_int64), ("frames", c_uint64), ("hash", c_uint64)]
 
 
+class MapWriter(ctypes.Structure):
+    _fields_ = [("size", c_uint32), ("is_set", c_uint32), ("inside", c_uint64 * 63)]
+
+
 STAGE_FUNCTION = CFUNCTYPE(None, c_void_p, c_int32, c_int32)
 
 lib = ctypes.CDLL(os.environ.get("STILLMESH_LIBRARY", "libstillmesh_c.so.0"))
@@ -162,6 +166,10 @@ _CALLS: Tuple[Tuple[Any, ...], ...] = (
     ("sm_trajectory_destroy", None, c_void_p), ("sm_trajectory_add", c_int32, c_void_p),
     ("sm_trajectory_known", c_size_t, c_void_p, c_void_p, c_void_p, c_size_t),
     ("sm_save_map", c_int32, _E, c_char_p, _P), ("sm_load_map_file", c_int32, _E, c_char_p, c_int32, _P),
+    ("sm_load_map", c_int32, _E, c_char_p, c_size_t, c_int32, _P), ("sm_map_copy_bytes", c_size_t, POINTER(Settings)),
+    ("sm_begin_map_copy", c_int32, _E, c_void_p, c_size_t, _P), ("sm_step_map_copy", c_int32, _E, c_uint32),
+    ("sm_map_writer_init", c_int32, POINTER(MapWriter), c_void_p, c_size_t),
+    ("sm_map_writer_next", c_size_t, POINTER(MapWriter), c_void_p, c_size_t),
     ("sm_read_map_header", c_int32, c_char_p, c_size_t, POINTER(MapInfo), _P))
 for _name, _result, *_arguments in _CALLS:
     _function = getattr(lib, _name)
