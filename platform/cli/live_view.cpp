@@ -115,8 +115,10 @@ void LiveView::keep_place(const Frame& frame, const SessionFrame& out) {
     if (has_pose) {
         const auto& t = out.world_from_camera.t;
         const float state = static_cast<float>(out.state) + (had_pose_ ? 0.0F : kViewPlaceGap);
-        feed_->place(frame.time_ns,
-                     {static_cast<float>(t[0]), static_cast<float>(t[1]), static_cast<float>(t[2]), state});
+        const auto& q = out.world_from_camera.q;
+        feed_->place(
+            frame.time_ns, {static_cast<float>(t[0]), static_cast<float>(t[1]), static_cast<float>(t[2]), state},
+            {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2]), static_cast<float>(q[3])});
     }
     had_pose_ = has_pose;
 }

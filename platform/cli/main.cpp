@@ -20,6 +20,7 @@
 #include "platform/cli/run_command.hpp"
 #include "platform/cli/simulate_command.hpp"
 #include "platform/cli/summary.hpp"
+#include "platform/cli/view_of_run.hpp"
 #include "platform/cli/vocabulary_command.hpp"
 #include "platform/evaluation/evaluation.hpp"
 #include "platform/linux/memory_reserve.hpp"
@@ -224,12 +225,7 @@ int program(int argc, char** argv) {
     run_app->add_option("--inject", arguments.inject, "faults of every kind into any of these cameras, from a seed")
         ->type_name("SEED")
         ->group(kCameraGroup);
-    run_app
-        ->add_option("--view", arguments.view,
-                     "a page that shows the run while it goes on, at http://localhost:PORT/; for this machine alone, "
-                     "unless an address is given, as 0.0.0.0:8080; port 0: any that is free (docs/view.md)")
-        ->type_name("[ADDRESS:]PORT")
-        ->group("What comes out");
+    add_view_options(*run_app, arguments.view);
     add_report_options(*run_app, arguments.report, arguments.report_frames);
     run_app
         ->add_option(
@@ -590,9 +586,7 @@ int program(int argc, char** argv) {
     if (map_out->parsed()) return map_export_command(map_export);
     if (report_app->parsed()) return stillmesh::report_command(compared);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
-    std::string command = "stillmesh";
-    for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];
-    arguments.command = command;
+    arguments.command = command_without_token(argc, argv);
     return run_command(arguments, begin_ns);
 }
 

@@ -23,11 +23,11 @@
 #include "platform/cli/prepared_camera.hpp"
 #include "platform/cli/recording_source.hpp"
 #include "platform/cli/summary.hpp"
+#include "platform/cli/view_of_run.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
 #include "platform/poses/line_outputs.hpp"
 #include "platform/report/report.hpp"
-#include "platform/view/view_server.hpp"
 
 namespace stillmesh {
 namespace {
@@ -71,6 +71,7 @@ struct Source {
     std::function<std::string()> news = {};     // what happened to it
     std::function<std::string()> silence = {};  // what is known of it
     std::function<void(RunRecord&)> account = [](RunRecord&) {};
+    ViewOfRun* view = nullptr;  // its page, if it is served already
 };
 
 [[nodiscard]] int stopped_before_the_first_frame() {
@@ -136,16 +137,13 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     if (session_sizes(arguments.session, sizes, message) != Status::kOk) return refuse(message);
     catch_stop_signals();
     catch_reopen_signal();
-    std::unique_ptr<ViewFeed> feed;
     std::unique_ptr<RunFilm> film;
     if (!arguments.report.empty()) film = std::make_unique<RunFilm>(arguments.report_frames);
-    if (film != nullptr || !arguments.view.empty()) feed = std::make_unique<ViewFeed>();
-    std::unique_ptr<ViewServer> view;  // before become_realtime(): its threads are ordinary ones
-    if (!arguments.view.empty()) {
-        view = open_view_server(arguments.view, *feed, message);
-        if (view == nullptr) return refuse(message);
-        write_standard_error(std::string(log_prefix(LogLevel::kNotice)) + view->sentence() + "\n");
-    }
+    ViewOfRun own_view;
+    ViewOfRun& view = source.view != nullptr ? *source.view : own_view;
+    // Before become_realtime(): its threads are ordinary ones.
+    if (!view.open(arguments.view, message)) return refuse(message);
+    if (film != nullptr) static_cast<void>(view.feed());
     record.start_up_ms = static_cast<double>(monotonic_ns() - begin_ns) * 1e-6;
     RunLoopOptions loop = arguments.loop;
     loop.depth_range = sizes.depth;
@@ -156,7 +154,10 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     // 64 bytes a frame, for the error only.
     loop.keep_trajectory = !record.truth.empty() || !arguments.simulate.empty();
     loop.film = film.get();
-    loop.view = feed.get();
+    loop.view = view.feed_if_any();
+    const bool is_by_clock = is_live || is_realtime;
+    const bool keeps_to_map = options.is_localising || !options.record.empty() || !options.map_store.empty();
+    loop.controls = {!is_by_clock, !loop.trajectory.empty(), !keeps_to_map};
     loop.camera = camera.info().model;
     loop.show_progress = !arguments.is_json;
     loop.frames = arguments.record_frames.empty() ? nullptr : &frames_writer;
@@ -285,7 +286,8 @@ int keep_alive(const Source& source, bool is_open, std::function<bool()> reset, 
                          account_life(lasting, r.camera);
                          if (is_injected) r.camera.faults = faulty.summary();
                          source.account(r);
-                     }};
+                     },
+                 .view = source.view};
     const int code = then(alive, record);
     lasting.close();
     return code;
@@ -388,6 +390,8 @@ int live(const RunArguments& arguments) {
     const std::unique_ptr<LiveCamera> camera = make_live_camera(options, message);
     if (camera == nullptr) return refuse(message);
     catch_stop_signals();
+    ViewOfRun view;  // while a camera is waited for, it says so
+    if (arguments.does_wait && !view.open(arguments.view, message)) return refuse(message);
     RunRecord record;
     Source source{.camera = *camera,
                   .message = [&camera] { return camera->message(); },
@@ -395,7 +399,8 @@ int live(const RunArguments& arguments) {
                   .times = camera->is_file() ? nullptr : camera.get(),
                   .news = {},
                   .silence = [&camera] { return camera->silence(); },
-                  .account = [&camera](RunRecord& r) { account_live_camera(camera->counts(), r.camera); }};
+                  .account = [&camera](RunRecord& r) { account_live_camera(camera->counts(), r.camera); },
+                  .view = &view};
     const auto tracked = [&](const Source& open_source, RunRecord& r) {
         r.input = camera->is_file() ? camera->device() : "live: " + camera->device();
         r.camera.device = camera->device();

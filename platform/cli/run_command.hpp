@@ -8,6 +8,7 @@
 #include "platform/cli/engine_session.hpp"
 #include "platform/cli/live_camera.hpp"
 #include "platform/cli/run_loop.hpp"
+#include "platform/view/view_server.hpp"
 
 namespace stillmesh {
 
@@ -34,7 +35,7 @@ struct RunArguments {
     std::string command;                                 // as it was typed
     SessionOptions session;
     RunLoopOptions loop;
-    std::string view;  // [ADDRESS:]PORT where a page shows the run; empty: none
+    ViewServerOptions view;  // where a page shows the run, if anywhere
     bool is_json = false;
     bool is_realtime = false;
     std::string mask;        // image file: what is white there is not looked at; empty: none

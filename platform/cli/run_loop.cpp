@@ -17,6 +17,7 @@
 #include "platform/cli/maps_of_run.hpp"
 #include "platform/cli/pose_outputs.hpp"
 #include "platform/cli/progress.hpp"
+#include "platform/cli/run_control.hpp"
 #include "platform/cli/stream_log.hpp"
 #include "platform/linux/memory_reserve.hpp"
 #include "platform/linux/process.hpp"
@@ -104,6 +105,8 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         view.event(sentence);
     };
     put(trajectory, kHeader);
+    RunControl control(options.view, options.controls);
+    bool was_saving = true;
     std::string line;  // keeps its memory from frame to frame
     LossWatch loss(options, session);
     MapsOfRun maps;
@@ -141,6 +144,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             code = give_up(kExitFailed);
             break;
         }
+        if (control.holds()) continue;
         Frame frame;
         const Status polled = camera.poll(frame);
         if (options.news) {
@@ -170,6 +174,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             continue;
         }
         bad_images_in_a_row = 0;
+        while (stop_signal() == 0 && control.is_early(frame.time_ns)) service.alive(monotonic_ns());
         if (last_frame_ns >= 0 && frame.time_ns - last_frame_ns > gap_longest_ns) {
             gap_longest_ns = frame.time_ns - last_frame_ns;
             gap_begin_ns = last_frame_ns;
@@ -208,7 +213,12 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         watch.judge(out);
         line.clear();
         append_trajectory_line(out.state, out.world_from_camera, line);
-        put(trajectory, line);
+        if (control.is_saving() != was_saving) {
+            was_saving = control.is_saving();
+            put(trajectory,
+                was_saving ? "# saved again from here on\n" : "# not saved from here on, as was wished on the page\n");
+        }
+        if (was_saving) put(trajectory, line);
         say(poses.pose(record.frames_total, maps.count(), out));
         watch.frame(camera, frame, session);
         for (std::string sentence = watch.news(); !sentence.empty(); sentence = watch.news()) tell(sentence);
@@ -233,15 +243,20 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
                     out.dynamic_features, out.state, out.unsure});
         loss.frame(frame, out.state, watch.fault());
-        if (options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns && loss.is_good_picture()) {
+        const bool is_wished = control.takes_reset();
+        const bool is_lost_long = options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns;
+        if (is_wished || (is_lost_long && loss.is_good_picture())) {
             if (const std::string begun = session.begin_new_map(); !begun.empty()) {
-                const std::string sentence = loss.begin_anew() + ": " + begun + ".";
+                const std::string lost = loss.begin_anew();
+                const std::string wished = fmt::format("second {:.1f}: wished on the page", loss.second(frame.time_ns));
+                const std::string sentence = (is_wished ? wished : lost) + ": " + begun + ".";
                 tell(fmt::format("map {}: {}", maps.count() + 1, sentence));
                 maps.begin_another(record, given.size());
                 view.begin_map();
                 record.new_maps.push_back({loss.second(frame.time_ns), sentence});
             }
         }
+        control.frame_is_done();
         const std::int64_t latency_ns = end_ns - (options.times != nullptr ? options.times->due_ns() : begin_ns);
         record.latency_ms.add(static_cast<double>(latency_ns) * 1e-6);
         if (options.frame_period_ns > 0 && latency_ns > options.frame_period_ns) ++record.deadline_misses;

@@ -43,6 +43,7 @@ struct RunLoopOptions {
     std::int64_t frame_period_ns = 0;      // of the camera; longer from frame to pose is a deadline missed; 0: unknown
     std::int64_t new_map_after_ns = 0;     // lost for so long, another map is begun; 0: never
     ViewFeed* view = nullptr;              // for a page that looks on, or a report; null: neither
+    ViewControls controls;                 // what may be asked of this run by who looks on
     RunFilm* film = nullptr;               // for a report; null: none
     CameraModel camera;                    // for the view
     bool begins_in_map = false;            // in one that was read

@@ -10,6 +10,7 @@ ViewFeed::ViewFeed() {
     draft_.reserve();
     between_.reserve();
     places_.reserve(kViewPlacesMax);
+    stamps_.reserve(kViewPlacesMax);
     clouds_.resize(kViewCloudsMax);
 }
 
@@ -29,7 +30,7 @@ void ViewFeed::hand_over() noexcept {
     is_fresh_ = true;
 }
 
-void ViewFeed::place(std::int64_t time_ns, const ViewPlace& place) noexcept {
+void ViewFeed::place(std::int64_t time_ns, const ViewPlace& place, const std::array<float, 4>& q) noexcept {
     const bool is_behind_gap = place.state >= kViewPlaceGap;
     is_gap_waiting_ = is_gap_waiting_ || is_behind_gap;  // where this place is not kept, the next that is
     if (last_place_ns_ >= 0 && time_ns - last_place_ns_ < kViewPeriod_ns) return;  // before any lock
@@ -42,13 +43,16 @@ void ViewFeed::place(std::int64_t time_ns, const ViewPlace& place) noexcept {
         for (std::size_t i = 0; i < kViewPlacesMax / 2; ++i) {
             const bool goes_behind_gap = i > 0 && places_[2 * i - 1].state >= kViewPlaceGap;  // the one that goes
             places_[i] = places_[2 * i];
+            stamps_[i] = stamps_[2 * i];
             if (goes_behind_gap && places_[i].state < kViewPlaceGap) places_[i].state += kViewPlaceGap;
         }
         places_.resize(kViewPlacesMax / 2);
+        stamps_.resize(kViewPlacesMax / 2);
         place_period_ns_ *= 2;
         ++life_;
     }
     places_.push_back(place);
+    stamps_.push_back({time_ns, q});
     if (is_gap_waiting_ && !is_behind_gap) places_.back().state += kViewPlaceGap;
     is_gap_waiting_ = false;
 }
@@ -91,6 +95,7 @@ void ViewFeed::put_what_waits() noexcept {
     if (!is_new_map_waiting_) return;
     is_new_map_waiting_ = false;
     places_.clear();
+    stamps_.clear();
     place_period_ns_ = kViewPeriod_ns;
     clouds_begin_ = clouds_made_;
     map_life_ = ++life_;
@@ -103,6 +108,12 @@ bool ViewFeed::take(ViewSnapshot& snapshot) {
     std::swap(snapshot, between_);
     between_.reserve();  // one that came in without memory has it from here on
     return true;
+}
+
+void ViewFeed::poses(std::vector<ViewPose>& poses) {
+    poses.clear();
+    const std::lock_guard lock(mutex_);
+    for (std::size_t i = 0; i < places_.size(); ++i) poses.push_back({stamps_[i].time_ns, places_[i], stamps_[i].q});
 }
 
 void ViewFeed::look(ViewCursor& cursor, ViewNews& news) {

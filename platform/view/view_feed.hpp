@@ -16,6 +16,7 @@
 #include <string_view>
 #include <vector>
 
+#include "platform/view/view_commands.hpp"
 #include "platform/view/view_snapshot.hpp"
 
 namespace stillmesh {
@@ -44,6 +45,12 @@ struct ViewNews {
     std::vector<std::string> events;
 };
 
+struct ViewPose {
+    std::int64_t time_ns = 0;
+    ViewPlace place;
+    std::array<float, 4> q{};  // x y z w
+};
+
 class ViewFeed {
 public:
     ViewFeed();
@@ -53,8 +60,8 @@ public:
     [[nodiscard]] bool is_due(std::int64_t now_ns) noexcept;
     [[nodiscard]] ViewSnapshot& draft() noexcept { return draft_; }
     void hand_over() noexcept;
-    // Of the frame's own time; kept ten times a second, rarer as the run grows.
-    void place(std::int64_t time_ns, const ViewPlace& place) noexcept;
+    // Of the frame's own time; kept ten times a second, rarer as the run grows. `q`: the camera's rotation, x y z w.
+    void place(std::int64_t time_ns, const ViewPlace& place, const std::array<float, 4>& q = {0, 0, 0, 1}) noexcept;
     void cloud(const ViewCloud& cloud) noexcept;
     void event(std::string_view sentence) noexcept;
     // Path and clouds so far are of another map.
@@ -68,6 +75,10 @@ public:
     [[nodiscard]] bool take(ViewSnapshot& snapshot);
     // What lies behind `cursor`, which goes on; at most kViewCloudsAtOnce clouds.
     void look(ViewCursor& cursor, ViewNews& news);
+    // All places that are kept of the map at hand, with time and rotation.
+    void poses(std::vector<ViewPose>& poses);
+    // What is wanted of the run.
+    [[nodiscard]] ViewCommands& commands() noexcept { return commands_; }
     // Of the last frame, by monotonic_ns; 0: none yet.
     [[nodiscard]] std::int64_t last_frame_ns() const noexcept { return last_frame_ns_.load(std::memory_order_relaxed); }
 
@@ -79,6 +90,7 @@ private:
     void put_event(const Event& event) noexcept;
     void put_what_waits() noexcept;
 
+    ViewCommands commands_;
     std::atomic<int> watchers_{0};
     std::atomic<std::int64_t> last_frame_ns_{0};
 
@@ -95,6 +107,11 @@ private:
     ViewSnapshot between_;  // from here on under the lock
     bool is_fresh_ = false;
     std::vector<ViewPlace> places_;
+    struct Stamp {
+        std::int64_t time_ns;
+        std::array<float, 4> q;
+    };
+    std::vector<Stamp> stamps_;  // of the places
     std::int64_t place_period_ns_ = kViewPeriod_ns;
     std::uint64_t life_ = 1;      // changes when the path is thinned out
     std::uint64_t map_life_ = 1;  // the life that the map began with

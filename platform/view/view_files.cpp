@@ -29,6 +29,7 @@ STILLMESH_VIEW_FILE(words, STILLMESH_VIEW_FOLDER "/words.js")
 STILLMESH_VIEW_FILE(picture, STILLMESH_VIEW_FOLDER "/picture.js")
 STILLMESH_VIEW_FILE(path, STILLMESH_VIEW_FOLDER "/path.js")
 STILLMESH_VIEW_FILE(scene, STILLMESH_VIEW_FOLDER "/map.js")
+STILLMESH_VIEW_FILE(control, STILLMESH_VIEW_FOLDER "/control.js")
 STILLMESH_VIEW_FILE(script, STILLMESH_VIEW_FOLDER "/view.js")
 STILLMESH_VIEW_FILE(report_body, STILLMESH_VIEW_FOLDER "/report.html")
 STILLMESH_VIEW_FILE(report_style, STILLMESH_VIEW_FOLDER "/report.css")
@@ -62,6 +63,7 @@ std::span<const ViewFile> view_files() noexcept {
         ViewFile{"/picture.js", kScript, STILLMESH_VIEW_BYTES(picture)},
         ViewFile{"/path.js", kScript, STILLMESH_VIEW_BYTES(path)},
         ViewFile{"/map.js", kScript, STILLMESH_VIEW_BYTES(scene)},
+        ViewFile{"/control.js", kScript, STILLMESH_VIEW_BYTES(control)},
         ViewFile{"/view.js", kScript, STILLMESH_VIEW_BYTES(script)},
         ViewFile{"/three.js", kScript, page_parts().three},
     };

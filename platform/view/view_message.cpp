@@ -111,4 +111,33 @@ void compose_view_news(const ViewNews& news, std::string& text) {
     text += '}';
 }
 
+void compose_view_control(const ViewCommands& commands, bool may_steer, std::string& text) {
+    const ViewControls controls = commands.controls();
+    const ViewStanding standing = commands.standing();
+    text = fmt::format(
+        "{{\"may_steer\":{},\"can_pause\":{},\"can_save\":{},\"can_reset\":{},\"paused\":{},\"saving\":{},\"speed\":{}}"
+        "}",
+        may_steer, controls.can_pause, controls.can_save, controls.can_reset, standing.is_paused, standing.is_saving,
+        standing.speed);
+}
+
+void compose_view_poses(const std::vector<ViewPose>& poses, bool is_csv, std::string& text) {
+    text = is_csv ? "time_s,state,x_m,y_m,z_m,qx,qy,qz,qw\n"
+                  : "# timestamp tx ty tz qx qy qz qw (camera to world, s, m)\n";
+    for (const ViewPose& pose : poses) {
+        const float marked = pose.place.state;
+        const auto state = static_cast<PoseState>(marked >= kViewPlaceGap ? marked - kViewPlaceGap : marked);
+        const std::int64_t second = pose.time_ns / 1'000'000'000, rest = pose.time_ns % 1'000'000'000;
+        if (!is_csv && state < PoseState::kUnsure) continue;
+        const char gap = is_csv ? ',' : ' ';
+        fmt::format_to(std::back_inserter(text), "{}.{:09}", second, rest);
+        if (is_csv) fmt::format_to(std::back_inserter(text), ",{}", pose_state_name(state));
+        for (const float value :
+             {pose.place.x, pose.place.y, pose.place.z, pose.q[0], pose.q[1], pose.q[2], pose.q[3]}) {
+            fmt::format_to(std::back_inserter(text), "{}{:.7g}", gap, value);
+        }
+        text += '\n';
+    }
+}
+
 }  // namespace stillmesh

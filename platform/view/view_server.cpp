@@ -14,9 +14,11 @@
 #include <iterator>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "platform/linux/process.hpp"
 #include "platform/view/bounded_tasks.hpp"
@@ -65,16 +67,18 @@ private:
 // So many requests in a second, from all clients together.
 class RequestRate {
 public:
+    explicit RequestRate(int per_second) : per_second_(per_second) {}
     [[nodiscard]] bool allows(std::int64_t now_ns) {
         const std::lock_guard lock(mutex_);
         if (now_ns - begin_ns_ >= 1'000'000'000) {
             begin_ns_ = now_ns;
             count_ = 0;
         }
-        return ++count_ <= kViewRequestsPerSecond;
+        return ++count_ <= per_second_;
     }
 
 private:
+    const int per_second_;
     std::mutex mutex_;
     std::int64_t begin_ns_ = 0;
     int count_ = 0;
@@ -109,8 +113,9 @@ private:
 // One client's stream. Destroyed when it has left.
 class Stream {
 public:
-    Stream(ViewFeed& feed, NewestFrame& newest, const std::atomic<bool>& is_over, std::atomic<int>& streams)
-        : feed_(feed), newest_(newest), is_over_(is_over), streams_(streams) {
+    Stream(ViewFeed& feed, NewestFrame& newest, bool may_steer, const std::atomic<bool>& is_over,
+           std::atomic<int>& streams)
+        : feed_(feed), newest_(newest), may_steer_(may_steer), is_over_(is_over), streams_(streams) {
         feed_.come();
     }
     ~Stream() {
@@ -131,6 +136,11 @@ public:
             has_begun_ = true;
             constexpr std::string_view kBegin = "retry: 1000\n\n";
             if (!sink.write(kBegin.data(), kBegin.size())) return false;
+        }
+        if (const std::uint64_t changes = feed_.commands().changes(); changes != control_seen_) {
+            control_seen_ = changes;
+            compose_view_control(feed_.commands(), may_steer_, text_);
+            if (!send(sink, "control", text_)) return false;
         }
         // Clouds that there were before come in parts, without a wait between them.
         feed_.look(cursor_, news_);
@@ -158,8 +168,10 @@ private:
 
     ViewFeed& feed_;
     NewestFrame& newest_;
+    const bool may_steer_;
     const std::atomic<bool>& is_over_;
     std::atomic<int>& streams_;
+    std::uint64_t control_seen_ = 0;
     bool has_begun_ = false;
     std::int64_t alive_ns_ = 0;
     std::uint64_t seen_ = 0;
@@ -173,9 +185,19 @@ void refuse_request(httplib::Response& response, int status, const char* sentenc
     response.set_content(std::string(sentence) + "\n", "text/plain; charset=utf-8");
 }
 
+// As long whatever the first difference is: how long an answer takes says nothing of the token.
+[[nodiscard]] bool is_same_token(std::string_view given, std::string_view token) {
+    unsigned difference = given.size() == token.size() ? 0 : 1;
+    for (std::size_t i = 0; i < token.size(); ++i) {
+        const char c = i < given.size() ? given[i] : '\0';
+        difference |= static_cast<unsigned>(static_cast<unsigned char>(c) ^ static_cast<unsigned char>(token[i]));
+    }
+    return difference == 0;
+}
+
 class HttpViewServer final : public ViewServer {
 public:
-    explicit HttpViewServer(ViewFeed& feed) : feed_(feed), newest_(feed) {}
+    HttpViewServer(ViewFeed& feed, std::string token) : feed_(feed), newest_(feed), token_(std::move(token)) {}
     ~HttpViewServer() override {
         is_over_.store(true);
         if (!thread_.joinable()) return;
@@ -221,9 +243,11 @@ public:
         } else if (host.find(':') != std::string::npos) {
             host = "[" + host + "]";
         }
-        return fmt::format("view: http://{}:{}/ ({})", host, address_.port,
+        return fmt::format("view: http://{}:{}/{} ({}{})", host, address_.port,
+                           token_.empty() ? "" : "#token=" + token_,
                            is_loopback(address_.host) ? "from this machine alone"
-                                                      : "for everybody on the network: nobody is asked who he is");
+                                                      : "for everybody on the network: nobody is asked who he is",
+                           token_.empty() ? "" : "; who has the token may steer");
     }
 
 private:
@@ -248,22 +272,60 @@ private:
                                      {"Cross-Origin-Resource-Policy", "same-origin"},
                                      {"Cache-Control", "no-store"}});
     }
+    // Before anything of the request's body is read.
+    [[nodiscard]] bool refuse(const httplib::Request& request, httplib::Response& response) {
+        const bool is_command = request.method == "POST" && request.path == "/command" && !token_.empty();
+        if (!rate_.allows(monotonic_ns())) {
+            refuse_request(response, 429, "too many requests; wait a second.");
+        } else if (!is_own_host(request.get_header_value("Host"), address_.host)) {
+            refuse_request(response, 403, "this name is not this machine's; open the page by its address.");
+        } else if (request.method != "GET" && request.method != "HEAD" && !is_command) {
+            refuse_request(response, 405, "there is nothing to be changed here; GET alone.");
+        } else if (!request.ranges.empty()) {
+            refuse_request(response, 416, "files are given whole.");
+        } else if (is_command && !is_same_token(request.get_header_value("X-Stillmesh-Token"), token_)) {
+            const bool is_patient = wrong_tokens_.allows(monotonic_ns());
+            refuse_request(response, is_patient ? 403 : 429,
+                           is_patient ? "that is not the token; it was said when the run began."
+                                      : "too many wrong tokens; wait a second.");
+        } else {
+            return false;
+        }
+        return true;
+    }
+    void route_commands() {
+        if (token_.empty()) return;
+        server_.Post("/command", [this](const httplib::Request& request, httplib::Response& response) {
+            const std::optional<ViewCommand> command = parse_view_command(request.body);
+            if (!command) return refuse_request(response, 400, "is no command; see docs/view.md.");
+            if (!feed_.commands().put(*command)) {
+                return refuse_request(response, 503, "the run has not yet done what it was told before; wait.");
+            }
+            response.status = 202;
+            response.set_content("will be done behind this frame.\n", "text/plain; charset=utf-8");
+        });
+    }
+    void route_downloads() {
+        for (const bool is_csv : {false, true}) {
+            server_.Get(is_csv ? "/poses.csv" : "/trajectory.txt", [this, is_csv](const httplib::Request&,
+                                                                                  httplib::Response& response) {
+                std::vector<ViewPose> poses;
+                feed_.poses(poses);
+                std::string text;
+                compose_view_poses(poses, is_csv, text);
+                response.set_header("Content-Disposition",
+                                    is_csv ? "attachment; filename=poses.csv" : "attachment; filename=trajectory.txt");
+                response.set_content(text, is_csv ? "text/csv; charset=utf-8" : "text/plain; charset=utf-8");
+            });
+        }
+    }
     void route() {
         using Answer = httplib::Server::HandlerResponse;
         server_.set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& response) {
-            if (!rate_.allows(monotonic_ns())) {
-                refuse_request(response, 429, "too many requests; wait a second.");
-            } else if (!is_own_host(request.get_header_value("Host"), address_.host)) {
-                refuse_request(response, 403, "this name is not this machine's; open the page by its address.");
-            } else if (request.method != "GET" && request.method != "HEAD") {
-                refuse_request(response, 405, "there is nothing to be changed here; GET alone.");
-            } else if (!request.ranges.empty()) {
-                refuse_request(response, 416, "files are given whole.");
-            } else {
-                return Answer::Unhandled;
-            }
-            return Answer::Handled;
+            return refuse(request, response) ? Answer::Handled : Answer::Unhandled;
         });
+        route_commands();
+        route_downloads();
         for (const ViewFile& file : view_files()) {
             server_.Get(std::string(file.path), [&file](const httplib::Request&, httplib::Response& response) {
                 // From a provider: what is given as a text would be compressed anew for each who asks.
@@ -279,7 +341,7 @@ private:
                 streams_.fetch_sub(1);
                 return refuse_request(response, 503, "as many look on as can be served; try later.");
             }
-            auto stream = std::make_shared<Stream>(feed_, newest_, is_over_, streams_);
+            auto stream = std::make_shared<Stream>(feed_, newest_, !token_.empty(), is_over_, streams_);
             response.set_chunked_content_provider(
                 "text/event-stream", [stream](std::size_t, httplib::DataSink& sink) { return stream->go_on(sink); });
         });
@@ -287,9 +349,10 @@ private:
 
     ViewFeed& feed_;
     NewestFrame newest_;
+    const std::string token_;
     std::atomic<bool> is_over_{false};
     std::atomic<int> streams_{0};
-    RequestRate rate_;
+    RequestRate rate_{kViewRequestsPerSecond}, wrong_tokens_{kViewWrongTokensPerSecond};
     ViewAddress address_;
     httplib::Server server_;
     std::thread thread_;
@@ -297,10 +360,10 @@ private:
 
 }  // namespace
 
-std::unique_ptr<ViewServer> open_view_server(const std::string& place, ViewFeed& feed, std::string& message) {
+std::unique_ptr<ViewServer> open_view_server(const ViewServerOptions& options, ViewFeed& feed, std::string& message) {
     ViewAddress address;
-    if (!parse_view_address(place, address, message)) return nullptr;
-    auto server = std::make_unique<HttpViewServer>(feed);
+    if (!parse_view_address(options.place, address, message)) return nullptr;
+    auto server = std::make_unique<HttpViewServer>(feed, options.token);
     if (!server->open(address, message)) return nullptr;
     return server;
 }

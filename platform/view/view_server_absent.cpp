@@ -3,9 +3,9 @@
 
 namespace stillmesh {
 
-std::unique_ptr<ViewServer> open_view_server(const std::string& place, ViewFeed& feed, std::string& message) {
+std::unique_ptr<ViewServer> open_view_server(const ViewServerOptions& options, ViewFeed& feed, std::string& message) {
     static_cast<void>(feed);
-    message = "--view " + place +
+    message = "--view " + options.place +
               ": not in this build; install libcpp-httplib-dev and libjs-three, and configure it with "
               "-DSTILLMESH_WITH_VIEW=ON.";
     return nullptr;

@@ -90,4 +90,46 @@ def every_state_is_said(browser):
         assert "12 s" in silent and "plugged in" in silent, silent
 
 
-keep_promises((it_shows_the_run, keys_move_the_map, it_comes_back, every_state_is_said))
+def it_says_that_it_waits(browser):
+    """With --wait and no camera the page is there, and says what is missing."""
+    with Run(PROGRAM, "--camera", "openni2:no-such-camera", "--wait") as run:
+        browser.open(f"http://127.0.0.1:{run.port}/", 390, 844, "light")
+        browser.becomes("document.getElementById('state').dataset.state === 'waiting'")
+        browser.becomes("document.getElementById('advice').textContent.includes('plugged in')")
+        assert browser.script("return document.getElementById('control').hidden")
+        browser.picture("waiting")
+        assert browser.complaints() == []
+
+
+def who_has_the_token_steers(browser):
+    """The token in the address opens the bar, and leaves the address; pause, step and speed work by its buttons; a new map wants
+    two presses. Who has none is asked for it, and a wrong one is said to be wrong."""
+    scene = ("--simulate", "walking_xyz:1", "--frames", "100000", "--view-token", "a-token-for-tests")
+    with Run(PROGRAM, *scene) as run:
+        browser.open(f"http://127.0.0.1:{run.port}/", 1300, 1000, "light")
+        browser.becomes("!document.getElementById('control').hidden")
+        assert browser.script("return [at('steer').hidden, at('token-box').hidden]") == [True, False]
+        browser.script("at('token').value = 'not-the-token'; at('token').dispatchEvent(new Event('change')); at('pause').click()")
+        browser.becomes("!at('token-box').hidden")
+        assert len(browser.complaints()) == 1  # the browser tells of the 403
+        browser.open("about:blank", 1300, 1000, "light")
+        browser.open(f"http://127.0.0.1:{run.port}/#token=a-token-for-tests", 1300, 1000, "light")
+        browser.becomes("latest && !at('control').hidden && !at('steer').hidden")
+        assert browser.script("return location.hash") == ""
+        browser.script("at('pause').click()")
+        browser.becomes("control.paused && document.getElementById('state').dataset.state === 'paused'")
+        browser.picture("paused")
+        browser.script("at('step').click()")
+        browser.script("at('pace').value = '2'; at('pace').dispatchEvent(new Event('change'))")
+        browser.becomes("control.speed === 2")
+        browser.script("at('pause').click()")
+        browser.becomes("!control.paused && document.getElementById('state').dataset.state === 'tracked'")
+        browser.script("at('reset').click()")
+        assert browser.script("return at('reset').textContent").startswith("Press again")
+        browser.script("at('reset').click()")
+        browser.becomes("document.getElementById('mapnumber').textContent === '2'")
+        assert browser.complaints() == []
+
+
+keep_promises((it_shows_the_run, keys_move_the_map, it_comes_back, every_state_is_said,
+               it_says_that_it_waits, who_has_the_token_steers))

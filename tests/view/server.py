@@ -19,7 +19,7 @@ def page_is_served_whole():
     with Run(PROGRAM, *LONG) as run:
         status, headers, page = run.get("/")
         assert status == 200 and b"Stillmesh" in page
-        named = re.findall(r'(?:src|href)="(/[^"]*)"', page.decode())
+        named = re.findall(r'(?:src|href)="(/[^"]*\.(?:js|css))"', page.decode())
         assert len(named) >= 4, named
         for name in ["/"] + named:
             status, headers, body = run.get(name)

@@ -11,7 +11,7 @@ namespace {
 TEST(ViewAbsent, SaysWhatToInstall) {
     ViewFeed feed;
     std::string message;
-    EXPECT_EQ(open_view_server("8080", feed, message), nullptr);
+    EXPECT_EQ(open_view_server({"8080", {}}, feed, message), nullptr);
     for (const char* word :
          {"--view 8080", "not in this build", "libcpp-httplib-dev", "libjs-three", "STILLMESH_WITH_VIEW"}) {
         EXPECT_NE(message.find(word), std::string::npos) << message;

@@ -56,7 +56,7 @@ private:
 TEST(ViewServer, TellsHowLongTheCameraIsSilent) {
     ViewFeed feed;
     std::string message;
-    const auto server = open_view_server("0", feed, message);
+    const auto server = open_view_server({"0", {}}, feed, message);
     ASSERT_NE(server, nullptr) << message;
     static_cast<void>(feed.is_due(monotonic_ns() - 60'000'000'000));  // a frame, a minute ago
     Client client(port_of(*server));
@@ -72,7 +72,7 @@ TEST(ViewServer, TellsHowLongTheCameraIsSilent) {
 TEST(ViewServer, KnowsWhoLooks) {
     ViewFeed feed;
     std::string message;
-    const auto server = open_view_server("127.0.0.1:0", feed, message);
+    const auto server = open_view_server({"127.0.0.1:0", {}}, feed, message);
     ASSERT_NE(server, nullptr) << message;
     EXPECT_EQ(feed.watchers(), 0);
     {
@@ -88,7 +88,7 @@ TEST(ViewServer, EndsWithWhoeverHangsOnIt) {
     for (const int clients : {0, 1, kViewStreamsMax}) {
         ViewFeed feed;
         std::string message;
-        auto server = open_view_server("0", feed, message);
+        auto server = open_view_server({"0", {}}, feed, message);
         ASSERT_NE(server, nullptr) << message;
         std::vector<std::unique_ptr<Client>> hanging;
         for (int i = 0; i < clients; ++i) hanging.push_back(std::make_unique<Client>(port_of(*server)));

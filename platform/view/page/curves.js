@@ -329,6 +329,10 @@ class Curves {
     c.stroke();
     c.setLineDash([]);
     c.textAlign = 'right';
+    const wide = c.measureText(name).width;
+    c.fillStyle = this.colour('card');
+    c.fillRect(area.right - wide - 8, at - 16, wide + 8, 15);
+    c.fillStyle = this.colour('ink');
     c.fillText(name, area.right - 4, at - 4);
   }
 

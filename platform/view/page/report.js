@@ -208,7 +208,9 @@ function makeCurves() {
     onPoint: (second) => {
       const i = second === null ? current : indexAt(run.time, second);
       setText('readout', tell(i));
-      if (map) map.setMark(second === null ? null : poseOf(i));
+      if (!map) return;
+      map.path.setMark(second === null ? null : poseOf(i));
+      map.change();
     },
   });
 }

@@ -16,6 +16,11 @@ function showState() {
   let advice = '';
   if (!isConnected) {
     state = isEnded ? 'ended' : 'gone';
+  } else if (silent_s < 0) {
+    state = 'waiting';
+    advice = 'for a camera: none has given a picture yet. Is one plugged in?';
+  } else if (control.paused) {
+    state = 'paused';
   } else if (silent_s > 1.5) {
     state = 'silent';
     advice = `The camera has given none for ${Math.floor(silent_s)} s. See whether it is plugged in.`;
@@ -165,9 +170,15 @@ function connect() {
   });
   stream.addEventListener('frame', (e) => { heard(); onFrame(e); });
   stream.addEventListener('news', (e) => { heard(); onNews(e); });
+  stream.addEventListener('control', (e) => {
+    heard();
+    control = JSON.parse(e.data);
+    showControl();
+    showState();
+  });
   stream.addEventListener('alive', (e) => {
     heard();
-    silent_s = Math.max(0, JSON.parse(e.data).silent_s);
+    silent_s = JSON.parse(e.data).silent_s;  // below 0: there was none yet
     showState();
   });
   stream.addEventListener('end', () => lose(true));
@@ -190,6 +201,7 @@ function begin() {
   at('legend').addEventListener('change', redraw);
   window.addEventListener('resize', redraw);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => map && map.restyle());
+  beginControl();
   connect();
 }
 begin();

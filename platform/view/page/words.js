@@ -10,6 +10,7 @@ const STATES = {
   unsure: ['▲', 'Unsure', 'Measured, but another explanation is nearly as good. Move slowly.'],
   predicted: ['◆', 'Predicted', 'Nothing was measured; the last motion is carried on. Turn back to what it saw before.'],
   none: ['■', 'No pose', 'It does not know where it is. Bring the camera back to a place that it has seen.'],
+  paused: ['‖', 'Paused', 'It goes on when somebody who may steer says so.'],
   silent: ['✕', 'No pictures', 'The camera gives none. See whether it is plugged in.'],
   ended: ['■', 'The run has ended', 'Start it again, and this page goes on.'],
   gone: ['✕', 'No connection', 'Is the program running, and the network there? Trying again every second.'],

@@ -1,0 +1,100 @@
+// What somebody who looks on may do to a run (view_commands.hpp), done by the run loop between two frames: it waits
+// while the run is paused, or a frame is not due at the speed that is wanted. Neither changes what the engine is given,
+// so that the state hash of each frame is that of the same run undisturbed; a reset does, by what it is.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "platform/linux/process.hpp"
+#include "platform/view/view_feed.hpp"
+
+namespace stillmesh {
+
+class RunControl {
+public:
+    // `feed`: null for none.
+    RunControl(ViewFeed* feed, const ViewControls& controls) : feed_(feed), controls_(controls) {
+        if (feed_ == nullptr) return;
+        feed_->commands().allow(controls);
+        say();
+    }
+
+    // At the head of the loop, before a frame is fetched. True: not yet; it has waited a moment, look again.
+    [[nodiscard]] bool holds() {
+        if (feed_ == nullptr) return false;
+        take();
+        if (!standing_.is_paused || steps_ > 0) return false;
+        rest();
+        return true;
+    }
+    // Behind the fetch of a frame: waits until it is due, a moment at a time. False: the frame can be tracked now.
+    [[nodiscard]] bool is_early(std::int64_t time_ns) {
+        if (holds()) return true;
+        if (feed_ == nullptr || standing_.speed <= 0 || steps_ > 0) return false;
+        const std::int64_t now_ns = monotonic_ns();
+        if (!has_base_) {
+            has_base_ = true;
+            base_time_ns_ = time_ns;
+            base_ns_ = now_ns;
+        }
+        const auto due_ns =
+            base_ns_ + static_cast<std::int64_t>(static_cast<double>(time_ns - base_time_ns_) / standing_.speed);
+        if (now_ns >= due_ns) return false;
+        sleep_until_ns(due_ns < now_ns + kMoment_ns ? due_ns : now_ns + kMoment_ns);
+        return true;
+    }
+    void frame_is_done() {
+        if (steps_ > 0) --steps_;
+    }
+    [[nodiscard]] bool is_saving() const { return standing_.is_saving; }
+    // Once for each time that it was wanted.
+    [[nodiscard]] bool takes_reset() {
+        const bool wants = wants_reset_;
+        wants_reset_ = false;
+        return wants;
+    }
+
+private:
+    static constexpr std::int64_t kMoment_ns = 20'000'000;
+
+    void rest() { sleep_until_ns(monotonic_ns() + kMoment_ns); }
+    void say() { feed_->commands().stand(standing_); }
+    void take() {
+        bool is_any = false;
+        while (const std::optional<ViewCommand> command = feed_->commands().take()) {
+            is_any = true;
+            obey(*command);
+        }
+        if (is_any) say();
+    }
+    void obey(const ViewCommand& command) {
+        const bool is_of_time = command.verb == ViewVerb::kPause || command.verb == ViewVerb::kResume ||
+                                command.verb == ViewVerb::kStep || command.verb == ViewVerb::kSpeed;
+        if (is_of_time && !controls_.can_pause) return;
+        if (is_of_time) has_base_ = false;  // from here on anew
+        switch (command.verb) {
+            case ViewVerb::kPause: standing_.is_paused = true; break;
+            case ViewVerb::kResume: standing_.is_paused = false; break;
+            case ViewVerb::kStep:
+                standing_.is_paused = true;
+                ++steps_;
+                break;
+            case ViewVerb::kSpeed: standing_.speed = command.value; break;
+            case ViewVerb::kSaving:
+                if (controls_.can_save) standing_.is_saving = command.value != 0;
+                break;
+            case ViewVerb::kReset: wants_reset_ = wants_reset_ || controls_.can_reset; break;
+        }
+    }
+
+    ViewFeed* feed_;
+    ViewControls controls_;
+    ViewStanding standing_;
+    std::uint32_t steps_ = 0;
+    bool wants_reset_ = false;
+    bool has_base_ = false;
+    std::int64_t base_time_ns_ = 0, base_ns_ = 0;
+};
+
+}  // namespace stillmesh

@@ -1,0 +1,71 @@
+// What may be done to the run from here: by who has the token, which comes behind the # of the address (no server is told that
+// part) or is typed. A command is asked for, and done by the run between two frames; how it then stands comes with the stream.
+'use strict';
+
+let control = { may_steer: false, can_pause: false, can_save: false, can_reset: false, paused: false, saving: true, speed: 0 };
+let token = sessionStorage.getItem('token') || '';
+
+function takeToken() {
+  const given = /^#token=([\w-]+)$/.exec(location.hash);
+  if (!given) return;
+  token = given[1];
+  sessionStorage.setItem('token', token);
+  history.replaceState(null, '', location.pathname);  // not in a picture of the screen, nor in a link that is sent on
+}
+
+function showControl() {
+  const isShown = control.may_steer && (control.can_pause || control.can_save || control.can_reset);
+  at('control').hidden = !isShown;
+  at('token-box').hidden = token !== '';
+  at('steer').hidden = token === '';
+  setText('pause', control.paused ? 'Go on' : 'Pause');
+  at('pause').setAttribute('aria-pressed', String(control.paused));
+  for (const id of ['pause', 'step', 'pace']) at(id).disabled = !control.can_pause;
+  at('pace').value = String(control.speed);
+  at('saving').disabled = !control.can_save;
+  setText('saving', control.saving ? 'Stop saving' : 'Save again');
+  at('reset').disabled = !control.can_reset;
+}
+
+async function ask(command) {
+  setText('said', '');
+  try {
+    const answer = await fetch('/command', { method: 'POST', body: command, headers: { 'X-Stillmesh-Token': token } });
+    if (answer.status === 403) {
+      token = '';
+      sessionStorage.removeItem('token');
+      showControl();
+    }
+    if (answer.status !== 202) setText('said', (await answer.text()).trim());
+  } catch (error) {
+    setText('said', 'The program does not answer.');
+  }
+}
+
+function beginControl() {
+  takeToken();
+  at('pause').addEventListener('click', () => ask(control.paused ? 'resume' : 'pause'));
+  at('step').addEventListener('click', () => ask('step'));
+  at('pace').addEventListener('change', () => ask(`speed=${at('pace').value}`));
+  at('saving').addEventListener('click', () => ask(`saving=${control.saving ? 0 : 1}`));
+  // What is lost by it does not come back: a second press within three seconds.
+  let armed = 0;
+  at('reset').addEventListener('click', () => {
+    if (Date.now() - armed < 3000) {
+      armed = 0;
+      setText('reset', 'New map');
+      ask('reset');
+      return;
+    }
+    armed = Date.now();
+    setText('reset', 'Press again: the map is laid aside');
+    setTimeout(() => setText('reset', 'New map'), 3000);
+  });
+  at('token').addEventListener('change', () => {
+    token = at('token').value.trim();
+    at('token').value = '';
+    sessionStorage.setItem('token', token);
+    showControl();
+  });
+  showControl();
+}
