@@ -1,0 +1,292 @@
+#!/usr/bin/env python3
+"""Small bugs planted in the engine, one at a time: which of them do the tests notice?
+
+usage: mutants.py [--count N] [--seed S] [--rooms A,B] [--jobs N] [--units] [--again] [--only FILE:LINE] [BUILD]
+
+A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped or
+turned, least for most. It is compiled alone, beside the build folder and with that folder's own command, and linked before the
+engine's library: nothing that was built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room
+run, and if they notice nothing the golden runs and stories of the program (recordings: STILLMESH_TEST_DATA). Caught is what fails,
+dies, or needs more than ten times as long as without; what the compiler refuses is no mutant and another is drawn.
+
+--units: the unit tests alone, which says what they promise by themselves; what survives them is tried anew without it. What was
+tried is kept in BUILD/mutants.jsonl, by the text of the file and of the change: stopped and started again it goes on, and a mutant
+that survived is tried anew only with --again (after a test was written). BUILD is build/proofs (preset `proofs`).
+Survivors are printed with file, line and change. Exit: 0 at least 95 % caught, 1 not, 2 the tests fail without a mutant.
+"""
+import argparse
+import concurrent.futures
+import dataclasses
+import hashlib
+import json
+import os
+import pathlib
+import random
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+GATE = 95
+GOLDEN = ROOT / "tests/determinism/golden.py"
+# The unit tests of a room: test_<room> of tests/<room>, or those.
+TESTS = {"frame": ["features", "matching"], "paging": ["store"], "record": ["persist"], "world": ["world", "mapping"],
+         "": ["engine"]}
+# What processors of another kind run, and what has no branch worth turning.
+LEFT_OUT = re.compile(r"kernels_(neon|avx2|sse2)|version|generated")
+TURNS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "), (r" == ", " != "), (r" != ", " == "),
+         (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " / "), (r" \+= ", " -= "), (r" -= ", " += "), (r" && ", " || "),
+         (r" \|\| ", " && "), (r"std::min\(", "std::max("), (r"std::max\(", "std::min("), (r"(?<=[(= ])-(?=[a-z(])", ""),
+         (r"(?<=[( ])!(?=[a-z(])", ""), (r"\btrue\b", "false"), (r"\bfalse\b", "true")]
+NUMBER = re.compile(r"(?<![\w.\"'])(\d+)(U?)(?![\w.'])")
+GUARD = re.compile(r"^(\s*)if \(.*\) (return|continue|break)\b[^;]*;\s*$")
+
+
+@dataclasses.dataclass(frozen=True)
+class Mutant:
+    file: str
+    line: int
+    before: str
+    after: str
+
+    def key(self, text):
+        return hashlib.sha256(f"{self.file}\0{text}\0{self.line}\0{self.after}".encode()).hexdigest()[:20]
+
+    def __str__(self):
+        return f"{self.file}:{self.line}\n  - {self.before.strip()}\n  + {self.after.strip() or '(nothing)'}"
+
+
+def without_words(text):
+    """The source with comments and strings blanked, lines and columns kept."""
+    return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:[^"\\\n]|\\.)*"', lambda found: re.sub(r"[^\n]", " ", found[0]), text, flags=re.S)
+
+
+def mutants_of(name):
+    text = (ROOT / name).read_text()
+    lines, bare = text.splitlines(), without_words(text).splitlines()
+    for number, (line, code) in enumerate(zip(lines, bare), 1):
+        if re.search(r"^\s*#|STILLMESH_CHECK|static_assert|^\s*(using|template|namespace)\b", code):
+            continue
+        if GUARD.match(code):
+            yield Mutant(name, number, line, "")
+        for pattern, new in TURNS:
+            for found in re.finditer(pattern, code):
+                yield Mutant(name, number, line, line[:found.start()] + new + line[found.end():])
+        for found in NUMBER.finditer(code):
+            yield Mutant(name, number, line, f"{line[:found.start()]}{int(found[1]) + 1}{found[2]}{line[found.end():]}")
+
+
+def room_of(name):
+    return name.split("/")[1] if name.count("/") > 1 else ""
+
+
+def tests_of(room):
+    return [f"test_{test}" for test in TESTS.get(room, [room])]
+
+
+class Build:
+    """A build folder: how one source of the engine is compiled, and how a program is linked."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.compile_of = {entry["file"]: entry["command"] for entry in json.loads((folder / "compile_commands.json").read_text())
+                           if "stillmesh_engine_objects" in entry["command"]}
+        self.link_of = {}
+
+    def link_command(self, target):
+        if target not in self.link_of:
+            said = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", target], capture_output=True, text=True,
+                                  check=True).stdout
+            self.link_of[target] = self.command_of(said, target)
+        return list(self.link_of[target])
+
+    @staticmethod
+    def command_of(said, target):
+        for line in said.splitlines():
+            for part in line.split(" && "):
+                words = shlex.split(part) if " -o " in part and "++" in part else []
+                if words and " -c " not in part and pathlib.Path(words[words.index("-o") + 1]).name in (target, target[5:]):
+                    return words
+        sys.exit(f"mutants: how {target} is linked is not to be found in the build folder")
+
+    def compiled(self, mutant, work):
+        """The object of the mutated source, None if the compiler refuses it."""
+        original = ROOT / mutant.file
+        lines = original.read_text().splitlines(keepends=True)
+        lines[mutant.line - 1] = mutant.after + "\n"
+        source, made = work / original.name, work / "mutant.o"
+        source.write_text("".join(lines))
+        words = shlex.split(self.compile_of[str(original)])
+        words[words.index("-o") + 1] = str(made)
+        words[words.index("-c") + 1] = str(source)
+        ran = subprocess.run([word for word in words if word != "-Werror"], cwd=self.folder, capture_output=True, check=False)
+        return made if ran.returncode == 0 else None
+
+    def linked(self, target, mutated, work):
+        words = self.link_command(target)
+        program = work / target
+        words[words.index("-o") + 1] = str(program)
+        # Before the libraries: what the mutated object defines is not looked for in them. The program brings the engine as
+        # one object, in which nothing can be replaced; here it gets the library of objects.
+        words.insert(words.index("-o"), str(mutated))
+        words = [word.replace("libstillmesh-engine.a", "libstillmesh_engine_inner.a") for word in words]
+        ran = subprocess.run(words, cwd=self.folder, capture_output=True, text=True, check=False)
+        if ran.returncode != 0:
+            sys.exit(f"mutants: {target} does not link:\n{ran.stderr[-2000:]}")
+        return program
+
+
+def ended(command, limit_s):
+    """The exit code, and `slow` when the time was up."""
+    environment = {**os.environ, "LLVM_PROFILE_FILE": "/dev/null", "STILLMESH_NATIVE_PROGRAM": ""}
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
+                          start_new_session=True) as process:
+        try:
+            return process.wait(limit_s)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, 9)
+            return "slow"
+
+
+def steps_of(room, is_golden):
+    """What is run for a mutant of a room, the quickest first: a name and the target that it needs."""
+    golden = [(f"golden {part}", "stillmesh") for part in ("runs", "stories")] if is_golden else []
+    return [(test, test) for test in tests_of(room)] + golden
+
+
+def command_of(name, program):
+    if name.startswith("golden "):
+        return [sys.executable, str(GOLDEN), "--part", name.split()[1], str(program)]
+    return [str(program), "--gtest_brief=1", "--gtest_fail_fast"]
+
+
+def try_mutant(build, mutant, limits, is_golden):
+    """What caught it: the name of a test, `compiler`, or None: it survived."""
+    with tempfile.TemporaryDirectory(prefix="mutant", dir=build.folder) as folder:
+        work = pathlib.Path(folder)
+        made = build.compiled(mutant, work)
+        if made is None:
+            return "compiler"
+        programs = {}
+        for name, target in steps_of(room_of(mutant.file), is_golden):
+            if target not in programs:
+                programs[target] = build.linked(target, made, work)
+            code = ended(command_of(name, programs[target]), limits[name])
+            if code != 0:
+                return name + (" (time)" if code == "slow" else "")
+        return None
+
+
+def limits_without_mutants(build, rooms, is_golden):
+    """How long each test may take: ten times what it takes without a mutant, which is linked as mutants are."""
+    limits = {}
+    with tempfile.TemporaryDirectory(prefix="mutant", dir=build.folder) as folder:
+        work = pathlib.Path(folder)
+        untouched = work / "mutant.o"
+        some = next(name for name in build.compile_of if name.endswith("engine/base/check.cpp"))
+        words = shlex.split(build.compile_of[some])
+        shutil.copy(build.folder / words[words.index("-o") + 1], untouched)
+        for room in rooms:
+            for name, target in steps_of(room, is_golden):
+                if name in limits:
+                    continue
+                command = command_of(name, build.linked(target, untouched, work))
+                begin = time.monotonic()
+                code = ended(command, 1800)
+                if code not in (0, 77):
+                    print(f"mutants: {name} fails without a mutant ({code}): {shlex.join(command)}")
+                    sys.exit(2)
+                limits[name] = 10 * (time.monotonic() - begin) + 20
+                print(f"mutants: {name} takes {(limits[name] - 20) / 10:.1f} s", flush=True)
+    return limits
+
+
+def drawn(arguments):
+    """All mutants of the rooms in the order of the seed: rooms in turn, so that a small one is not lost beside a large one."""
+    rooms = {}
+    for path in sorted((ROOT / "engine").rglob("*.cpp")):
+        name = path.relative_to(ROOT).as_posix()
+        wanted = not arguments.rooms or room_of(name) in arguments.rooms.split(",")
+        if wanted and not LEFT_OUT.search(name):
+            rooms.setdefault(room_of(name), []).extend(mutants_of(name))
+    generator = random.Random(arguments.seed)
+    everything = [mutant for mutants in rooms.values() for mutant in mutants]
+    generator.shuffle(everything)
+    if arguments.only:
+        return [mutant for mutant in everything if f"{mutant.file}:{mutant.line}" == arguments.only]
+    return everything
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rooms", default="")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--units", action="store_true", help="the unit tests alone, without golden runs and stories")
+    parser.add_argument("--again", action="store_true")
+    parser.add_argument("--only", help="FILE:LINE: every mutant of one line")
+    parser.add_argument("--targets", action="store_true", help="only print what has to be built")
+    parser.add_argument("build", nargs="?", type=pathlib.Path, default=ROOT / "build/proofs")
+    arguments = parser.parse_args()
+    mutants = drawn(arguments)
+    rooms = sorted({room_of(mutant.file) for mutant in mutants})
+    if arguments.targets:
+        print(*([] if arguments.units else ["stillmesh"]), *sorted({test for room in rooms for test in tests_of(room)}))
+        return 0
+    if not mutants:
+        sys.exit("mutants: nothing to change there: --rooms names folders of engine/, --only a line of a .cpp file of it")
+    build = Build(arguments.build.resolve())
+    known_file = build.folder / "mutants.jsonl"
+    known = {}
+    if known_file.is_file():
+        for line in known_file.read_text().splitlines():
+            entry = json.loads(line)
+            if entry["caught"] or entry["units"] == arguments.units:
+                known[entry["key"]] = entry["caught"]
+    limits = limits_without_mutants(build, rooms, not arguments.units)
+    tried, waiting = [], iter(mutants)
+
+    def one(mutant):
+        key = mutant.key((ROOT / mutant.file).read_text())
+        caught = known.get(key)
+        if key not in known or (caught is None and arguments.again):
+            caught = try_mutant(build, mutant, limits, not arguments.units)
+            with known_file.open("a") as file:
+                file.write(json.dumps({"key": key, "at": f"{mutant.file}:{mutant.line}", "caught": caught,
+                                       "units": arguments.units}) + "\n")
+        return mutant, caught
+
+    with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
+        running = set()
+        while True:
+            left = arguments.count - len(tried) - len(running)
+            for mutant in [m for _, m in zip(range(min(left, arguments.jobs - len(running))), waiting)]:
+                running.add(pool.submit(one, mutant))
+            if not running:
+                break
+            done, running = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED)
+            for mutant, caught in (future.result() for future in done):
+                if caught != "compiler":
+                    tried.append((mutant, caught))
+                    print(f"{len(tried):4} {'SURVIVED' if caught is None else caught}: {mutant}", flush=True)
+    return say(tried)
+
+
+def say(tried):
+    survivors = [mutant for mutant, caught in tried if caught is None]
+    for mutant in survivors:
+        print(f"survived: {mutant}")
+    units = sum(caught is not None and caught.startswith("test_") for _, caught in tried)
+    share = 100 * (len(tried) - len(survivors)) / max(1, len(tried))
+    print(f"mutants: {len(tried)} tried, {len(tried) - len(survivors)} caught ({share:.1f} %): {units} by unit tests of their room, "
+          f"{len(tried) - len(survivors) - units} by golden hashes alone; gate {GATE} %")
+    return 0 if share >= GATE else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
