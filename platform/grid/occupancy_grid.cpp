@@ -17,8 +17,10 @@ constexpr float kGrazingGap_m = 0.4F;  // nor of this in the layer where they en
 constexpr float kFloorDeep_m = 0.3F;   // what lies lower is no floor
 constexpr float kJoined_m = 0.3F;  // so far apart two cells of an image, one above the other, show one level surface
 constexpr float kJoinedStep_m = 0.03F;
-constexpr unsigned kSteps = 16;          // of a layer
-constexpr unsigned kHitsMin = 4;         // fewer pixels of an image are no obstacle
+constexpr unsigned kSteps = 16;                             // of a layer
+constexpr unsigned kMargin_steps = 4;                       // beyond a surface: a flat one is crossed by few rays
+constexpr unsigned kMoment_frames = 5, kApart_moments = 3;  // half a second between first and last, as a rule
+constexpr unsigned kHitsMin = 4;                            // fewer pixels of an image are no obstacle
 constexpr unsigned kNoise_percent = 15;  // hit less often than the cell beside it by so much: noise of that
 
 }  // namespace
@@ -116,7 +118,8 @@ int OccupancyGrid::layer_of(float z) const noexcept {
 
 void OccupancyGrid::add(const DepthImage& depth, const RigidTransform& level_from_camera) noexcept {
     if (width_ == 0) return;
-    ++look_;
+    if (++look_ == 1) first_frame_ = depth.frame;
+    moment_ = static_cast<std::uint16_t>(std::min<std::uint64_t>((depth.frame - first_frame_) / kMoment_frames, 65535));
     const Eye eye = eye_of(level_from_camera);
     const auto far_mm = static_cast<std::uint16_t>(std::min(options_.range_m * 1000, 65535.0));
     for (std::uint32_t row = 0; row < depth.rows; ++row) {
@@ -134,6 +137,11 @@ void OccupancyGrid::add(const DepthImage& depth, const RigidTransform& level_fro
     }
 }
 
+// Nothing above the floor.
+bool OccupancyGrid::is_empty(const Cell& cell) noexcept {
+    return std::all_of(cell.counts + 1, cell.counts + kLayers, [](std::int8_t count) { return count <= 0; });
+}
+
 unsigned OccupancyGrid::step_of(float z, int layer) const noexcept {
     const float above = (z - low_m_) * layers_per_m_ - static_cast<float>(layer - 1);
     return static_cast<unsigned>(std::clamp(above * kSteps, 0.0F, kSteps - 1.0F));
@@ -147,6 +155,8 @@ void OccupancyGrid::hit(const Point& p) noexcept {
     cell->hit = static_cast<std::uint8_t>(cell->hit | 1U << static_cast<unsigned>(layer));
     if (layer == 0) return;
     if (cell->hits < 65535) ++cell->hits;
+    cell->last = moment_;
+    if (is_empty(*cell)) cell->since = moment_;
     Span& span = cell->spans[layer];
     const unsigned step = step_of(p.z, layer);
     if (step < span.low) span.low = step & 15U;
@@ -191,7 +201,8 @@ void OccupancyGrid::look_through(const Point& eye, const Point& end) noexcept {
         renew(*cell);
         if (cell->counts[layer] > 0) {
             const unsigned height = step_of(eye.z + fall * at, layer);
-            if (height < cell->spans[layer].low || height > cell->spans[layer].high) continue;
+            const Span& span = cell->spans[layer];
+            if (height + kMargin_steps < span.low || height > span.high + kMargin_steps) continue;
         }
         cell->seen = static_cast<std::uint8_t>(cell->seen | 1U << static_cast<unsigned>(layer));
     }
@@ -224,9 +235,12 @@ void OccupancyGrid::finish() noexcept {
 
 GridCell OccupancyGrid::at(std::uint32_t x, std::uint32_t y) const noexcept {
     const Cell& cell = cells_[std::size_t{y} * width_ + x];
-    bool is_hit = false;
-    for (int layer = 1; layer < kLayers; ++layer) is_hit = is_hit || cell.counts[layer] >= kOccupied;
-    if (is_hit) return cell.hits >= kHitsMin && is_ridge(x, y) ? GridCell::kOccupied : GridCell::kUnknown;
+    if (!is_empty(cell)) {
+        bool is_hit = false;
+        for (int layer = 1; layer < kLayers; ++layer) is_hit = is_hit || cell.counts[layer] >= kOccupied;
+        const bool stays = cell.last - cell.since >= static_cast<int>(kApart_moments) && cell.hits >= kHitsMin;
+        return is_hit && stays && is_ridge(x, y) ? GridCell::kOccupied : GridCell::kUnknown;
+    }
     return cell.counts[0] > 0 || cell.counts[1] < 0 || cell.counts[2] < 0 ? GridCell::kFree : GridCell::kUnknown;
 }
 

@@ -2,7 +2,8 @@
 // Between the floor and the robot's height space is cut into layers; in each a cell counts what a keyframe saw there: a
 // surface, or a ray that went through. A surface weighs as two rays, and neither is counted far, so that furniture that
 // was moved leaves its place after a few looks, and people before they are map. Occupied is a cell with a surface in
-// one layer; free one whose floor, or the space right above it, was seen. Where one keyframe saw both, a surface wins;
+// one layer, seen in images that lie some time apart: what walks is elsewhere by then. Free is one whose floor, or the
+// space right above it, was seen. Where one keyframe saw both, a surface wins;
 // rays say nothing of their last piece, where they graze what they end on. A cell that was hit far less often than one
 // beside it is the noise of that one.
 // Limits: cells_max; what lies farther out than they reach is left out. Memory: bytes(), given once, no heap. Cost:
@@ -64,9 +65,10 @@ private:
     struct Cell {
         std::int8_t counts[kLayers] = {};
         Span spans[kLayers];
-        std::uint16_t look = 0;          // number of the keyframe that `hit` and `seen` are of
-        std::uint8_t hit = 0, seen = 0;  // a bit per layer
-        std::uint16_t hits = 0;          // of surfaces above the floor, all in all
+        std::uint16_t look = 0;             // number of the keyframe that `hit` and `seen` are of
+        std::uint8_t hit = 0, seen = 0;     // a bit per layer
+        std::uint16_t hits = 0;             // of surfaces above the floor, all in all
+        std::uint16_t since = 0, last = 0;  // when they were hit since nothing was there, in moments
     };
     struct Point {
         float x = 0, y = 0, z = 0;
@@ -81,6 +83,7 @@ private:
     [[nodiscard]] static Point point_of(const DepthImage& depth, std::size_t cell, const Eye& eye) noexcept;
     [[nodiscard]] Cell* cell_at(float x, float y) noexcept;
     [[nodiscard]] int layer_of(float z) const noexcept;
+    [[nodiscard]] static bool is_empty(const Cell& cell) noexcept;
     [[nodiscard]] unsigned step_of(float z, int layer) const noexcept;
     void hit(const Point& p) noexcept;
     void join(const Point& a, const Point& b) noexcept;
@@ -95,7 +98,8 @@ private:
     float x_min_ = 0, x_max_ = 0, y_min_ = 0, y_max_ = 0;  // of what was covered
     double origin_x_ = 0, origin_y_ = 0;
     std::uint32_t width_ = 0, height_ = 0;
-    std::uint16_t look_ = 0;
+    std::uint64_t first_frame_ = 0;
+    std::uint16_t look_ = 0, moment_ = 0;  // of the image at hand
     bool is_cut_ = false;
 };
 

@@ -23,7 +23,7 @@ TEST(GridFiles, PictureAndTextAreNav2s) {
     const std::vector<std::uint16_t> depth = room.look(camera);
     grid.cover(room.image(depth), camera);
     grid.lay_out();
-    for (int i = 0; i < 3; ++i) grid.add(room.image(depth), camera);
+    for (std::uint64_t frame = 0; frame < 60; frame += 20) grid.add(room.image(depth, frame), camera);
     grid.finish();
     const std::string pgm = grid_pgm(grid);
     const std::string head = "P5\n" + std::to_string(grid.width()) + " " + std::to_string(grid.height()) + "\n255\n";

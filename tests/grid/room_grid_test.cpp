@@ -101,7 +101,8 @@ private:
 // or floor that can be reached within 2.5 cm.
 struct Score {
     int seen = 0, right = 0, occupied = 0;
-    int people = 0;  // occupied by nothing but somebody's way
+    int ghosts = 0;  // occupied, and no obstacle within two cells
+    int people = 0;  // of them, on somebody's way
     [[nodiscard]] double share() const { return static_cast<double>(right) / seen; }
 };
 Score score_of(const TrackedRoom& room) {
@@ -123,6 +124,7 @@ Score score_of(const TrackedRoom& room) {
             score.right += is_right ? 1 : 0;
             score.occupied += is_occupied ? 1 : 0;
             if (is_occupied && !plan.has_within(Square::kObstacle, p[0], p[1], 2 * side)) {
+                ++score.ghosts;
                 score.people += plan.is_on_a_path(p[0], p[1], 0.03) ? 1 : 0;
             }
         }
@@ -138,7 +140,7 @@ class RoomFloor : public ::testing::TestWithParam<const char*> {};
 TEST_P(RoomFloor, IsTrueOrUnknown) {
     const TrackedRoom room(GetParam(), 1, 150);
     const Floor& floor = room.job().floor();
-    if (room.true_floor_share() >= 0.1) EXPECT_TRUE(floor.is_known);
+    EXPECT_TRUE(floor.is_known || room.true_floor_share() < 0.1);
     if (!floor.is_known) return;
     const RigidTransform world_from_level = room.world_from_level();
     EXPECT_LT(std::acos(std::min(1.0, rotated(world_from_level, {0, 0, 1})[2])), 3.14159265 / 180);
@@ -149,13 +151,14 @@ INSTANTIATE_TEST_SUITE_P(Scenes, RoomFloor,
                                            "sitting_rpy", "trolley_xyz", "crowd_close", "lift", "corridor",
                                            "real_walking_rpy"));
 
-// Promise: furniture that was moved is where it is now, and not where it was.
+// Promise: furniture that was moved is where it is now, and not where it was: 340 cells hold armchair and crate, or
+// did; what the crate hides of the way it came may be left.
 TEST(RoomGrid, FurnitureIsAtItsNewPlace) {
     const TrackedRoom room("rearranged", 1, 600);
     ASSERT_TRUE(room.job().has_grid());
     const Score score = score_of(room);
     EXPECT_GE(score.share(), 0.97) << score.right << " of " << score.seen;
-    EXPECT_EQ(score.people, 0);
+    EXPECT_LE(score.ghosts, 10);
 }
 
 // Promise: after a minute among three people who walk the grid is the room's floor plan, and nobody is part of it.

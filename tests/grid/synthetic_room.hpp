@@ -62,8 +62,8 @@ public:
         }
         return depth_mm;
     }
-    [[nodiscard]] DepthImage image(const std::vector<std::uint16_t>& depth_mm) const {
-        return {kColumns, kRows, depth_mm, rays_, 0, {}};
+    [[nodiscard]] DepthImage image(const std::vector<std::uint16_t>& depth_mm, std::uint64_t frame = 0) const {
+        return {kColumns, kRows, depth_mm, rays_, frame, {}};
     }
 
 private:
