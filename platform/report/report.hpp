@@ -5,6 +5,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/base/status.hpp"
@@ -24,6 +25,8 @@ struct ComparedRun {
     std::string name;
     std::string data;  // run_data() of it
 };
+// The numbers of a report, by whoever it was written: checked, and without a '<'. False: it has none that can be read.
+[[nodiscard]] bool take_run(std::string_view page, std::string& data);
 // The numbers of the report in a file, or in a folder's index.html. kOk, kInvalid, kUnavailable: `message` says why.
 [[nodiscard]] Status read_report(const std::string& place, ComparedRun& run, std::string& message);
 [[nodiscard]] std::string comparison_html(const std::vector<ComparedRun>& runs);

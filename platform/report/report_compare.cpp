@@ -1,9 +1,11 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <istream>
 #include <nlohmann/json.hpp>
 
 #include "platform/report/report.hpp"
@@ -14,34 +16,8 @@
 namespace stillmesh {
 namespace {
 
+constexpr int kDepthMax = 8;
 constexpr std::size_t kRunBytesMax = 64U * 1024 * 1024;  // 150 bytes for each of 32768 frames are 5 MB
-
-// The first part of the data lies before the pictures: what comes after is not read.
-[[nodiscard]] Status read_run_data(const std::string& file, std::string& data, std::string& message) {
-    std::ifstream in(file, std::ios::binary);
-    if (!in) {
-        message = fmt::format("{}: cannot be read: {}; give a folder that 'stillmesh run --report' wrote.", file,
-                              std::strerror(errno));
-        return Status::kUnavailable;
-    }
-    std::string text, part(std::size_t{64} * 1024, '\0');
-    std::size_t begin = std::string::npos;
-    while (text.size() < kRunBytesMax &&
-           (in.read(part.data(), static_cast<std::streamsize>(part.size())), in.gcount() > 0)) {
-        const std::size_t looked = text.size() > kRunDataBegin.size() ? text.size() - kRunDataBegin.size() : 0;
-        text.append(part.data(), static_cast<std::size_t>(in.gcount()));
-        if (begin == std::string::npos) begin = text.find(kRunDataBegin, looked);
-        if (begin == std::string::npos) continue;
-        const std::size_t from = begin + kRunDataBegin.size();
-        const std::size_t end = text.find(kDataEnd, std::max(from, looked));
-        if (end == std::string::npos) continue;
-        data = text.substr(from, end - from);
-        return Status::kOk;
-    }
-    message =
-        file + ": is no report of a run that this program can read; make it anew with 'stillmesh run --report DIR'.";
-    return Status::kInvalid;
-}
 
 // What the page's script relies on: it is of a file that anybody may have written.
 [[nodiscard]] bool is_run(const nlohmann::json& json) {
@@ -68,24 +44,59 @@ constexpr std::size_t kRunBytesMax = 64U * 1024 * 1024;  // 150 bytes for each o
     return text;
 }
 
+// The numbers lie before the pictures: what comes after them is not read. False: they are not there.
+[[nodiscard]] bool read_as_far_as_numbers(std::istream& in, std::string& text) {
+    std::string part(std::size_t{64} * 1024, '\0');
+    std::size_t begin = std::string::npos;
+    while (text.size() < kRunBytesMax) {
+        in.read(part.data(), static_cast<std::streamsize>(part.size()));
+        if (in.gcount() <= 0) return false;
+        const std::size_t looked = text.size() > kRunDataBegin.size() ? text.size() - kRunDataBegin.size() : 0;
+        text.append(part.data(), static_cast<std::size_t>(in.gcount()));
+        if (begin == std::string::npos) begin = text.find(kRunDataBegin, looked);
+        if (begin == std::string::npos) continue;
+        if (text.find(kDataEnd, std::max(begin + kRunDataBegin.size(), looked)) != std::string::npos) return true;
+    }
+    return false;
+}
+
 }  // namespace
+
+bool take_run(std::string_view page, std::string& data) {
+    const std::size_t begin = page.find(kRunDataBegin);
+    if (begin == std::string_view::npos) return false;
+    const std::size_t from = begin + kRunDataBegin.size();
+    const std::size_t end = page.find(kDataEnd, from);
+    if (end == std::string_view::npos) return false;
+    // What is nested deeper than ours is left out: it would be written by recursion.
+    const auto is_shallow = [](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+        return depth <= kDepthMax;
+    };
+    const nlohmann::json json = nlohmann::json::parse(page.substr(from, end - from), is_shallow, false);
+    if (!is_run(json)) return false;
+    // "<!--" would change how a page is read from there on.
+    data = without_tags(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    return true;
+}
 
 Status read_report(const std::string& place, ComparedRun& run, std::string& message) {
     struct stat status {};
     std::string file = place;
     if (::stat(place.c_str(), &status) == 0 && S_ISDIR(status.st_mode)) file += "/index.html";
-    std::string data;
-    STILLMESH_TRY(read_run_data(file, data, message));
-    const nlohmann::json json = nlohmann::json::parse(data, nullptr, false);
-    if (!is_run(json)) {
-        message =
-            file + ": its numbers are not of this version, or broken; make it anew with 'stillmesh run --report DIR'.";
+    std::ifstream in(file, std::ios::binary);
+    if (!in) {
+        message = fmt::format("{}: cannot be read: {}; give a folder that 'stillmesh run --report' wrote.", file,
+                              std::strerror(errno));
+        return Status::kUnavailable;
+    }
+    std::string text;
+    if (!read_as_far_as_numbers(in, text) || !take_run(text, run.data)) {
+        message = file +
+                  ": is no report of a run that this program can read; make it anew with 'stillmesh run --report DIR'.";
         return Status::kInvalid;
     }
     run.name = place;
     while (run.name.size() > 1 && run.name.back() == '/') run.name.pop_back();
-    // Of a file that anybody may have written: "<!--" would change how a page is read from there on.
-    run.data = without_tags(json.dump());
     return Status::kOk;
 }
 

@@ -208,6 +208,12 @@ TEST(Report, IsComparedWithOthers) {
         EXPECT_EQ(read_report(folder.path(), run, message), Status::kInvalid) << wrong.substr(0, 100);
         EXPECT_NE(message.find("index.html"), std::string::npos) << message;
     }
+    // Nested without end, in an otherwise right one: read, and what is too deep is left out.
+    std::string deep = part_of(html, "run");
+    deep.insert(1, "\"more\":" + std::string(300'000, '[') + std::string(300'000, ']') + ",");
+    test::write_text(folder.path() + "/index.html", begin + deep + std::string(kDataEnd));
+    EXPECT_EQ(read_report(folder.path(), run, message), Status::kOk) << message;
+    EXPECT_LT(run.data.size(), deep.size() - 500'000);
     EXPECT_EQ(read_report(folder.path() + "/none", run, message), Status::kUnavailable);
 }
 

@@ -33,7 +33,8 @@ class Browser:
         arguments = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader",
                      "--enable-unsafe-swiftshader", f"--user-data-dir={self.folder}"]
         answer = self.post("/session", {"capabilities": {"alwaysMatch": {
-            "browserName": "chrome", "goog:loggingPrefs": {"browser": "ALL"}, "goog:chromeOptions": {"args": arguments}}}})
+            "browserName": "chrome", "timeouts": {"script": WAIT_S * 1000},
+            "goog:loggingPrefs": {"browser": "ALL"}, "goog:chromeOptions": {"args": arguments}}}})
         self.session = "/session/" + answer["sessionId"]
 
     def post(self, path, data):
