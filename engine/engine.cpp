@@ -27,6 +27,13 @@ const EngineState& state_of(const Engine* engine) noexcept {
     return *static_cast<const EngineState*>(engine);
 }
 
+// None, or one of colour's size.
+bool is_mask_valid(const Frame& frame) noexcept {
+    const ImageView<std::uint8_t>& mask = frame.mask;
+    return mask.data == nullptr ||
+           (mask.width == frame.colour.width && mask.height == frame.colour.height && mask.stride >= mask.width);
+}
+
 bool has_store(const EngineState& state) noexcept {
     return !state.pager.empty() && state.pager[0].is_on();
 }
@@ -183,6 +190,12 @@ Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, 
     return static_cast<Engine*>(&state);
 }
 
+Status Engine::start_at(const RigidTransform& map_from_camera) noexcept {
+    EngineState& state = state_of(this);
+    if (state.has_time || !is_pose(map_from_camera)) return Status::kInvalid;
+    return state.tracking.start_at(pose_of(map_from_camera)) ? Status::kOk : Status::kInvalid;
+}
+
 Status Engine::submit(const Frame& frame, const MotionHint* hint) noexcept {
     EngineState& state = state_of(this);
     const std::uint32_t channels = channels_of(frame.format);
@@ -195,7 +208,7 @@ Status Engine::submit(const Frame& frame, const MotionHint* hint) noexcept {
         frame.colour.stride >= static_cast<std::size_t>(frame.colour.width) * channels &&
         frame.depth.stride >= frame.depth.width && frame.depth_units_per_m > 0.0 && frame.depth_units_per_m < 1e9 &&
         frame.time_ns >= 0 && frame.time_ns <= kTimeMax_ns && (!state.has_time || frame.time_ns > state.last_time_ns) &&
-        (hint == nullptr || stillmesh::is_valid(*hint));
+        is_mask_valid(frame) && (hint == nullptr || stillmesh::is_valid(*hint));
     if (!is_valid) {
         ++state.world.statistics.frames_refused;
         return Status::kInvalid;

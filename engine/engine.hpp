@@ -78,10 +78,16 @@ public:
                                                 std::span<const std::byte> vocabulary = {},
                                                 MapStore* store = nullptr) noexcept;
 
+    // Where the camera is at the first frame, in the map that is made from there: in a room whose axes are known
+    // already. Before the first frame; forgotten by reset() and load_map().
+    //   kInvalid  no unit quaternion, a size of 1000 or more; frames were taken, or a map is there: nothing changed
+    [[nodiscard]] Status start_at(const RigidTransform& map_from_camera) noexcept;
+
     // Tracks one frame to completion; its pixels are borrowed until the call returns. `hint`: what wheels or a
     // gyroscope say of the motion since the last frame that was taken; nullptr: nothing.
     //   kOk       pose() is for this frame, whatever its state
-    //   kInvalid  size, stride or format other than the camera's, time not after the last frame's, negative or above
+    //   kInvalid  size, stride or format other than the camera's, a mask of another size, time not after the last
+    //   frame's, negative or above
     //             2^62 ns (146 years), a depth factor that is not positive, or a hint with what is no number, no unit
     //             quaternion or a size of 1000 or more: the frame is refused and counted, nothing else changed
     [[nodiscard]] Status submit(const Frame& frame, const MotionHint* hint = nullptr) noexcept;

@@ -35,6 +35,7 @@ struct Parameters {
     NoiseParameters noise;
     PredictionParameters prediction;
     HintParameters hint;
+    MaskParameters mask;
     RecoveryParameters recovery;
     EmptinessParameters emptiness;
     KeyframeParameters keyframes;
@@ -56,7 +57,7 @@ constexpr void visit_all_parameters(Parameters& c, Visitor&& v) {
     STILLMESH_TUNING_matching(STILLMESH_VISIT) STILLMESH_TUNING_region(STILLMESH_VISIT)
     STILLMESH_TUNING_weights(STILLMESH_VISIT) STILLMESH_TUNING_noise(STILLMESH_VISIT)
     STILLMESH_TUNING_prediction(STILLMESH_VISIT) STILLMESH_TUNING_hint(STILLMESH_VISIT)
-    STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
+    STILLMESH_TUNING_mask(STILLMESH_VISIT) STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
     STILLMESH_TUNING_keyframes(STILLMESH_VISIT) STILLMESH_TUNING_recovery(STILLMESH_VISIT)
     STILLMESH_TUNING_mapping(STILLMESH_VISIT) STILLMESH_TUNING_map(STILLMESH_VISIT)
     STILLMESH_TUNING_local_map(STILLMESH_VISIT) STILLMESH_TUNING_loop(STILLMESH_VISIT)

@@ -8,6 +8,7 @@
 //   accuracy --dirt --scenes walking_xyz --seeds 1-2   what each effect of a real camera costs (hal/simulated/dirt.hpp)
 //   accuracy --dirt shake=1,rolling=1 --scenes walking_xyz   the scenes with these
 //   accuracy --hints wheels,slip --scenes trolley_first   further engines that are told how the camera moved
+//   accuracy --masks right,inverted --scenes walking_xyz   further engines that are given a detector's masks
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
 //   accuracy --gate static,walking                 exit 1 with the names of what misses its bar, or had no run
 //   accuracy --scenes all --test-data --variant alone:mapping.is_enabled=false --gate   all bars, and all they need
@@ -42,7 +43,7 @@ int refuse(const std::string& sentence) {
 }
 
 struct Arguments {
-    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate, dirt, hints;
+    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate, dirt, hints, masks;
     std::vector<std::string> recordings, settings, variants, results;
     std::uint32_t frames = 0;
     std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
@@ -135,6 +136,12 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
         variants.back().hints = hint_kind(name);
         if (variants.back().hints == nullptr) return refuse(fmt::format("--hints: no kind '{}'.", name));
     }
+    for (const std::string& name : split(arguments.masks)) {
+        variants.push_back(base);
+        variants.back().name = name;
+        variants.back().masks = mask_kind(name);
+        if (variants.back().masks == nullptr) return refuse(fmt::format("--masks: no kind '{}'.", name));
+    }
     for (const std::string& text : arguments.variants) {
         const std::size_t colon = text.find(':');
         if (colon == std::string::npos) return refuse("--variant: give NAME:key=value[,key=value].");
@@ -193,6 +200,9 @@ int main(int argc, char** argv) {
     app.add_option(
         "--hints", arguments.hints,
         "KIND,...: for each one more engine on the same frames, told how the camera moved. " + hint_kinds_text());
+    app.add_option(
+        "--masks", arguments.masks,
+        "KIND,...: for each one more engine on the same frames, given masks of moving bodies. " + mask_kinds_text());
     app.add_flag("--ablate", arguments.is_ablation, "one engine for each rule, without it: a table of what rules earn");
     auto* const dirt =
         app.add_option(

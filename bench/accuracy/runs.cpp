@@ -24,6 +24,7 @@ struct Seat {
     Engine* engine = nullptr;
     std::uint32_t units_per_frame = 0;
     std::unique_ptr<HintMaker> hints;
+    std::unique_ptr<MaskMaker> masks;
     LineFile trajectory;
     std::vector<FrameRecord> records;
 };
@@ -72,6 +73,7 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
         }
         seat->engine = engine.value();
         seat->hints = std::make_unique<HintMaker>(variant.hints, input.seed);
+        seat->masks = std::make_unique<MaskMaker>(variant.masks);
         seat->units_per_frame = configuration.schedule.units_per_frame;
         if (!options.trajectories.empty() &&
             !seat->trajectory.open(
@@ -94,6 +96,7 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
             record.has_truth = in.has_truth;
             record.truth = in.truth;
             const MotionHint* const hint = in.has_truth ? seat->hints->hint(in.truth, second) : nullptr;
+            in.frame.mask = seat->masks->mask(in.mask);
             const std::int64_t begin_ns = monotonic_ns();
             const Status submitted = seat->engine->submit(in.frame, hint);
             record.engine_ms = static_cast<float>(monotonic_ns() - begin_ns) * 1e-6F;

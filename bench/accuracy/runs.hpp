@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "bench/accuracy/hints.hpp"
+#include "bench/accuracy/masks.hpp"
 #include "bench/accuracy/measures.hpp"
 #include "engine/tuned_engine.hpp"
 #include "hal/simulated/dirt.hpp"
@@ -28,6 +29,7 @@ struct Variant {
     Parameters configuration;
     bool has_readout = false;         // camera.readout_s was set: what the camera knows of itself is not asked for
     const HintKind* hints = nullptr;  // that its engine is given
+    const MaskKind* masks = nullptr;  // likewise
 };
 
 struct Result {

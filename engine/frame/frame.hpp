@@ -22,6 +22,9 @@ struct Frame {
     // Registered to colour, same size; 0 = no measurement. Its stride is in pixels of 16 bits: half the bytes.
     DepthView depth;
     double depth_units_per_m = 5000.0;
+    // Optional, of colour's size: from 128 on, what a detector takes for a person or another body that may move. One
+    // witness among others: it may be late, coarse or wrong. No data: nothing is said.
+    ImageView<std::uint8_t> mask;
 };
 
 }  // namespace stillmesh

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "engine/base/numbers.hpp"
 #include "engine/geometry/trig.hpp"
 
 namespace stillmesh {
@@ -171,6 +172,29 @@ Vector4 quaternion_from_rotation(const Matrix3& r) noexcept {
     const double norm = std::sqrt(q.squaredNorm());
     STILLMESH_CHECK(norm > 0.0);
     return q.w() < 0.0 ? Vector4(q / -norm) : Vector4(q / norm);
+}
+
+bool is_pose(const RigidTransform& transform) noexcept {
+    constexpr double kNotUnit = 1e-3;
+    const double* const q = transform.rotation_xyzw;
+    const double norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    if (!is_finite(norm2) || std::abs(norm2 - 1.0) > kNotUnit) return false;
+    for (const double t : transform.translation_m) {
+        if (!(std::abs(t) < kPoseMost)) return false;
+    }
+    return true;
+}
+
+SE3 pose_of(const RigidTransform& transform) noexcept {
+    const double* const q = transform.rotation_xyzw;
+    const double s = 2.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    SE3 out;
+    out.rotation << 1 - s * (q[1] * q[1] + q[2] * q[2]), s * (q[0] * q[1] - q[2] * q[3]),
+        s * (q[0] * q[2] + q[1] * q[3]), s * (q[0] * q[1] + q[2] * q[3]), 1 - s * (q[0] * q[0] + q[2] * q[2]),
+        s * (q[1] * q[2] - q[0] * q[3]), s * (q[0] * q[2] - q[1] * q[3]), s * (q[1] * q[2] + q[0] * q[3]),
+        1 - s * (q[0] * q[0] + q[1] * q[1]);
+    out.translation = Vector3(transform.translation_m[0], transform.translation_m[1], transform.translation_m[2]);
+    return out;
 }
 
 double rotation_angle(const Matrix3& rotation) noexcept {

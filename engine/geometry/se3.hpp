@@ -62,5 +62,9 @@ void renormalise(Matrix3& rotation) noexcept;
     for (int i = 0; i < 3; ++i) out.translation_m[i] = pose.translation(i);
     return out;
 }
+// From programs: a unit quaternion to three decimals, since files have five, and nothing of 1000 m or more.
+inline constexpr double kPoseMost = 1e3;
+[[nodiscard]] bool is_pose(const RigidTransform& transform) noexcept;
+[[nodiscard]] SE3 pose_of(const RigidTransform& transform) noexcept;
 
 }  // namespace stillmesh

@@ -3,23 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/base/numbers.hpp"
 #include "engine/base/time.hpp"
 
 namespace stillmesh {
 namespace {
-
-SE3 pose_of(const RigidTransform& transform) noexcept {
-    const double* const q = transform.rotation_xyzw;
-    const double s = 2.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    SE3 out;
-    out.rotation << 1 - s * (q[1] * q[1] + q[2] * q[2]), s * (q[0] * q[1] - q[2] * q[3]),
-        s * (q[0] * q[2] + q[1] * q[3]), s * (q[0] * q[1] + q[2] * q[3]), 1 - s * (q[0] * q[0] + q[2] * q[2]),
-        s * (q[1] * q[2] - q[0] * q[3]), s * (q[0] * q[2] - q[1] * q[3]), s * (q[1] * q[2] + q[0] * q[3]),
-        1 - s * (q[0] * q[0] + q[1] * q[1]);
-    out.translation = Vector3(transform.translation_m[0], transform.translation_m[1], transform.translation_m[2]);
-    return out;
-}
 
 // Where two that are independent meet, from the first one: its share of the way, and the deviation there.
 struct Meeting {
@@ -44,15 +31,7 @@ void follow_scale(double error2, double sigma, double floor, const HintParameter
 }  // namespace
 
 bool is_valid(const MotionHint& hint) noexcept {
-    constexpr double kMost = 1e3;      // m or rad; no frame is so far from the one before
-    constexpr double kNotUnit = 1e-3;  // files have five decimals
-    const double* const q = hint.last_from_camera.rotation_xyzw;
-    const double norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    if (!is_finite(norm2) || std::abs(norm2 - 1.0) > kNotUnit) return false;
-    for (const double t : hint.last_from_camera.translation_m) {
-        if (!(std::abs(t) < kMost)) return false;
-    }
-    return hint.sigma_m < kMost && hint.sigma_rad < kMost;  // false for NaN
+    return is_pose(hint.last_from_camera) && hint.sigma_m < kPoseMost && hint.sigma_rad < kPoseMost;  // false for NaN
 }
 
 void MotionHints::begin(const SE3& world_from_camera, std::int64_t time_ns) noexcept {

@@ -22,10 +22,12 @@ void CameraState::reset(const Parameters& configuration) noexcept {
     is_placed = true;
 }
 
-void CameraState::begin_at_origin(std::int64_t time_ns) noexcept {
-    motion.begin_at_origin();
-    reach.begin(SE3{}, time_ns);
-    hints.begin(SE3{}, time_ns);
+void CameraState::begin_at(const SE3* place, std::int64_t time_ns) noexcept {
+    const SE3 world_from_camera = place != nullptr ? *place : SE3{};
+    motion.begin_at(world_from_camera);
+    reach.begin(world_from_camera, time_ns);
+    hints.begin(world_from_camera, time_ns);
+    if (place != nullptr) odometry.jump(world_from_camera);
     measured_time_ns = start_time_ns = time_ns;
     is_choice_sure = true;
     lost_frames = 0;

@@ -23,8 +23,8 @@ struct CameraState {
     void create(Arena& arena, const Limits& limits, const Parameters& configuration) noexcept;
     // A camera that has seen nothing yet.
     void reset(const Parameters& configuration) noexcept;
-    // At the origin of a new map, at rest.
-    void begin_at_origin(std::int64_t time_ns) noexcept;
+    // In a new map, at rest; its odometry begins there. Without a place: at the origin.
+    void begin_at(const SE3* place, std::int64_t time_ns) noexcept;
     // In a map that was made until `time_ns`; where, only a place that is recognised can say.
     void begin_in_map(std::int64_t time_ns, const Parameters& configuration) noexcept;
 

@@ -265,6 +265,8 @@ std::uint32_t FrameEstimator::mark_moving(const SE3& world_from_camera) noexcept
 void FrameEstimator::gather(const NoiseFactors& noise, const RegionContext& expected) noexcept {
     gather_correspondences(matcher_, *frame_, world_->map, noise, expected, time_ns_, world_->parameters,
                            correspondences_);
+    const RegionParameters& region = world_->parameters.region;
+    if (region.is_enabled && !region.is_paper()) frame_->mask().weigh(frame_->keypoints(), correspondences_.span());
 }
 
 }  // namespace stillmesh

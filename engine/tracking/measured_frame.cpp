@@ -31,6 +31,7 @@ void MeasuredFrame::create(Arena& arena, const Limits& limits, const Parameters&
     grey_ = arena.array<std::uint8_t>(static_cast<std::size_t>(limits.image_width_max) * limits.image_height_max);
     measured_.create(arena, limits.features_max);
     depth_ = configuration.depth;
+    mask_.create(configuration.mask);
     pixel_noise_.create(configuration, camera);
 }
 
@@ -49,6 +50,7 @@ void MeasuredFrame::extract(const GreyView& grey) noexcept {
 
 void MeasuredFrame::measure(const Frame& frame) noexcept {
     frame_ = &frame;
+    mask_.begin(frame);
     measured_.set_size(features_.size());
     const double metres_per_unit = 1.0 / frame.depth_units_per_m;
     for (std::size_t i = 0; i < features_.size(); ++i) {

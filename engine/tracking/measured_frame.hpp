@@ -16,6 +16,7 @@
 #include "engine/geometry/pixel_noise.hpp"
 #include "engine/map/map.hpp"
 #include "engine/pose/rolling_shutter.hpp"
+#include "engine/tracking/frame_mask.hpp"
 
 namespace stillmesh {
 
@@ -53,6 +54,8 @@ public:
     void measure(const Frame& frame) noexcept;
     // That was measured last, borrowed until tracking is done with it.
     [[nodiscard]] const Frame& frame() const noexcept { return *frame_; }
+    // That came with the frame.
+    [[nodiscard]] FrameMask& mask() noexcept { return mask_; }
     // Carries what each row saw to the middle row of a camera that moves by `sweep` from the first row to the last.
     void carry_to_middle_row(const Vector6& sweep) noexcept;
 
@@ -84,6 +87,7 @@ private:
     std::span<std::uint8_t> grey_;
     FixedVector<MeasuredFeature> measured_;
     PixelNoise pixel_noise_;
+    FrameMask mask_;
 };
 
 }  // namespace stillmesh

@@ -12,9 +12,8 @@ constexpr double kNothing = 1e-9;  // share of a velocity; what is left is taken
 
 }  // namespace
 
-void MotionModel::begin_at_origin() noexcept {
-    world_from_camera_ = SE3{};
-    world_from_camera_previous_ = SE3{};
+void MotionModel::begin_at(const SE3& world_from_camera) noexcept {
+    world_from_camera_ = world_from_camera_previous_ = world_from_camera;
     has_velocity_ = false;
 }
 

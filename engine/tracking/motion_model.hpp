@@ -20,8 +20,8 @@ public:
     };
 
     void reset() noexcept { *this = MotionModel{}; }
-    // At the origin of a new map, at rest.
-    void begin_at_origin() noexcept;
+    // In a new map, at rest.
+    void begin_at(const SE3& world_from_camera) noexcept;
     // In a map that was made until `time_ns`: nothing is known of the motion.
     void begin_after(std::int64_t time_ns) noexcept;
 

@@ -49,9 +49,16 @@ void Tracking::reset() noexcept {
     expected_ = RegionContext{};
     time_shift_ns_ = 0;
     has_time_shift_ = true;
-    has_map_ = false;
+    has_map_ = has_start_ = false;
     hash_ = StateHash{};
     statistics_ = FrameStatistics{};
+}
+
+bool Tracking::start_at(const SE3& world_from_camera) noexcept {
+    if (has_map_) return false;
+    start_ = world_from_camera;
+    has_start_ = true;
+    return true;
 }
 
 void Tracking::begin_in_map(std::uint64_t frames, std::int64_t time_ns, bool is_frozen) noexcept {
@@ -130,7 +137,7 @@ void Tracking::start_map() noexcept {
         return;
     }
     has_map_ = true;
-    camera_.begin_at_origin(time_ns_);
+    camera_.begin_at(has_start_ ? &start_ : nullptr, time_ns_);
     world_->map.express_with_readout(shutter_.readout_s());
     judge_.clear(measured_.size());
     make_keyframe();

@@ -39,6 +39,8 @@ public:
     void create(Arena& arena, World& world, const Kernels& kernels, FeatureExtractor* extractor,
                 Relocalisation* relocalisation = nullptr) noexcept;
     void reset() noexcept;
+    // Where the first frame is, in the map that will be made. False: there is a map.
+    [[nodiscard]] bool start_at(const SE3& world_from_camera) noexcept;
     // The map has just been loaded; it was made by `frames` frames until `time_ns`. Where the camera is in it is not
     // known until it is found there; until then there is no pose. Frozen: the map stays as it is, apart from marks of
     // use.
@@ -107,6 +109,8 @@ private:
     bool has_time_shift_ = true;      // false: the first frame will tell
     bool has_map_ = false;
     StateHash hash_;
+    SE3 start_;  // iff has_start_
+    bool has_start_ = false;
     FrameStatistics statistics_;
 };
 

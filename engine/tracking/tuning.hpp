@@ -78,6 +78,13 @@ struct PredictionParameters : PredictionKeys, PredictionTuning {};
 struct HintParameters { STILLMESH_TUNING_hint(STILLMESH_FIELD) };
 
 // Points whose place is seen to be empty.
+// Masks that come with frames (frame_mask.hpp).
+#define STILLMESH_TUNING_mask(KEY) \
+    KEY(mask, bool, is_used, true, 0.0, 1.0, "", "masks that come with frames count") \
+    KEY(mask, double, weight, 0.1, 0.0, 1.0, "", "of a point that a mask covers, times its own") \
+    KEY(mask, double, share_max, 0.5, 0.0, 1.0, "", "of the area in view, and of what is known to stand still; a mask that covers more is wrong")
+struct MaskParameters { STILLMESH_TUNING_mask(STILLMESH_FIELD) };
+
 #define STILLMESH_TUNING_emptiness(KEY) \
     KEY(emptiness, std::uint32_t, places_per_frame, 400, 0.0, 10000.0, "", "places looked at for emptiness") \
     KEY(emptiness, std::uint32_t, reach_px, 3, 1.0, 10.0, "px", "around a place, all must be empty") \

@@ -122,6 +122,7 @@ void FaultyCamera::copy(const Frame& frame, Image& image) {
         std::copy_n(frame.depth.row(y), frame.depth.width, image.depth.data() + std::size_t{y} * frame.depth.width);
     }
     image.frame = frame;
+    image.frame.mask = {};  // the source's, which goes with its next frame
 }
 
 void FaultyCamera::give(Image& image, Frame& frame) {

@@ -20,6 +20,22 @@ namespace {
 
 }  // namespace
 
+// Any of four covers.
+void HalfCamera::halve_mask(const ImageView<std::uint8_t>& whole, ImageView<std::uint8_t>& half) noexcept {
+    const std::uint32_t width = info_.model.width, height = info_.model.height;
+    half = {};
+    if (whole.width / 2 != width || whole.height / 2 != height) return;
+    for (std::uint32_t y = 0; y < height; ++y) {
+        const std::uint8_t* const upper = whole.row(2 * y);
+        const std::uint8_t* const lower = whole.row(2 * y + 1);
+        for (std::uint32_t x = 0; x < width; ++x) {
+            mask_[std::size_t{y} * width + x] =
+                std::max({upper[2 * x], upper[2 * x + 1], lower[2 * x], lower[2 * x + 1]});
+        }
+    }
+    half = {mask_.data(), width, height, width};
+}
+
 CameraModel halved(const CameraModel& model) noexcept {
     CameraModel half = model;
     half.width /= 2;
@@ -41,6 +57,7 @@ void HalfCamera::fit() {
     const std::size_t pixels = std::size_t{info_.model.width} * info_.model.height;
     colour_.resize(pixels * 3);
     depth_.resize(pixels);
+    mask_.resize(pixels);
 }
 
 Status HalfCamera::open() noexcept {
@@ -80,6 +97,7 @@ Status HalfCamera::poll(Frame& frame) noexcept {
         }
     }
     frame = whole;
+    if (whole.mask.data != nullptr) halve_mask(whole.mask, frame.mask);
     frame.colour = {colour_.data(), width, height, width * channels};
     frame.depth = {depth_.data(), width, height, width};
     return Status::kOk;

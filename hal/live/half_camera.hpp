@@ -25,11 +25,13 @@ public:
 
 private:
     void fit();
+    void halve_mask(const ImageView<std::uint8_t>& whole, ImageView<std::uint8_t>& half) noexcept;
 
     DepthCamera& source_;
     CameraInfo info_;
     std::vector<std::uint8_t> colour_;
     std::vector<std::uint16_t> depth_;
+    std::vector<std::uint8_t> mask_;
 };
 
 // The same lens before an image of half the size, px.

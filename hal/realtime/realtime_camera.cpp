@@ -79,6 +79,12 @@ void RealtimeCamera::fill(Slot& slot, const Frame& frame) {
     for (std::uint32_t y = 0; y < frame.depth.height; ++y) {
         std::copy_n(frame.depth.row(y), frame.depth.width, slot.depth.data() + std::size_t{y} * frame.depth.width);
     }
+    const bool has_mask = frame.mask.data != nullptr;
+    slot.mask.resize(has_mask ? std::size_t{frame.mask.width} * frame.mask.height : 0);
+    for (std::uint32_t y = 0; has_mask && y < frame.mask.height; ++y) {
+        std::copy_n(frame.mask.row(y), frame.mask.width, slot.mask.data() + std::size_t{y} * frame.mask.width);
+    }
+    if (has_mask) slot.frame.mask = {slot.mask.data(), frame.mask.width, frame.mask.height, frame.mask.width};
     slot.frame.colour = {slot.colour.data(), frame.colour.width, frame.colour.height, row_bytes};
     slot.frame.depth = {slot.depth.data(), frame.depth.width, frame.depth.height, frame.depth.width};
 }

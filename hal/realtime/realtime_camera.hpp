@@ -59,6 +59,7 @@ private:
         Frame frame;
         std::vector<std::uint8_t> colour;
         std::vector<std::uint16_t> depth;
+        std::vector<std::uint8_t> mask;
     };
     void read_source();
     void fill(Slot& slot, const Frame& frame);

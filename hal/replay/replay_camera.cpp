@@ -21,6 +21,7 @@ namespace {
 
 constexpr int kColour = 0;
 constexpr int kDepth = 1;
+constexpr off_t kListBytesMax = off_t{256} << 20U;  // two days at 30 images a second
 
 [[nodiscard]] std::string size_text(const ImageHeader& header) {
     return std::to_string(header.width) + "x" + std::to_string(header.height);
@@ -62,12 +63,6 @@ void ReplayCamera::close() noexcept {
     is_open_ = false;
     next_ = 0;
 }
-
-namespace {
-
-constexpr off_t kListBytesMax = off_t{256} << 20U;  // two days at 30 images a second
-
-}  // namespace
 
 Status ReplayCamera::read_file(int list, const std::string& file, std::string& text) {
     list_names_[list] = file;
@@ -229,9 +224,20 @@ Status ReplayCamera::open_folder() {
         }
     }
     STILLMESH_TRY(find_calibration());
-
     STILLMESH_TRY(find_first_images());
-    return check_images();
+    STILLMESH_TRY(check_images());
+    return find_masks();
+}
+
+Status ReplayCamera::find_masks() {
+    STILLMESH_TRY(masks_.open(options_.masks, options_.folder, message_));
+    for (std::size_t i = 0; masks_.is_open() && i < pairs_.size(); ++i) {
+        STILLMESH_TRY(image_path(kColour, pairs_[i].colour, path_));
+        counts_.masks += masks_.has(path_) ? 1U : 0U;
+    }
+    if (!masks_.is_open() || counts_.masks > 0) return Status::kOk;
+    message_ = masks_.folder() + ": holds no PNG named as a colour image is; name masks so, or give --mask none.";
+    return Status::kInvalid;
 }
 
 // The first pair whose images can be read says what all are like; those before are skipped when they are polled.
@@ -349,6 +355,7 @@ Status ReplayCamera::read_pair(const ImagePair& pair, Frame& frame) {
     for (std::size_t i = 0; i < colour_wide_.size(); ++i) {
         colour_pixels_[i] = static_cast<std::uint8_t>(colour_wide_[i] >> 8U);
     }
+    STILLMESH_TRY(masks_.read(path_, info_.model.width, info_.model.height, frame.mask, message_));
     STILLMESH_TRY(image_path(kDepth, pair.depth, path_));
     STILLMESH_TRY(
         read_image(path_, depth_header_, bytes_of(depth_read_.empty() ? depth_pixels_ : depth_read_), message_));

@@ -4,8 +4,8 @@
 // camera that the camera file names: then it is registered here. Frames come as fast as they are polled; nothing is
 // skipped but colour images without a depth image within 20 ms. Without those lists associations.txt is read, which has
 // both. The calibration is a file or name given by the caller, else camera.toml or camera.yaml in the folder; with
-// none, open() refuses rather than guesses. Memory: two image buffers and 32 bytes per frame, all taken in open().
-// Every failure leaves a sentence in message().
+// none, open() refuses rather than guesses. A folder mask/ is taken for a detector's masks (mask_folder.hpp). Memory:
+// two image buffers and 32 bytes per frame, all taken in open(). Every failure leaves a sentence in message().
 #pragma once
 
 #include <cstdint>
@@ -19,6 +19,7 @@
 #include "hal/live/depth_registration.hpp"
 #include "hal/replay/frame_list.hpp"
 #include "hal/replay/image_reader.hpp"
+#include "hal/replay/mask_folder.hpp"
 
 namespace stillmesh {
 
@@ -32,6 +33,7 @@ struct ReplayOptions {
     std::int64_t association_gap_max_ns = 20'000'000;  // between a colour image and its depth image
     std::int64_t depth_offset_ns = 0;     // what depth's clock is ahead of colour's: taken off depth's times
     double frames_per_s = 0;              // of lists that number frames; 0: they are refused
+    std::string masks = {};               // their folder; empty: mask/, if it is there; "none": without
     std::int64_t gap_ns = 1'000'000'000;  // silence between two frames that counts as a gap
 };
 
@@ -39,6 +41,7 @@ struct ReplayCounts {
     std::uint32_t colour_images = 0;
     std::uint32_t depth_images = 0;
     std::uint32_t frames = 0;  // pairs; the others are skipped
+    std::uint32_t masks = 0;   // of them, with a mask
     std::uint32_t gaps = 0;    // longer than gap_ns
     std::int64_t gap_longest_ns = 0;
     std::int64_t gap_longest_after_ns = 0;  // time of the last frame before it
@@ -85,6 +88,7 @@ private:
     [[nodiscard]] Status read_file(int list, const std::string& file, std::string& text);
     [[nodiscard]] Status read_list(int list, const char* name, std::vector<ListedImage>& images, ListTimes& times);
     [[nodiscard]] Status find_first_images();
+    [[nodiscard]] Status find_masks();
     [[nodiscard]] Status check_images();
     [[nodiscard]] Status check_sizes();
     [[nodiscard]] Status check_depth_size();
@@ -100,6 +104,7 @@ private:
     std::string path_;                      // reused: no allocation per frame once it has grown
     ReplayCounts counts_;
     std::vector<ImagePair> pairs_;
+    MaskFolder masks_;
     std::size_t next_ = 0;
     ImageHeader colour_header_;
     ImageHeader depth_header_;

@@ -95,6 +95,7 @@ void on_stage(void* user, Stage stage, bool is_begin) noexcept {
     if (f.depth_stride_bytes < 2 * std::size_t{f.width} || f.depth_stride_bytes % 2 != 0)
         return "depth_stride_bytes is less than a row, or odd";
     if (!(f.depth_units_per_m > 0 && f.depth_units_per_m < 1e9)) return "depth_units_per_m is no factor";
+    if (f.mask != nullptr && f.mask_stride_bytes < f.width) return "mask_stride_bytes is less than a row";
     if (f.time_ns < 0) return "time_ns is negative";
     return has_hint ? "time_ns is not after the last frame's, or the hint has what is no number or no unit quaternion"
                     : "time_ns is not after the last frame's";
@@ -159,6 +160,18 @@ void sm_reset(sm_engine* engine) {
     if (engine != nullptr) engine->engine->reset();
 }
 
+sm_status sm_start_at(sm_engine* engine, const sm_transform* map_from_camera, sm_problem* problem) {
+    if (engine == nullptr || map_from_camera == nullptr) return say(problem, SM_INVALID, "engine or pose is NULL.");
+    RigidTransform start;
+    std::copy_n(map_from_camera->rotation_xyzw, 4, start.rotation_xyzw);
+    std::copy_n(map_from_camera->translation_m, 3, start.translation_m);
+    if (engine->engine->start_at(start) == Status::kOk) return say_ok(problem);
+    return say(
+        problem, SM_INVALID,
+        "the pose was refused: its quaternion has no length of 1, it is 1000 m off or more, or there were frames or "
+        "a map before it.");
+}
+
 sm_status sm_submit(sm_engine* engine, const sm_frame* frame, const sm_motion_hint* hint, sm_problem* problem) {
     sm_frame f;
     sm_motion_hint h;
@@ -172,6 +185,7 @@ sm_status sm_submit(sm_engine* engine, const sm_frame* frame, const sm_motion_hi
     in.colour = {f.colour, f.width, f.height, f.colour_stride_bytes};
     in.depth = {f.depth, f.width, f.height, f.depth_stride_bytes % 2 == 0 ? f.depth_stride_bytes / 2 : 0};
     in.depth_units_per_m = f.depth_units_per_m;
+    if (f.mask != nullptr) in.mask = {f.mask, f.width, f.height, f.mask_stride_bytes};
     MotionHint motion;
     if (hint != nullptr) {
         std::copy_n(h.last_from_camera.rotation_xyzw, 4, motion.last_from_camera.rotation_xyzw);

@@ -219,11 +219,16 @@ typedef struct sm_frame {
     const uint16_t* depth;     /* registered to colour; 0: not measured */
     size_t depth_stride_bytes; /* in bytes here, unlike in C++ */
     double depth_units_per_m;  /* 1000: millimetres */
+    const uint8_t* mask;       /* of colour's size, from 128 on: what a detector takes for a body; NULL: none */
+    size_t mask_stride_bytes;
 } sm_frame;
 typedef struct sm_transform {
     double rotation_xyzw[4];
     double translation_m[3];
 } sm_transform;
+/* Where the camera is at the first frame, in the map that is made from there: before that frame. Forgotten by sm_reset
+ * and sm_load_map. SM_INVALID: no unit quaternion, a size of 1000 or more, or frames were taken, or a map is there. */
+SM_API sm_status sm_start_at(sm_engine* engine, const sm_transform* map_from_camera, sm_problem* problem);
 /* What wheels or a gyroscope say of the motion since the last frame: the camera now, seen from the camera then. */
 typedef struct sm_motion_hint {
     uint32_t size;

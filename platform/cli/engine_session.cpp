@@ -147,6 +147,10 @@ public:
             return Status::kInvalid;
         }
         engine_ = engine.value();
+        if (options.start && engine_->start_at(*options.start) != Status::kOk) {
+            message = "--start-pose: is farther than a map reaches, 1000 m, or the map store holds places already.";
+            return Status::kInvalid;
+        }
         if (!options.map_in.empty()) {
             const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
             const std::int64_t begin_ns = monotonic_ns();

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,7 @@ struct SessionOptions {
     std::string map_store;                 // folder for places that memory has no room for; empty: none
     double map_every_s = 0;                // and as often while running; 0: not
     GridOutputOptions grid;                // to drive in, and cloud
+    std::optional<RigidTransform> start;   // where the first frame is in the map that is made
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
     const MotionFile* motion = nullptr;    // how the camera moved, by others; nullptr: not known. Outlives the session

@@ -14,6 +14,7 @@
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/map_command.hpp"
+#include "platform/cli/prior_options.hpp"
 #include "platform/cli/publish_options.hpp"
 #include "platform/cli/report_command.hpp"
 #include "platform/cli/rerun_command.hpp"
@@ -156,37 +157,7 @@ int program(int argc, char** argv) {
         ->check(CLI::Range(-4e9, 4e9).description(""))
         ->type_name("SECONDS")
         ->group(kCameraGroup);
-    run_app
-        ->add_option(
-            "--odometry", arguments.odometry,
-            "how the camera moved, by wheels or another tracker: 'time x y z qx qy qz qw', poses of the camera "
-            "in any frame; a recording's own odometry.txt if not given; none: without")
-        ->type_name("FILE")
-        ->group(kCameraGroup);
-    run_app
-        ->add_option("--gyro", arguments.gyroscope,
-                     "how it turned: 'time wx wy wz', rad/s in the camera's frame; a recording's own gyro.txt if not "
-                     "given; none: without")
-        ->type_name("FILE")
-        ->group(kCameraGroup);
-    run_app
-        ->add_option_function<double>(
-            "--odometry-error",
-            [&arguments](double percent) {
-                arguments.motion_errors.way_share = arguments.motion_errors.turn_share = percent / 100;
-            },
-            "of the odometry, percent of way and turn (2)")
-        ->check(CLI::Range(0.0, 100.0).description(""))
-        ->type_name("PERCENT")
-        ->group(kCameraGroup);
-    run_app
-        ->add_option_function<double>(
-            "--gyro-error",
-            [&arguments](double degrees) { arguments.motion_errors.gyro_rad_s = degrees * 0.017453292519943295; },
-            "of the gyroscope, degrees per second (.5)")
-        ->check(CLI::Range(0.0, 180.0).description(""))
-        ->type_name("DEGREES")
-        ->group(kCameraGroup);
+    add_prior_options(*run_app, arguments, kCameraGroup);
     run_app
         ->add_option("--simulate", arguments.simulate, "simulated room and people; 'stillmesh simulate --help' lists")
         ->type_name("SCENE[:SEED[+DAY]]")
@@ -199,13 +170,6 @@ int program(int argc, char** argv) {
         ->type_name("FILE|NAME")
         ->group(kCameraGroup);
     add_depth_units_option(*run_app, arguments.depth_units_per_m, kCameraGroup);
-    run_app
-        ->add_option(
-            "--mask", arguments.mask,
-            "an image of the camera's size, white where nothing is to be looked at: what it always sees of its "
-            "own robot")
-        ->type_name("FILE")
-        ->group(kCameraGroup);
     run_app
         ->add_flag("--half", arguments.is_half,
                    "track images at half their width and height, lens and all: 1280x720 as 640x360")
@@ -400,8 +364,9 @@ int program(int argc, char** argv) {
         ->add_option("--map-store", rerun.map_store, "the map store that the run used, if it held regions before it")
         ->type_name("DIR");
     rerun_command->add_flag("--localize", rerun.is_localising, "if the run had this switch");
+    add_start_option(*rerun_command, rerun.start, "if the run had one", "");
     rerun_command->add_option("--mask", rerun.mask, "if the run had one, and the folder is what was replayed")
-        ->type_name("FILE");
+        ->type_name("FILE|DIR");
     rerun_command->add_flag("--half", rerun.is_half, "if the run had this switch, and the folder is what was replayed");
     rerun_command
         ->add_option("--vocabulary", rerun.vocabulary, "that the recording was made with, if not the default one")

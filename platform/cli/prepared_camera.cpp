@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <utility>
 #include <vector>
 
@@ -42,8 +43,13 @@ constexpr double kCoveredUsual = 0.6;
 
 }  // namespace
 
+bool is_mask_of_frames(const std::string& mask) {
+    std::error_code error;
+    return mask == "none" || std::filesystem::is_directory(mask, error);
+}
+
 Status PreparedCamera::prepare(const std::string& mask, bool is_half, std::string& note, std::string& message) {
-    if (!mask.empty()) {
+    if (!mask.empty() && !is_mask_of_frames(mask)) {
         std::vector<std::uint8_t> pixels;
         STILLMESH_TRY(read_mask(mask, camera_->info().model, pixels, message));
         const auto white = std::count(pixels.begin(), pixels.end(), std::uint8_t{255});

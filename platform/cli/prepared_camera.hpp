@@ -9,12 +9,16 @@
 
 namespace stillmesh {
 
+// Whether --mask names what a recording has for each picture, or says that it has none, rather than one image for all.
+[[nodiscard]] bool is_mask_of_frames(const std::string& mask);
+
 class PreparedCamera {
 public:
     explicit PreparedCamera(DepthCamera& source) : camera_(&source) {}
 
     // The source is open. `mask`: an image of its size, grey or colour, white where nothing is to be looked at; empty:
-    // none. kInvalid, kUnavailable: `message` says what is wrong with it; `note` is what a user should know of it.
+    // none, and so is what is_mask_of_frames. kInvalid, kUnavailable: `message` says what is wrong with it; `note` is
+    // what a user should know of it.
     [[nodiscard]] Status prepare(const std::string& mask, bool is_half, std::string& note, std::string& message);
     [[nodiscard]] DepthCamera& camera() { return *camera_; }
 

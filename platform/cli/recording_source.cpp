@@ -13,6 +13,7 @@ RecordingSource::RecordingSource(const ReplayOptions& options, const std::string
         folder_.emplace(options);
         return;
     }
+    if (!options.masks.empty()) problem_ = "--mask: pictures in a bag have no names that masks could have; convert it.";
     if (options.frames_per_s > 0) problem_ = "--fps: a bag has times; leave it out.";
     bag_.emplace(BagOptions{.path = options.folder,
                             .topics = topics,
@@ -50,6 +51,7 @@ std::vector<std::string> RecordingSource::notes() const {
                                   counts.colour_images - counts.frames, counts.colour_images,
                                   static_cast<double>(pair_gap_ns_) * 1e-6));
     }
+    if (counts.masks > 0) out.push_back(fmt::format("{} of {} frames have a mask.", counts.masks, counts.frames));
     if (counts.unit != TimeUnit::kSeconds) {
         out.push_back(fmt::format("the times of the recording are taken for {}: they go up by {:g}.",
                                   time_unit_name(counts.unit), counts.step));

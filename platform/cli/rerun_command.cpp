@@ -176,7 +176,8 @@ int rerun_command(const RerunOptions& options) {
                             .calibration = "",
                             .camera = of_images,
                             .width_max = halves * header.limits.image_width_max + halves - 1,
-                            .height_max = halves * header.limits.image_height_max + halves - 1},
+                            .height_max = halves * header.limits.image_height_max + halves - 1,
+                            .masks = is_mask_of_frames(options.mask) ? options.mask : ""},
                            options.topics);
     if (!source.problem().empty()) return refuse(source.problem());
     DepthCamera& whole = source.camera();
@@ -252,6 +253,8 @@ int rerun_command(const RerunOptions& options) {
                                   header.camera.width, header.camera.height));
     }
 
+    if (options.start && engine.value()->start_at(*options.start) != Status::kOk)
+        return refuse("--start-pose: is farther than a map reaches, 1000 m.");
     if (!options.map_in.empty()) {
         const MapUse use = options.is_localising ? MapUse::kLocalise : MapUse::kContinue;
         MapFileInfo info;

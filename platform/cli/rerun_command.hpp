@@ -3,7 +3,10 @@
 // name.
 #pragma once
 
+#include <optional>
 #include <string>
+
+#include "engine/geometry/rigid_transform.hpp"
 
 namespace stillmesh {
 
@@ -14,9 +17,10 @@ struct RerunOptions {
     std::string map_in;     // empty: none
     std::string map_store;  // empty: none
     bool is_localising = false;
-    std::string mask;                    // that the run had; empty: none
-    bool is_half = false;                // the run halved its images
-    std::string vocabulary = "default";  // that the recording was made with, if it was made with one
+    std::string mask;                     // that the run had; empty: none
+    std::optional<RigidTransform> start;  // that the run began at
+    bool is_half = false;                 // the run halved its images
+    std::string vocabulary = "default";   // that the recording was made with, if it was made with one
     bool is_json = false;
 };
 

@@ -109,6 +109,8 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     if (const int code = read_motion(arguments, folder, motion); code != kExitDone) return code;
+    if (arguments.replay.empty() && is_mask_of_frames(arguments.mask))
+        return refuse("--mask: a folder of masks is a recording's; give an image, or --replay.");
     PreparedCamera prepared(source.camera);
     std::string message, note;
     if (prepared.prepare(arguments.mask, arguments.is_half, note, message) != Status::kOk) return refuse(message);
@@ -312,7 +314,8 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
                             .height_max = kImageSideMax,
                             .association_gap_max_ns = nanoseconds(arguments.replay_pair_gap_s),
                             .depth_offset_ns = nanoseconds(arguments.replay_depth_offset_s),
-                            .frames_per_s = arguments.replay_frames_per_s},
+                            .frames_per_s = arguments.replay_frames_per_s,
+                            .masks = is_mask_of_frames(arguments.mask) ? arguments.mask : ""},
                            arguments.replay_topics);
     if (!source.problem().empty()) return refuse(source.problem());
     if (source.camera().open() != Status::kOk) return refuse(source.message());
@@ -491,6 +494,8 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
     if (session.is_localising && !session.map_store.empty()) {
         return refuse("--localize leaves the map as it is: nothing goes to --map-store, and nothing comes back.");
     }
+    if (session.start && !session.map_in.empty())
+        return refuse("--start-pose: is for a new map; in that of --map-in the camera is found by what it sees.");
     if (arguments.new_map_when_lost_s > 0 &&
         (session.is_localising || !session.record.empty() || !session.map_store.empty())) {
         const char* const other = session.is_localising    ? "--localize: it leaves the map as it is"

@@ -9,7 +9,7 @@ static uint16_t wall_depth[480 * 640];
 
 /* Frame number i, the wall having passed by so many pixels. */
 static sm_frame wall_frame(uint32_t i, uint32_t passed_px) {
-    sm_frame frame = {sizeof frame, SM_GREY8, 0, 0, 640, 480, wall_grey, 640, wall_depth, 2 * 640, 1000};
+    sm_frame frame = {sizeof frame, SM_GREY8, 0, 0, 640, 480, wall_grey, 640, wall_depth, 2 * 640, 1000, NULL, 0};
     uint32_t x, y;
     for (y = 0; y < 480; ++y) {
         for (x = 0; x < 640; ++x) {

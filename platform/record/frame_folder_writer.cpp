@@ -76,6 +76,11 @@ void FrameFolderWriter::add(const Frame& frame) {
     for (std::uint32_t y = 0; y < frame.depth.height; ++y) {
         std::copy_n(frame.depth.row(y), frame.depth.width, slot->depth.data() + std::size_t{y} * frame.depth.width);
     }
+    const ImageView<std::uint8_t>& mask = frame.mask;
+    slot->mask.resize(mask.data == nullptr ? 0 : std::size_t{mask.width} * mask.height);
+    for (std::uint32_t y = 0; !slot->mask.empty() && y < mask.height; ++y) {
+        std::copy_n(mask.row(y), mask.width, slot->mask.data() + std::size_t{y} * mask.width);
+    }
     ++frames_;
     ring_.publish();
 }
@@ -92,6 +97,12 @@ std::string FrameFolderWriter::write(const Slot& slot) {
     if (problem.empty()) {
         problem = write_png_file(folder_ + "/" + depth, slot.depth.data(), frame.depth.width, frame.depth.height,
                                  PngPixels::kGrey16);
+    }
+    if (problem.empty() && !slot.mask.empty()) {
+        std::error_code error;
+        std::filesystem::create_directory(folder_ + "/mask", error);
+        problem = write_png_file(folder_ + "/mask/" + colour_time + ".png", slot.mask.data(), frame.mask.width,
+                                 frame.mask.height, PngPixels::kGrey8);
     }
     if (!problem.empty()) return problem;
     static_cast<void>(depth_list_.write(depth_time + " " + depth + "\n", problem) &&

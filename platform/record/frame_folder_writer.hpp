@@ -1,4 +1,5 @@
-// The frames of a run as they were given to the engine, in the TUM layout (rgb.txt, depth.txt, PNG files, camera.toml),
+// The frames of a run as they were given to the engine, in the TUM layout (rgb.txt, depth.txt, PNG files, camera.toml;
+// mask/ once a frame has a mask),
 // so that a recording of a simulated or live run can be repeated. Frames are copied into a fixed ring by the engine's
 // thread, which never waits, and written by a thread of its own; a line is added to a list when its picture is whole.
 // There are no holes: when the ring is full, or the disk, it ends there, and says so.
@@ -42,6 +43,7 @@ private:
         Frame frame;  // sizes, times and format; its pixels are in these:
         std::vector<std::uint8_t> colour;
         std::vector<std::uint16_t> depth;
+        std::vector<std::uint8_t> mask;  // empty: it has none
     };
     void write_all();
     // Empty, or why it failed.

@@ -365,6 +365,8 @@ std::uint64_t frame_digest(const Frame& frame) noexcept {
         }
     }
     for (std::uint32_t y = 0; y < frame.depth.height; ++y) pixels.row(frame.depth.row(y), frame.depth.width);
+    for (std::uint32_t y = 0; frame.mask.data != nullptr && y < frame.mask.height; ++y)
+        pixels.row(frame.mask.row(y), frame.mask.width);
     StateHash hash;
     hash.add(frame.colour.width);
     hash.add(frame.colour.height);

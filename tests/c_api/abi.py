@@ -17,7 +17,7 @@ import tempfile
 
 # Members of Engine, and what does the same in C.
 COUNTERPARTS = {
-    "create": "sm_engine_create", "submit": "sm_submit", "step": "sm_step", "pose": "sm_get_pose",
+    "create": "sm_engine_create", "start_at": "sm_start_at", "submit": "sm_submit", "step": "sm_step", "pose": "sm_get_pose",
     "frame_statistics": "sm_get_frame_statistics", "statistics": "sm_get_statistics",
     "tracking_view": "sm_get_tracking_view", "features": "sm_get_features", "keyframes": "sm_keyframes",
     "depth_image": "sm_get_depth_image",

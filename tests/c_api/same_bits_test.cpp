@@ -43,7 +43,7 @@ TEST(SameBits, Settings) {
     }
 }
 
-// Promise: the same frames, hints and steps give the same bits through either door, frame by frame.
+// Promise: the same start, frames, masks, hints and steps give the same bits through either door, frame by frame.
 TEST(SameBits, Frames) {
     SimulationOptions options;
     options.scene = "walking_xyz";
@@ -73,20 +73,28 @@ TEST(SameBits, Frames) {
               SM_OK)
         << problem.sentence;
 
+    const RigidTransform start{{0, 0, 0, 1}, {1, 2, 3}};
+    const sm_transform c_start{{0, 0, 0, 1}, {1, 2, 3}}, no_start{{0, 0, 0, 2}, {1, 2, 3}};
+    ASSERT_EQ(engine.start_at(start), Status::kOk);
+    EXPECT_EQ(sm_start_at(c_engine, &no_start, &problem), SM_INVALID);
+    ASSERT_EQ(sm_start_at(c_engine, &c_start, &problem), SM_OK) << problem.sentence;
+
     std::uint32_t frames = 0;
     for (Frame frame; frames < 12 && source.poll(frame) == Status::kOk; ++frames) {
         MotionHint hint;
         hint.last_from_camera.translation_m[0] = 0.001;
         hint.sigma_m = 0.05;
         const bool has_hint = frames % 3 == 2;
+        frame.mask = frames % 4 != 0 ? source.dynamic_mask() : ImageView<std::uint8_t>{};
         ASSERT_EQ(engine.submit(frame, has_hint ? &hint : nullptr), Status::kOk);
         const sm_motion_hint c_hint{sizeof(sm_motion_hint), 0, {{0, 0, 0, 1}, {0.001, 0, 0}}, 0.05, -1};
-        const sm_frame c_frame{sizeof(sm_frame),       static_cast<std::int32_t>(frame.format),
-                               frame.time_ns,          frame.depth_time_ns,
-                               frame.colour.width,     frame.colour.height,
-                               frame.colour.data,      frame.colour.stride,
-                               frame.depth.data,       2 * frame.depth.stride,
-                               frame.depth_units_per_m};
+        const sm_frame c_frame{sizeof(sm_frame),        static_cast<std::int32_t>(frame.format),
+                               frame.time_ns,           frame.depth_time_ns,
+                               frame.colour.width,      frame.colour.height,
+                               frame.colour.data,       frame.colour.stride,
+                               frame.depth.data,        2 * frame.depth.stride,
+                               frame.depth_units_per_m, frame.mask.data,
+                               frame.mask.stride};
         ASSERT_EQ(sm_submit(c_engine, &c_frame, has_hint ? &c_hint : nullptr, &problem), SM_OK) << problem.sentence;
         EXPECT_EQ(sm_state_hash(c_engine), engine.state_hash()) << frames;
         EXPECT_EQ(sm_step(c_engine, 20000), static_cast<std::int32_t>(engine.step(20000)));

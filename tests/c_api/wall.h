@@ -28,7 +28,7 @@ static void wall_end(wall* w) {
 }
 /* Frame number i: two pixels farther than the one before. */
 static sm_frame wall_frame(wall* w, uint32_t i) {
-    sm_frame frame = {sizeof(sm_frame), SM_GREY8, 0, 0, 0, 0, NULL, 0, NULL, 0, 5000};
+    sm_frame frame = {sizeof(sm_frame), SM_GREY8, 0, 0, 0, 0, NULL, 0, NULL, 0, 5000, NULL, 0};
     uint32_t x, y;
     for (y = 0; y < w->height; ++y) {
         for (x = 0; x < w->width; ++x) {

@@ -122,5 +122,30 @@ TEST(Mask, WrongOnesAreRefused) {
     refused(folder.path("rgb.txt"), "rgb.txt: ");
 }
 
+// Promise: a folder mask/ in a recording is taken, or another that is named, with a PNG for each colour image; the run
+// is another one then, and repeats to the bit with the same masks alone. `none`, and a folder without any picture's
+// name, are told apart.
+TEST(Mask, OneForEachPicture) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(stillmesh_says("simulate walking_xyz --seed 3 --frames 12 --out " + folder.path("run")).code, 0);
+    const std::string vocabulary = " --vocabulary none";
+    const std::string replay = " --replay " + folder.path("run");
+    const std::string run = "run --no-check-camera" + vocabulary + replay;
+    const std::string masks = " --mask " + folder.path("run/masks");
+    const std::string rerun = "rerun " + folder.path("run.rec") + replay;
+    const test::Answer masked = stillmesh_says(run + masks + " --record " + folder.path("run.rec"));
+    EXPECT_TRUE(masked.says("12 of 12 frames have a mask")) << masked.text;
+    EXPECT_EQ(stillmesh_says(rerun + masks).code, 0);
+    EXPECT_NE(stillmesh_says(rerun).code, 0);  // no folder mask/ yet
+    std::filesystem::rename(folder.path("run/masks"), folder.path("run/mask"));
+    EXPECT_EQ(stillmesh_says(rerun).code, 0);
+    EXPECT_NE(stillmesh_says(rerun + " --mask none").code, 0);
+    std::filesystem::create_directory(folder.path("empty"));
+    const test::Answer empty = stillmesh_says(run + " --mask " + folder.path("empty"));
+    EXPECT_EQ(empty.code, 2);
+    EXPECT_TRUE(empty.says("holds no PNG named as a colour image is")) << empty.text;
+    EXPECT_EQ(stillmesh_says("run --simulate static_xyz --frames 2 --mask " + folder.path("empty")).code, 2);
+}
+
 }  // namespace
 }  // namespace stillmesh

@@ -23,6 +23,7 @@ struct KeptFrame {
     double depth_units_per_m = 5000;
     std::uint32_t width = 0, height = 0;
     SimulatedPose truth;
+    std::vector<std::uint8_t> moving;  // of a rendered scene: 255 where a body moves
 
     [[nodiscard]] Frame frame() const {
         Frame out;
@@ -63,6 +64,9 @@ inline Sequence rendered(const std::string& scene, std::uint32_t frames, std::ui
         kept.format = frame.format;
         kept.depth_units_per_m = frame.depth_units_per_m;
         kept.truth = camera.true_pose();
+        const ImageView<std::uint8_t> moving = camera.dynamic_mask();
+        for (std::uint32_t y = 0; y < height; ++y)
+            kept.moving.insert(kept.moving.end(), moving.row(y), moving.row(y) + width);
         for (std::uint32_t y = 0; y < height; ++y) {
             kept.colour.insert(kept.colour.end(), frame.colour.row(y),
                                frame.colour.row(y) + std::size_t{width} * channels_of(frame.format));

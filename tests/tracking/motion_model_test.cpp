@@ -178,7 +178,7 @@ TEST(MotionModel, BeginsAtRest) {
     EXPECT_EQ(motion.time_ns(), kStart_ns);
     motion.end_frame(kStart_ns + 7);
     EXPECT_EQ(motion.time_ns(), kStart_ns + 7);
-    motion.begin_at_origin();
+    motion.begin_at(SE3{});
     EXPECT_FALSE(motion.has_velocity());
     EXPECT_EQ(motion.time_ns(), kStart_ns + 7);
     expect_same(motion.world_from_camera(), SE3{});

@@ -10,7 +10,7 @@
 namespace stillmesh {
 namespace {
 
-SE3 pose_of(const RigidTransform& transform) {
+SE3 pose_by_quaternion(const RigidTransform& transform) {
     SE3 out;
     Vector4 q;
     for (int i = 0; i < 4; ++i) q(i) = transform.rotation_xyzw[i];
@@ -31,8 +31,8 @@ struct Split {
         PoseEstimate estimate;
         estimate.map_from_odom.translation_m[0] = 77;  // from a frame before
         odometry.split(world_from_camera, estimate);
-        map_from_odom = pose_of(estimate.map_from_odom);
-        odom_from_camera = pose_of(estimate.odom_from_camera);
+        map_from_odom = pose_by_quaternion(estimate.map_from_odom);
+        odom_from_camera = pose_by_quaternion(estimate.odom_from_camera);
         expect_same(map_from_odom * odom_from_camera, world_from_camera);
     }
 };
@@ -61,7 +61,7 @@ TEST(Odometry, IsTheMapUntilItJumps) {
         for (int k = 0; k < 4; ++k) {
             EXPECT_EQ(estimate.map_from_odom.rotation_xyzw[k], identity.rotation_xyzw[k]);
         }
-        expect_same(pose_of(estimate.odom_from_camera), pose, 1e-12);
+        expect_same(pose_by_quaternion(estimate.odom_from_camera), pose, 1e-12);
     }
 }
 

@@ -12,7 +12,7 @@ Only calls of libstillmesh_c (stillmesh.h). An engine is used by one thread. Wha
 import ctypes
 import os
 from dataclasses import dataclass, field
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, TypeVar, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -230,11 +230,18 @@ class Engine:
                                        options if vocabulary is not None else None, engine, problem), problem)
         self._c = engine
 
+    def start_at(self, translation_m: Sequence[float], rotation_xyzw: Sequence[float] = (0.0, 0.0, 0.0, 1.0)) -> None:
+        """Where the camera is at the first frame, in the map that is made from there: before that frame."""
+        start, problem = _c.Transform(), _sized(_c.Problem)
+        start.translation_m[:], start.rotation_xyzw[:] = translation_m, rotation_xyzw
+        _check(_c.lib.sm_start_at(self._c, start, problem), problem)
+
     def submit(self, colour: npt.NDArray[np.uint8], depth: npt.NDArray[np.uint16], time_ns: int, *,
                depth_units_per_m: float = 1000.0, depth_time_ns: int = 0, hint: Optional[Hint] = None,
-               is_bgr: bool = False) -> Pose:
+               is_bgr: bool = False, mask: Optional[npt.NDArray[np.uint8]] = None) -> Pose:
         """Tracks a frame: grey (h x w) or RGB (h x w x 3; is_bgr: BGR) of uint8, depth of uint16 registered to it, 0 where
-        nothing was measured. Rows may be apart; nothing is copied."""
+        nothing was measured; mask (h x w of uint8): from 128 on, what a detector takes for a body that may move. Rows may
+        be apart; nothing is copied."""
         frame = _sized(_c.Frame)
         frame.format = _c.GREY8 if colour.ndim == 2 else _c.BGR8 if is_bgr else _c.RGB8
         _check_image("colour", colour, np.uint8, (1,) if colour.ndim == 2 else (3, 1))
@@ -245,6 +252,11 @@ class Engine:
         frame.time_ns, frame.depth_time_ns, frame.depth_units_per_m = time_ns, depth_time_ns, depth_units_per_m
         frame.colour, frame.colour_stride_bytes = colour.ctypes.data, colour.strides[0]
         frame.depth, frame.depth_stride_bytes = depth.ctypes.data, depth.strides[0]
+        if mask is not None:
+            _check_image("mask", mask, np.uint8, (1,))
+            if mask.shape != depth.shape:
+                raise ValueError(f"mask is {mask.shape}, depth {depth.shape}: h x w, both")
+            frame.mask, frame.mask_stride_bytes = mask.ctypes.data, mask.strides[0]
         problem = _sized(_c.Problem)
         _check(_c.lib.sm_submit(self._c, frame, hint._as_c() if hint is not None else None, problem), problem)
         return self.pose

@@ -49,7 +49,8 @@ class Options(ctypes.Structure):
 class Frame(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("format", c_int32), ("time_ns", c_int64), ("depth_time_ns", c_int64),
                 ("width", c_uint32), ("height", c_uint32), ("colour", c_void_p), ("colour_stride_bytes", c_size_t),
-                ("depth", c_void_p), ("depth_stride_bytes", c_size_t), ("depth_units_per_m", c_double)]
+                ("depth", c_void_p), ("depth_stride_bytes", c_size_t), ("depth_units_per_m", c_double), ("mask", c_void_p),
+                ("mask_stride_bytes", c_size_t)]
 
 
 class Transform(ctypes.Structure):
@@ -154,7 +155,7 @@ _CALLS: Tuple[Tuple[Any, ...], ...] = (
     ("sm_default_vocabulary", c_void_p, POINTER(c_size_t)), ("sm_engine_bytes", c_size_t, POINTER(Settings)),
     ("sm_engine_create", c_int32, c_void_p, c_size_t, POINTER(Settings), POINTER(Camera), POINTER(Options),
      POINTER(_E), _P),
-    ("sm_reset", None, _E), ("sm_submit", c_int32, _E, POINTER(Frame), POINTER(MotionHint), _P),
+    ("sm_reset", None, _E), ("sm_start_at", c_int32, _E, POINTER(Transform), _P), ("sm_submit", c_int32, _E, POINTER(Frame), POINTER(MotionHint), _P),
     ("sm_step", c_int32, _E, c_uint32), ("sm_get_pose", c_int32, _E, POINTER(Pose)),
     ("sm_get_frame_statistics", c_int32, _E, POINTER(FrameStatistics)),
     ("sm_get_statistics", c_int32, _E, POINTER(Statistics)),

@@ -11,7 +11,7 @@ int main(void) {
     sm_settings settings = {sizeof settings, 0, {0}};
     sm_camera camera = {sizeof camera, 160, 120, SM_LENS_BROWN, 130, 130, 80, 60, 0, 0, 0, 0, 0, 0, 0, 0};
     sm_options options = {sizeof options, 0, NULL, 0, NULL, NULL};
-    sm_frame frame = {sizeof frame, SM_GREY8, 0, 0, 160, 120, grey, 160, depth, 320, 1000};
+    sm_frame frame = {sizeof frame, SM_GREY8, 0, 0, 160, 120, grey, 160, depth, 320, 1000, NULL, 0};
     sm_pose pose;
     sm_engine* engine;
     size_t bytes, i;
