@@ -127,10 +127,7 @@ Progress LoopClosing::step(WorkBudget& budget) noexcept {
                     budget.spend(accept_or_refuse());
                 }
                 break;
-            case Stage::kBuild:
-                budget.spend(graph_.build(settled_end_));
-                enter(Stage::kSolve);
-                break;
+            case Stage::kBuild: budget.spend(build()); break;
             case Stage::kSolve:
                 if (graph_.step(budget) != Progress::kWorking) enter(Stage::kCommit);
                 break;
@@ -252,6 +249,19 @@ std::uint32_t LoopClosing::accept_or_refuse() noexcept {
 }
 
 // --- correction ------------------------------------------------------------------------------------------------------
+
+// If an end of the loop has left since it was found, nothing holds it any more: the graph would move by noise alone.
+std::uint32_t LoopClosing::build() noexcept {
+    const Pool<Keyframe>& keyframes = world_->map.keyframes();
+    if (keyframes.find(keyframe_) == nullptr || keyframes.find(found_) == nullptr) {
+        ++world_->statistics.loop.dropped;
+        finish();
+        return 1;
+    }
+    const std::uint32_t units = graph_.build(settled_end_);
+    enter(Stage::kSolve);
+    return units;
+}
 
 std::uint32_t LoopClosing::commit() noexcept {
     LoopStatistics& statistics = world_->statistics.loop;

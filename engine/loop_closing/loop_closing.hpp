@@ -62,6 +62,7 @@ private:
     [[nodiscard]] std::uint32_t choose() noexcept;
     [[nodiscard]] std::uint32_t prepare() noexcept;
     [[nodiscard]] std::uint32_t accept_or_refuse() noexcept;
+    [[nodiscard]] std::uint32_t build() noexcept;
     [[nodiscard]] std::uint32_t commit() noexcept;
     [[nodiscard]] std::uint32_t fuse_matches() noexcept;
     [[nodiscard]] std::uint32_t fuse_neighbours() noexcept;

@@ -90,6 +90,7 @@ public:
     Map& map() { return world_.map; }
     World& world() { return world_; }
     LoopClosing& loops() { return loops_; }
+    PlaceSearch& places() { return places_; }
     GlobalRefinement& refinement() { return refinement_; }
 
     // Keyframe i, 20 frames after the one before.

@@ -99,7 +99,8 @@ class Build:
 
     def link_command(self, target):
         if target not in self.link_of:
-            said = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", target], capture_output=True, text=True,
+            path = str(pathlib.Path("platform", "cli", target)) if target == "stillmesh" else f"tests/{target[5:]}/{target}"
+            said = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", path], capture_output=True, text=True,
                                   check=True).stdout
             self.link_of[target] = self.command_of(said, target)
         return list(self.link_of[target])
@@ -109,7 +110,7 @@ class Build:
         for line in said.splitlines():
             for part in line.split(" && "):
                 words = shlex.split(part) if " -o " in part and "++" in part else []
-                if words and " -c " not in part and pathlib.Path(words[words.index("-o") + 1]).name in (target, target[5:]):
+                if words and " -c " not in part and pathlib.Path(words[words.index("-o") + 1]).name == target:
                     return words
         sys.exit(f"mutants: how {target} is linked is not to be found in the build folder")
 
