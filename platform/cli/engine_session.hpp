@@ -9,7 +9,7 @@
 #include "hal/depth_camera.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/session.hpp"
-#include "platform/motion/motion_file.hpp"
+#include "platform/motion/motion_samples.hpp"
 
 namespace stillmesh {
 
@@ -28,7 +28,7 @@ struct SessionOptions {
     double map_every_s = 0;                // and as often while running; 0: not
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
-    const MotionFile* motion = nullptr;    // how the camera moved, by others; nullptr: not known. Outlives the session
+    const MotionSource* motion = nullptr;  // how the camera moved, by others; nullptr: not known. Outlives the session
     bool can_wait = true;                  // for a full recording ring, between frames: the camera is no live one
 };
 
