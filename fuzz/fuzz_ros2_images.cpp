@@ -1,5 +1,5 @@
-// An image and a calibration of ROS 2 whose fields say anything: refused with a sentence, or pixels of the size that
-// they say and a lens of finite numbers.
+// An image, packed or not, and a calibration of ROS 2 whose fields say anything: refused with a sentence, or pixels of
+// the size that they say and a lens of finite numbers.
 #include <array>
 #include <bit>
 #include <cmath>
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "fuzz/fuzz.hpp"
+#include "hal/ros2/packed_images.hpp"
 #include "hal/ros2/ros2_images.hpp"
 
 namespace {
@@ -33,6 +34,28 @@ void read_image(const RosImageView& image) {
     }
 }
 
+void read_packed(const RosPackedView& image) {
+    std::vector<std::uint8_t> colour;
+    std::vector<std::uint16_t> depth;
+    ImageHeader header;
+    double units_per_m = 0;
+    std::string problem;
+    if (packed_colour_of(image, colour, header, problem)) {
+        fuzz::expect(colour.size() == std::size_t{header.width} * header.height * bytes_per_pixel(header.kind) &&
+                         header.kind != ImageKind::kGrey16 && header.width <= kRosImageSideMax,
+                     "colour has the size that it says");
+    } else {
+        fuzz::expect(!problem.empty(), "a refusal has a reason");
+    }
+    problem.clear();
+    if (packed_depth_of(image, depth, header, units_per_m, problem)) {
+        fuzz::expect(depth.size() == std::size_t{header.width} * header.height && units_per_m >= 1000,
+                     "depth has the size that it says");
+    } else {
+        fuzz::expect(!problem.empty(), "a refusal has a reason");
+    }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size_bytes) {
@@ -40,6 +63,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                                                             "32FC1", "mono16", "",      "bayer_rggb8"};
     fuzz::Bytes bytes({data, size_bytes});
     const std::uint8_t kind = bytes.u8();
+    constexpr std::array<std::string_view, 4> kFormats = {"16UC1; compressedDepth png", "32FC1; compressedDepth", "",
+                                                          "rgb8; jpeg compressed bgr8"};
+    if ((kind & 0xC0U) == 0xC0U) {
+        read_packed({kFormats[kind & 3U], bytes.rest()});
+        return 0;
+    }
     if ((kind & 0x80U) != 0) {
         RosImageView image;
         image.encoding = kEncodings[kind & 7U];

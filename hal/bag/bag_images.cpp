@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "hal/replay/image_reader.hpp"
+#include "hal/replay/packed_depth.hpp"
 #include "hal/replay/png_reader.hpp"
 
 namespace stillmesh {
@@ -36,9 +37,6 @@ constexpr Encoding kEncodings[] = {
 }
 [[nodiscard]] bool is_rgb(PixelCoding coding) {
     return coding >= PixelCoding::kRgb8 && coding <= PixelCoding::kBgra8;
-}
-[[nodiscard]] bool is_png(Bytes bytes) {
-    return bytes.size() >= 4 && std::memcmp(bytes.data(), "\x89PNG", 4) == 0;
 }
 
 Status fail(Status status, const std::string& topic, const std::string& sentence, std::string& message) {
@@ -106,19 +104,16 @@ Status read_compressed(const BagTopic& topic, Bytes bytes, BagImage& out, std::s
     out.encoding = image.format;
     out.data = image.data;
     const bool is_of_depth = image.format.find("compressedDepth") != std::string_view::npos;
+    PackedDepth packed;
     if (is_of_depth) {
-        constexpr std::size_t kHeadBytes = 12;  // a number, a and b
-        if (out.data.size() < kHeadBytes || !is_png(out.data.subspan(kHeadBytes))) {
-            return Status::kOk;  // RVL
-        }
-        out.a = float_at(out.data.data() + 4, false);
-        out.b = float_at(out.data.data() + 8, false);
-        out.data = out.data.subspan(kHeadBytes);
+        if (!open_packed_depth(image.format, out.data, packed)) return Status::kOk;  // RVL
+        out.a = packed.a;
+        out.b = packed.b;
+        out.data = packed.png;
     }
     STILLMESH_TRY(read_packed_header(topic, out, message));
     if (out.kind == ImageKind::kGrey16) {
-        out.coding =
-            is_of_depth && image.format.starts_with("32FC1") ? PixelCoding::kPackedFloat : PixelCoding::kPacked16;
+        out.coding = packed.is_in_metres ? PixelCoding::kPackedFloat : PixelCoding::kPacked16;
     } else if (!is_of_depth) {
         out.coding = PixelCoding::kPacked;
     }
@@ -174,10 +169,7 @@ Status depth_pixels(const BagImage& image, const std::string& topic, double unit
         const std::span bytes(reinterpret_cast<std::uint8_t*>(pixels.data()), pixels.size() * 2);
         STILLMESH_TRY(unpack_pixels(image, topic, bytes, message));
         if (image.coding == PixelCoding::kPacked16) return Status::kOk;
-        for (std::uint16_t& value : pixels) {
-            const double metres = value == 0 ? 0 : double{image.a} / (static_cast<double>(value) - double{image.b});
-            value = units_of(metres, units_per_m);
-        }
+        for (std::uint16_t& value : pixels) value = units_of_packed(image.a, image.b, value, units_per_m);
         return Status::kOk;
     }
     const std::size_t high = image.is_bigendian ? 0 : 1;

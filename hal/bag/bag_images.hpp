@@ -1,8 +1,8 @@
 // What an image of a bag is, and its pixels: sensor_msgs/Image in the encodings that RGB-D cameras give, and
 // CompressedImage (JPEG, PNG, compressedDepth). Colour becomes 8-bit grey or RGB (of YUV the luma: the engine tracks
-// grey), depth 16 bits: what a bag has in millimetres as it is, what it has in metres in the units asked for. Sources:
-// sensor_msgs/image_encodings.hpp, and compressed_depth_image_transport for compressedDepth (12 bytes, then a PNG;
-// metres are a / (value - b)). Cost: a pass over the pixels, or that of PNG or JPEG. Any bytes are safe.
+// grey), depth 16 bits: what a bag has in millimetres as it is, what it has in metres in the units asked for. Source:
+// sensor_msgs/image_encodings.hpp; compressedDepth: packed_depth.hpp. Cost: a pass over the pixels, or that of PNG or
+// JPEG. Any bytes are safe.
 #pragma once
 
 #include <cstdint>

@@ -21,6 +21,8 @@ using Path = nav_msgs_msg_dds__Path_;
 using PointField = sensor_msgs_msg_dds__PointField_;
 using PointCloud = sensor_msgs_msg_dds__PointCloud2_;
 using Image = sensor_msgs_msg_dds__Image_;
+using CompressedImage = sensor_msgs_msg_dds__CompressedImage_;
+using Imu = sensor_msgs_msg_dds__Imu_;
 using CameraInfo = sensor_msgs_msg_dds__CameraInfo_;
 using KeyValue = diagnostic_msgs_msg_dds__KeyValue_;
 using DiagnosticStatus = diagnostic_msgs_msg_dds__DiagnosticStatus_;
@@ -33,6 +35,8 @@ inline const dds_topic_descriptor_t& kOdometry = nav_msgs_msg_dds__Odometry__des
 inline const dds_topic_descriptor_t& kPath = nav_msgs_msg_dds__Path__desc;
 inline const dds_topic_descriptor_t& kPointCloud = sensor_msgs_msg_dds__PointCloud2__desc;
 inline const dds_topic_descriptor_t& kImage = sensor_msgs_msg_dds__Image__desc;
+inline const dds_topic_descriptor_t& kCompressedImage = sensor_msgs_msg_dds__CompressedImage__desc;
+inline const dds_topic_descriptor_t& kImu = sensor_msgs_msg_dds__Imu__desc;
 inline const dds_topic_descriptor_t& kCameraInfo = sensor_msgs_msg_dds__CameraInfo__desc;
 inline const dds_topic_descriptor_t& kDiagnosticArray = diagnostic_msgs_msg_dds__DiagnosticArray__desc;
 

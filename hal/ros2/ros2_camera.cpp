@@ -10,8 +10,10 @@
 #include "hal/calibration/calibration.hpp"
 #include "hal/live/live_session.hpp"
 #include "hal/ros2/messages.hpp"
+#include "hal/ros2/packed_images.hpp"
 #include "hal/ros2/ros2_images.hpp"
 #include "hal/ros2/ros_context.hpp"
+#include "hal/ros2/ros_loan.hpp"
 #include "hal/ros2/ros_name.hpp"
 
 namespace stillmesh {
@@ -57,30 +59,6 @@ using Image = std::unique_ptr<Pixels, BackToShelf>;
     return {pixels, BackToShelf{&shelf}};
 }
 
-// One message at a time, borrowed from Cyclone.
-template <typename Message>
-class Loan {
-public:
-    explicit Loan(dds_entity_t reader) : reader_(reader) {
-        dds_sample_info_t info{};
-        count_ = dds_take(reader, &sample_, &info, 1, 1);
-        is_valid_ = count_ == 1 && info.valid_data;
-    }
-    ~Loan() {
-        if (count_ > 0) static_cast<void>(dds_return_loan(reader_, &sample_, count_));
-    }
-    Loan(const Loan&) = delete;
-    Loan& operator=(const Loan&) = delete;
-    [[nodiscard]] bool is_any() const { return count_ > 0; }
-    [[nodiscard]] const Message* message() const { return is_valid_ ? static_cast<const Message*>(sample_) : nullptr; }
-
-private:
-    dds_entity_t reader_;
-    void* sample_ = nullptr;
-    dds_return_t count_ = 0;
-    bool is_valid_ = false;
-};
-
 [[nodiscard]] std::int64_t time_of(const ros::Header& header) {
     return std::int64_t{header.stamp.sec} * 1'000'000'000 + header.stamp.nanosec;
 }
@@ -96,6 +74,24 @@ private:
             image.is_bigendian != 0,
             text_of(image.encoding),
             {image.data._buffer, image.data._length}};
+}
+
+// The pixels of a message, in either form. False: `why`.
+[[nodiscard]] bool fill(const ros::Image& message, bool is_colour, Pixels& out, std::string& why) {
+    out.width = message.width;
+    out.height = message.height;
+    return is_colour ? colour_of(view_of(message), out.colour, out.format, why)
+                     : depth_of(view_of(message), out.depth, out.units_per_m, why);
+}
+[[nodiscard]] bool fill(const ros::CompressedImage& message, bool is_colour, Pixels& out, std::string& why) {
+    const RosPackedView view{text_of(message.format), {message.data._buffer, message.data._length}};
+    ImageHeader header;
+    const bool is_good = is_colour ? packed_colour_of(view, out.colour, header, why)
+                                   : packed_depth_of(view, out.depth, header, out.units_per_m, why);
+    out.width = header.width;
+    out.height = header.height;
+    out.format = header.kind == ImageKind::kGrey8 ? PixelFormat::kGrey8 : PixelFormat::kRgb8;
+    return is_good;
 }
 
 [[nodiscard]] RosLensView view_of(const ros::CameraInfo& lens) {
@@ -166,12 +162,17 @@ struct Ros2Camera::Session : live::LiveSession<Image> {
 private:
     bool take_lens();
     bool take_image(Stream stream);
+    template <typename Message>
+    bool take_as(Stream stream);
     void take_in(Stream stream, Image image, std::int64_t arrival_ns);
     void learn_rate(std::int64_t time_us, std::int64_t arrival_ns);
 };
 
 bool Ros2Camera::Session::subscribe(const RosContext& context, std::string& message) {
-    const dds_topic_descriptor_t* const types[kStreams] = {&ros::kImage, &ros::kImage, &ros::kCameraInfo};
+    const auto image_type = [this](Stream stream) {
+        return is_packed_topic(name(stream)) ? &ros::kCompressedImage : &ros::kImage;
+    };
+    const dds_topic_descriptor_t* const types[kStreams] = {image_type(kColour), image_type(kDepth), &ros::kCameraInfo};
     waiting = dds_create_waitset(DDS_CYCLONEDDS_HANDLE);
     for (std::size_t i = 0; i < kStreams; ++i) {
         if (i == kLens && !options.calibration.empty()) continue;
@@ -210,7 +211,7 @@ void Ros2Camera::Session::serve() noexcept {
 
 bool Ros2Camera::Session::take_lens() {
     if (readers[kLens] <= 0) return false;
-    const Loan<ros::CameraInfo> loan(readers[kLens]);
+    const RosLoan<ros::CameraInfo> loan(readers[kLens]);
     if (loan.message() == nullptr) return loan.is_any();
     CameraInfo info;
     std::string why;
@@ -228,17 +229,19 @@ bool Ros2Camera::Session::take_lens() {
 }
 
 bool Ros2Camera::Session::take_image(Stream stream) {
-    const Loan<ros::Image> loan(readers[stream]);
+    return is_packed_topic(name(stream)) ? take_as<ros::CompressedImage>(stream) : take_as<ros::Image>(stream);
+}
+
+template <typename Message>
+bool Ros2Camera::Session::take_as(Stream stream) {
+    const RosLoan<Message> loan(readers[stream]);
     if (loan.message() == nullptr) return loan.is_any();
-    const ros::Image& message = *loan.message();
+    const Message& message = *loan.message();
     const std::int64_t arrival_ns = monotonic_ns();
     Image image = take_from(shelf);
     image->time_ns = time_of(message.header);
-    image->width = message.width;
-    image->height = message.height;
     std::string why;
-    const bool is_good = stream == kColour ? colour_of(view_of(message), image->colour, image->format, why)
-                                           : depth_of(view_of(message), image->depth, image->units_per_m, why);
+    const bool is_good = fill(message, stream == kColour, *image, why);
     const std::lock_guard lock(mutex);
     if (is_good && image->time_ns > 0) {
         take_in(stream, std::move(image), arrival_ns);

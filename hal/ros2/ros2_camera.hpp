@@ -1,10 +1,11 @@
 // A camera whose images come over ROS 2, from whatever driver publishes them: colour, depth as the colour camera sees
-// it (aligned), and CameraInfo for the lens; ros2_images.hpp has the formats. A thread takes messages from Cyclone DDS,
-// copies each image once, pairs them by their stamps, and the newest pair goes into one fixed slot; what was in it is
-// dropped and counted. Subscribed at best effort, as sensor data is: any driver's QoS fits. Frames keep ROS's stamps,
-// so that what is published of them is of the same time. Limits: sides of 4096 px. Memory: five images of each kind,
-// and Cyclone's own. Cost: below 1 ms of the thread that reads for a frame of 640x480 beside Cyclone's own work,
-// nothing of whoever polls. Every wait is bounded.
+// it (aligned), and CameraInfo for the lens; ros2_images.hpp has the formats, packed_images.hpp those of topics that
+// end in /compressed or /compressedDepth. A thread takes messages from Cyclone DDS, copies each image once, pairs them
+// by their stamps, and the newest pair goes into one fixed slot; what was in it is dropped and counted. Subscribed at
+// best effort, as sensor data is: any driver's QoS fits. Frames keep ROS's stamps, so that what is published of them is
+// of the same time. Limits: sides of 4096 px. Memory: five images of each kind, and Cyclone's own. Cost: below 1 ms of
+// the thread that reads for a frame of 640x480 beside Cyclone's own work, nothing of whoever polls. Every wait is
+// bounded.
 #pragma once
 
 #include <cstdint>

@@ -574,7 +574,7 @@ private:
     StoreService store_;
     std::string map_store_, store_note_;
     bool can_wait_ = true;
-    const MotionFile* motion_ = nullptr;
+    const MotionSource* motion_ = nullptr;
     std::int64_t last_frame_ns_ = -1;
     std::uint64_t hinted_frames_ = 0;
     bool is_recording_lost_ = false, is_store_lost_ = false;  // said

@@ -11,7 +11,7 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/grid_outputs.hpp"
 #include "platform/cli/session.hpp"
-#include "platform/motion/motion_file.hpp"
+#include "platform/motion/motion_samples.hpp"
 
 namespace stillmesh {
 
@@ -32,7 +32,7 @@ struct SessionOptions {
     std::optional<RigidTransform> start;   // where the first frame is in the map that is made
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
-    const MotionFile* motion = nullptr;    // how the camera moved, by others; nullptr: not known. Outlives the session
+    const MotionSource* motion = nullptr;  // how the camera moved, by others; nullptr: not known. Outlives the session
     bool can_wait = true;                  // for a full recording ring, between frames: the camera is no live one
 };
 

@@ -9,13 +9,14 @@ namespace stillmesh {
 void add_prior_options(CLI::App& app, RunArguments& arguments, const char* group) {
     app.add_option("--odometry", arguments.odometry,
                    "how the camera moved, by wheels or another tracker: 'time x y z qx qy qz qw', poses of the camera "
-                   "in any frame; a recording's own odometry.txt if not given; none: without")
-        ->type_name("FILE")
+                   "in any frame; a recording's own odometry.txt if not given; none: without; ros2: /odom_in beside "
+                   "--camera ros2")
+        ->type_name("FILE|ros2[:TOPIC]")
         ->group(group);
     app.add_option("--gyro", arguments.gyroscope,
                    "how it turned: 'time wx wy wz', rad/s in the camera's frame; a recording's own gyro.txt if not "
-                   "given; none: without")
-        ->type_name("FILE")
+                   "given; none: without; ros2: /imu")
+        ->type_name("FILE|ros2[:TOPIC]")
         ->group(group);
     app.add_option_function<double>(
            "--odometry-error",

@@ -7,6 +7,7 @@
 
 #include "platform/mavlink/mavlink_output.hpp"
 #include "platform/ros2/ros_frames.hpp"
+#include "platform/ros2/ros_motion.hpp"
 #include "platform/ros2/ros_publisher.hpp"
 
 namespace stillmesh {
@@ -76,9 +77,15 @@ inline void add_publish_options(CLI::App& app, RosOptions& ros, MavlinkOptions& 
                "given")
             ->type_name("X,Y,Z[,QX,QY,QZ,QW]")
             ->group("ROS 2 (--publish ros2)");
-    app.parse_complete_callback([base, &ros, &mavlink] {
-        if (base->count() > 0 && !ros.is_on && mavlink.destination.empty())
-            throw CLI::RequiresError("--base-from-camera", "--publish or --mavlink");
+    app.parse_complete_callback([&app, base, &ros, &mavlink] {
+        const auto is_of_ros = [&app](const char* name) {
+            const CLI::Option* const option = app.get_option(name);
+            return option->count() > 0 && !ros_motion_topic(option->as<std::string>(), "/").empty();
+        };
+        if (base->count() > 0 && !ros.is_on && mavlink.destination.empty() && !is_of_ros("--odometry") &&
+            !is_of_ros("--gyro")) {
+            throw CLI::RequiresError("--base-from-camera", "--publish, --mavlink or --odometry ros2");
+        }
     });
 }
 

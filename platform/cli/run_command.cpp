@@ -20,6 +20,7 @@
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/destinations.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/motion_of_run.hpp"
 #include "platform/cli/prepared_camera.hpp"
 #include "platform/cli/recording_source.hpp"
 #include "platform/cli/summary.hpp"
@@ -79,40 +80,16 @@ struct Source {
     return 128 + stop_signal();
 }
 
-// How the camera moved, by wheels and gyroscope: the files given, else those of a folder that is replayed. Empty: none.
-[[nodiscard]] int read_motion(const RunArguments& arguments, const std::string& folder,
-                              std::unique_ptr<MotionFile>& motion) {
-    auto read = std::make_unique<MotionFile>();
-    std::string message;
-    bool is_any = false;
-    for (const bool is_odometry : {true, false}) {
-        std::string file = is_odometry ? arguments.odometry : arguments.gyroscope;
-        std::error_code error;
-        if (file.empty() && !folder.empty()) {
-            file = folder + (is_odometry ? "/odometry.txt" : "/gyro.txt");
-            if (!std::filesystem::exists(file, error)) continue;
-        }
-        if (file.empty() || file == "none") continue;
-        if ((is_odometry ? read->read_odometry(file, message) : read->read_gyroscope(file, message)) != Status::kOk) {
-            return refuse(message + fmt::format(" ({} none: without it.)", is_odometry ? "--odometry" : "--gyro"));
-        }
-        is_any = true;
-    }
-    read->set_errors(arguments.motion_errors);
-    if (is_any) motion = std::move(read);
-    return kExitDone;
-}
-
 // Everything that is left once a camera is open. `record` says where the frames come from.
 int track(const Source& source, const RunArguments& arguments, std::int64_t begin_ns, RunRecord& record) {
-    std::unique_ptr<MotionFile> motion;
+    std::unique_ptr<MotionSource> motion;
     std::string folder = arguments.replay;
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
-    if (const int code = read_motion(arguments, folder, motion); code != kExitDone) return code;
     if (arguments.replay.empty() && is_mask_of_frames(arguments.mask))
         return refuse("--mask: a folder of masks is a recording's; give an image, or --replay.");
-    PreparedCamera prepared(source.camera);
     std::string message, note;
+    if (!open_motion(arguments, folder, motion, message)) return refuse(message);
+    PreparedCamera prepared(source.camera);
     if (prepared.prepare(arguments.mask, arguments.is_half, note, message) != Status::kOk) return refuse(message);
     if (!note.empty()) record.notes.push_back(note);
     DepthCamera& camera = prepared.camera();
@@ -453,7 +430,7 @@ int live(const RunArguments& arguments) {
                                    {"--mask", arguments.mask},
                                    {"--replay", arguments.replay}};
     for (const auto& [option, file] : {std::pair{"--odometry", arguments.odometry}, {"--gyro", arguments.gyroscope}}) {
-        if (file != "none") origins.push_back({option, file});
+        if (file != "none" && !is_ros_motion(file)) origins.push_back({option, file});
     }
     for (const char* const name :
          {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml", "camera.toml", "odometry.txt", "gyro.txt"}) {
@@ -513,9 +490,7 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
     if (!arguments.replay_topics.empty() && arguments.replay.empty()) {
         return refuse("--topics: are a bag's; give it with --replay.");
     }
-    if (!arguments.live.camera.empty() && !(arguments.odometry.empty() && arguments.gyroscope.empty())) {
-        return refuse("--odometry, --gyro: a file knows no live camera; give --replay DIR or --simulate SCENE.");
-    }
+    if (const std::string problem = motion_problem(arguments); !problem.empty()) return refuse(problem);
     const int cameras = (arguments.replay.empty() ? 0 : 1) + (arguments.simulate.empty() ? 0 : 1) +
                         (arguments.live.camera.empty() ? 0 : 1);
     if (cameras != 1) return refuse("give one camera: --camera auto, --replay DIR or --simulate SCENE[:SEED].");

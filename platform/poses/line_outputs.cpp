@@ -75,7 +75,7 @@ public:
     [[nodiscard]] bool open(const std::string& file, const LineOutputOptions& options, std::string& message) {
         if (options.is_added_to) lines_.add_to_it();
         lines_.limit_to(options.bytes_max);
-        lines_.wait_for_reader(options.patience_ms);
+        if (file == "-") lines_.wait_for_reader(options.patience_ms);
         return lines_.open(file, message);
     }
     std::string write(std::string_view lines) override { return lines_.write(lines); }

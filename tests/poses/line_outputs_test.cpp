@@ -258,5 +258,23 @@ TEST(LineOutputs, WrongNames) {
     }
 }
 
+// Promise: the patience is for the reader of standard output alone: a named pipe whose reader sleeps is not waited for.
+TEST(LineOutputs, ASleepingReaderOfAPipeIsNotWaitedFor) {
+    const TemporaryFolder folder;
+    const std::string pipe = folder.path("pipe");
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    const int reader = ::open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    std::string message;
+    LineOutputOptions options;
+    options.patience_ms = 3'600'000;  // the test would not end
+    const auto output = open_line_output(pipe, options, message);
+    ASSERT_NE(output, nullptr) << message;
+    std::size_t said = 0;
+    for (std::uint32_t i = 0; i < 300; ++i) said += output->write(numbered_line(i)).empty() ? 0U : 1U;
+    EXPECT_EQ(said, 1U);
+    EXPECT_NE(output->problem().find("does not keep up"), std::string::npos) << output->problem();
+    ::close(reader);
+}
+
 }  // namespace
 }  // namespace stillmesh

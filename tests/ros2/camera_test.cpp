@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "tests/ros2/fast_dds.hpp"
+#include "tests/ros2/png_bytes.hpp"
 #include "tests/ros2/ros_domain.hpp"
 #include "tests/support/program.hpp"
 
@@ -114,6 +115,35 @@ private:
     std::jthread thread_;
 };
 
+// One that packs them: colour as PNG, depth as compressedDepth.
+class PackedDriver {
+public:
+    PackedDriver()
+        : colour_(node_, "/p/color/image_raw/compressed", {.is_reliable = false, .depth = 2}),
+          depth_(node_, "/p/depth/image_raw/compressedDepth", {.is_reliable = false, .depth = 2}),
+          info_(node_, "/p/camera_info", {.is_reliable = false, .depth = 2}),
+          thread_([this](const std::stop_token& stop) {
+              for (std::uint64_t frame = 0; !stop.stop_requested(); ++frame) {
+                  const fast::Image colour = colour_image(frame, "rgb8"), depth = depth_image(frame, "16UC1");
+                  std::vector<std::uint8_t> packed(12);
+                  const auto png = test::png_bytes(depth.data.data(), kWidth, kHeight, PngPixels::kGrey16);
+                  packed.insert(packed.end(), png.begin(), png.end());
+                  const bool is_sent =
+                      colour_.write({colour.header, "rgb8; png compressed bgr8",
+                                     test::png_bytes(colour.data.data(), kWidth, kHeight, PngPixels::kRgb8)}) &&
+                      depth_.write({depth.header, "16UC1; compressedDepth png", packed}) && info_.write(info_of());
+                  static_cast<void>(is_sent);
+                  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+              }
+          }) {}
+
+private:
+    fast::Node node_;
+    fast::Node::Writer<fast::CompressedImage> colour_, depth_;
+    fast::Node::Writer<fast::CameraInfo> info_;
+    std::jthread thread_;
+};
+
 // Opens as a run with --wait does.
 [[nodiscard]] Status open_patiently(Ros2Camera& camera) {
     Status status = Status::kUnavailable;
@@ -181,6 +211,26 @@ TEST(Ros2Camera, EveryPixelComesAsItWasSent) {
         }));
         EXPECT_EQ(camera.counts().images_unusable, 0U);
     }
+}
+
+// Promise: of compressed topics, told by their names, every pixel and both stamps come as they were before packing.
+TEST(Ros2Camera, PackedImagesComeAsTheyWere) {
+    Ros2Options options;
+    ASSERT_TRUE(
+        parse_ros2_topics("/p/color/image_raw/compressed,/p/depth/image_raw/compressedDepth,/p/camera_info", options));
+    Ros2Camera camera(options);
+    const PackedDriver driver;
+    ASSERT_EQ(open_patiently(camera), Status::kOk) << camera.message();
+    EXPECT_EQ(camera.info().model.fx, 150.25);
+    std::size_t frames = 0;
+    EXPECT_TRUE(within(kPatience_ms, [&] {
+        Frame frame;
+        if (camera.wait(100) != Status::kOk || camera.poll(frame) != Status::kOk) return false;
+        EXPECT_EQ(frame.depth_units_per_m, 1000);
+        expect_frame(frame, "rgb8", 1);
+        return ++frames == 10 || testing::Test::HasFailure();
+    }));
+    EXPECT_EQ(camera.counts().images_refused, 0U);
 }
 
 // Promise: who polls late gets the newest frame, and what it overtook is counted.

@@ -115,6 +115,16 @@ void fields(Io& io, Image& m) {
     fields(io, m.header), io(m.height), io(m.width), io(m.encoding), io(m.is_bigendian), io(m.step), io(m.data);
 }
 template <typename Io>
+void fields(Io& io, CompressedImage& m) {
+    fields(io, m.header), io(m.format), io(m.data);
+}
+template <typename Io>
+void fields(Io& io, Imu& m) {
+    fields(io, m.header), io(m.orientation), io(m.orientation_covariance);
+    io(m.angular_velocity), io(m.angular_velocity_covariance);
+    io(m.linear_acceleration), io(m.linear_acceleration_covariance);
+}
+template <typename Io>
 void fields(Io& io, CameraInfo& m) {
     fields(io, m.header), io(m.height), io(m.width), io(m.distortion_model), io(m.d), io(m.k), io(m.r), io(m.p);
     io(m.binning_x), io(m.binning_y);
@@ -300,7 +310,10 @@ template class Node::Reader<PoseWithCovarianceStamped>;
 template class Node::Reader<Path>;
 template class Node::Reader<PointCloud>;
 template class Node::Reader<DiagnosticArray>;
+template class Node::Writer<Odometry>;
+template class Node::Writer<Imu>;
 template class Node::Writer<Image>;
+template class Node::Writer<CompressedImage>;
 template class Node::Writer<CameraInfo>;
 
 }  // namespace stillmesh::test::fast

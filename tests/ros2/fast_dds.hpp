@@ -96,6 +96,22 @@ struct Image {
     std::uint32_t step = 0;
     std::vector<std::uint8_t> data;
 };
+struct CompressedImage {
+    static constexpr const char* kType = "sensor_msgs::msg::dds_::CompressedImage_";
+    Header header;
+    std::string format;
+    std::vector<std::uint8_t> data;
+};
+struct Imu {
+    static constexpr const char* kType = "sensor_msgs::msg::dds_::Imu_";
+    Header header;
+    std::array<double, 4> orientation{};
+    std::array<double, 9> orientation_covariance{};
+    std::array<double, 3> angular_velocity{};
+    std::array<double, 9> angular_velocity_covariance{};
+    std::array<double, 3> linear_acceleration{};
+    std::array<double, 9> linear_acceleration_covariance{};
+};
 struct CameraInfo {
     static constexpr const char* kType = "sensor_msgs::msg::dds_::CameraInfo_";
     Header header;

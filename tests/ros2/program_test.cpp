@@ -104,17 +104,20 @@ TEST(RosProgram, OdometryIsTheTrajectory) {
             "camera_color_optical_frame"};
 }
 
-// Promise: a robot whose driver and listener are both others' (Fast DDS): its images are tracked, and its odometry has
-// their stamps and is where the camera truly was.
-TEST(RosProgram, FromImagesToOdometry) {
+// Images of a simulated camera, and its wheels if it has some, from Fast DDS; what the program says of them.
+void whole_way(bool has_wheels) {
     const test::Sequence sequence = test::rendered("static_xyz", 150, 320, 240);
     const test::TemporaryFolder scratch;
     fast::Node node;
     fast::Node::Writer<fast::Image> colour(node, "/camera/color/image_raw", {.depth = 2});
     fast::Node::Writer<fast::Image> depth(node, "/camera/aligned_depth_to_color/image_raw", {.depth = 2});
     fast::Node::Writer<fast::CameraInfo> info(node, "/camera/color/camera_info", {.depth = 2});
+    fast::Node::Writer<fast::Odometry> wheels(node, "/odom_in", {.depth = 100});
     fast::Node::Reader<fast::Odometry> odometry(node, "/odom", {.depth = 1000});
-    Program run(STILLMESH_PROGRAM, "", "run --camera ros2 --wait --frames 60 --limits pocket --publish ros2", scratch);
+    Program run(STILLMESH_PROGRAM, "",
+                std::string("run --camera ros2 --wait --frames 60 --limits pocket --publish ros2") +
+                    (has_wheels ? " --odometry ros2" : ""),
+                scratch);
     fast::CameraInfo lens;
     lens.height = 240;
     lens.width = 320;
@@ -134,10 +137,20 @@ TEST(RosProgram, FromImagesToOdometry) {
             const auto z = static_cast<float>(frame.depth[k] / frame.depth_units_per_m);
             std::memcpy(metres.data.data() + 4 * k, &z, 4);
         }
+        fast::Odometry turned;  // base_link looks where the camera looks
+        turned.header = header;
+        const SimulatedPose& truth = frame.truth;
+        turned.pose = {{truth.t[2], -truth.t[0], -truth.t[1]}, {truth.q[2], -truth.q[0], -truth.q[1], truth.q[3]}};
+        EXPECT_TRUE(wheels.write(turned));
         EXPECT_TRUE(colour.write(image) && depth.write(metres) && info.write(lens));
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
     EXPECT_GE(run.wait(60'000), 0);
+    const std::size_t said = run.out().find("ROS 2's /odom_in: a motion for ");
+    EXPECT_EQ(said != std::string::npos, has_wheels) << run.out();
+    if (has_wheels) {
+        EXPECT_GT(std::atoi(run.out().c_str() + said + 31), 30) << run.out();
+    }
     static_cast<void>(within(2'000, [] { return false; }));  // what is on the way
     const std::vector<fast::Odometry> heard = odometry.take();
     ASSERT_GT(heard.size(), 20U) << run.err();
@@ -160,6 +173,16 @@ TEST(RosProgram, FromImagesToOdometry) {
         const auto& [x, y, z] = compose(begin, pose_of(got.pose)).translation_m;
         EXPECT_LT(test::metres_off({{0, 0, 0, 1}, {-y, -z, x}}, *first, *truth), 0.02);
     }
+}
+
+// Promise: a robot whose driver and listener are both others' (Fast DDS): its images are tracked, and its odometry has
+// their stamps and is where the camera truly was.
+TEST(RosProgram, FromImagesToOdometry) {
+    whole_way(false);
+}
+// Promise: and so it is with wheels, of which most frames are told.
+TEST(RosProgram, FromImagesAndWheelsToOdometry) {
+    whole_way(true);
 }
 
 }  // namespace

@@ -1,0 +1,76 @@
+#include "platform/cli/motion_of_run.hpp"
+
+#include <filesystem>
+#include <utility>
+
+#include "platform/motion/motion_file.hpp"
+#include "platform/ros2/ros_motion.hpp"
+
+namespace stillmesh {
+namespace {
+
+[[nodiscard]] bool read_files(const RunArguments& arguments, const std::string& folder,
+                              std::unique_ptr<MotionSource>& motion, std::string& message) {
+    auto read = std::make_unique<MotionFile>();
+    bool is_any = false;
+    for (const bool is_odometry : {true, false}) {
+        std::string file = is_odometry ? arguments.odometry : arguments.gyroscope;
+        std::error_code error;
+        if (file.empty() && !folder.empty()) {
+            file = folder + (is_odometry ? "/odometry.txt" : "/gyro.txt");
+            if (!std::filesystem::exists(file, error)) continue;
+        }
+        if (file.empty() || file == "none") continue;
+        if ((is_odometry ? read->read_odometry(file, message) : read->read_gyroscope(file, message)) != Status::kOk) {
+            message += std::string(" (") + (is_odometry ? "--odometry" : "--gyro") + " none: without it.)";
+            return false;
+        }
+        is_any = true;
+    }
+    read->set_errors(arguments.motion_errors);
+    if (is_any) motion = std::move(read);
+    return true;
+}
+
+}  // namespace
+
+bool is_ros_motion(const std::string& value) {
+    return !ros_motion_topic(value, "/").empty();
+}
+
+std::string motion_problem(const RunArguments& arguments) {
+    const std::string& camera = arguments.live.camera;
+    for (const auto& [option, value] : {std::pair<const char*, const std::string&>{"--odometry", arguments.odometry},
+                                        {"--gyro", arguments.gyroscope}}) {
+        if (value.empty()) continue;
+        if (is_ros_motion(value)) {
+            if (camera.starts_with("ros2")) continue;
+            return std::string(option) + " " + value + ": has ROS's times; give --camera ros2 with it.";
+        }
+        if (!camera.empty()) {
+            return "--odometry, --gyro: a file knows no live camera; give --replay DIR or --simulate SCENE, or topics "
+                   "of "
+                   "ROS 2 beside --camera ros2.";
+        }
+    }
+    return {};
+}
+
+bool open_motion(const RunArguments& arguments, const std::string& folder, std::unique_ptr<MotionSource>& motion,
+                 std::string& message) {
+    RosMotionOptions options;
+    options.odometry = ros_motion_topic(arguments.odometry, "/odom_in");
+    options.imu = ros_motion_topic(arguments.gyroscope, "/imu");
+    if (options.odometry.empty() && options.imu.empty()) return read_files(arguments, folder, motion, message);
+    options.errors = arguments.motion_errors;
+    options.base_from_camera_link = arguments.loop.ros.base_from_camera_link;
+    auto heard = std::make_unique<RosMotion>();
+    if (!heard->open(options, message)) {
+        message = (options.odometry.empty() ? "--gyro ros2: " : "--odometry ros2: ") + message;
+        return false;
+    }
+    motion = std::move(heard);
+    return true;
+}
+
+}  // namespace stillmesh

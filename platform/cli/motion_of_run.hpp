@@ -1,0 +1,21 @@
+// Who says how the camera of a run moves, beside the camera: `--odometry` and `--gyro`, files or topics of ROS 2, else
+// the files of a folder that is replayed.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "platform/cli/run_command.hpp"
+#include "platform/motion/motion_samples.hpp"
+
+namespace stillmesh {
+
+// Whether the value of one of these options is a topic of ROS 2.
+[[nodiscard]] bool is_ros_motion(const std::string& value);
+// What is wrong with these options beside the camera's; empty: nothing.
+[[nodiscard]] std::string motion_problem(const RunArguments& arguments);
+// `motion` stays empty where nobody says anything. False: `message`.
+[[nodiscard]] bool open_motion(const RunArguments& arguments, const std::string& folder,
+                               std::unique_ptr<MotionSource>& motion, std::string& message);
+
+}  // namespace stillmesh

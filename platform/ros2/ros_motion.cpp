@@ -1,0 +1,150 @@
+#include "platform/ros2/ros_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <system_error>
+#include <thread>
+
+#include "hal/ros2/messages.hpp"
+#include "hal/ros2/ros_context.hpp"
+#include "hal/ros2/ros_loan.hpp"
+#include "platform/ros2/ros_frames.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr std::int64_t kLookAround_ns = 50'000'000;    // between two looks whether to end
+constexpr std::int64_t kClockBack_ns = 1'000'000'000;  // farther back than late messages: another clock
+constexpr RosQos kSensorData{.is_reliable = false, .depth = 100};
+
+[[nodiscard]] std::int64_t time_of(const ros::Header& header) {
+    return std::int64_t{header.stamp.sec} * 1'000'000'000 + header.stamp.nanosec;
+}
+
+// In the order of their times; what is late is left out, and of too many the older half goes.
+template <typename Sample>
+void add(std::vector<Sample>& samples, const Sample& sample) {
+    if (!samples.empty() && samples.back().time_ns - sample.time_ns > kClockBack_ns) samples.clear();
+    if (!samples.empty() && sample.time_ns <= samples.back().time_ns) return;
+    if (samples.size() == RosMotion::kSamplesMax)
+        samples.erase(samples.begin(), samples.begin() + RosMotion::kSamplesMax / 2);
+    samples.push_back(sample);
+}
+
+}  // namespace
+
+class RosMotion::Listener {
+public:
+    explicit Listener(const RosMotionOptions& options)
+        : base_from_optical_(compose(options.base_from_camera_link, kLinkFromOptical)),
+          optical_from_base_(inverse_of(base_from_optical_)) {
+        samples_.errors = options.errors;
+        samples_.odometry.reserve(kSamplesMax);
+        samples_.gyroscope.reserve(kSamplesMax);
+    }
+    ~Listener() {
+        if (thread_.joinable()) {
+            thread_.request_stop();
+            thread_.join();
+        }
+        for (const dds_entity_t entity : {waiting_, odometry_, imu_}) {
+            if (entity > 0) static_cast<void>(dds_delete(entity));
+        }
+    }
+    Listener(const Listener&) = delete;
+    Listener& operator=(const Listener&) = delete;
+
+    [[nodiscard]] bool open(const RosMotionOptions& options, std::string& message) {
+        context_ = RosContext::get(message);
+        if (context_ == nullptr) return false;
+        waiting_ = dds_create_waitset(DDS_CYCLONEDDS_HANDLE);
+        if (!subscribe(options.odometry, ros::kOdometry, odometry_, message) ||
+            !subscribe(options.imu, ros::kImu, imu_, message)) {
+            return false;
+        }
+        try {
+            thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
+        } catch (const std::system_error& failure) {
+            message = std::string("there is no thread to listen from: ") + failure.what() + ".";
+            return false;
+        }
+        return true;
+    }
+    [[nodiscard]] std::optional<MotionHint> between_times(std::int64_t from_ns, std::int64_t to_ns) const {
+        const std::lock_guard lock(mutex_);
+        return samples_.between_times(from_ns, to_ns);
+    }
+
+private:
+    [[nodiscard]] bool subscribe(const std::string& topic, const dds_topic_descriptor_t& type, dds_entity_t& reader,
+                                 std::string& message) const {
+        if (topic.empty()) return true;
+        reader = context_->reader(topic, type, kSensorData, message);
+        if (reader < 0) return false;
+        static_cast<void>(dds_set_status_mask(reader, DDS_DATA_AVAILABLE_STATUS));
+        static_cast<void>(dds_waitset_attach(waiting_, reader, 0));
+        return true;
+    }
+    void serve(const std::stop_token& stop) {
+        while (!stop.stop_requested()) {
+            static_cast<void>(dds_waitset_wait(waiting_, nullptr, 0, kLookAround_ns));
+            while (odometry_ > 0 && take_pose() && !stop.stop_requested()) {
+            }
+            while (imu_ > 0 && take_rate() && !stop.stop_requested()) {
+            }
+        }
+    }
+    bool take_pose() {
+        const RosLoan<ros::Odometry> loan(odometry_);
+        if (loan.message() == nullptr) return loan.is_any();
+        const auto& [p, q] = loan.message()->pose.pose;
+        const double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+        if (!(length > 1e-6) || !std::isfinite(length + p.x + p.y + p.z)) return true;
+        const RigidTransform base{{q.x / length, q.y / length, q.z / length, q.w / length}, {p.x, p.y, p.z}};
+        const RigidTransform camera = compose(base, base_from_optical_);
+        TrajectoryPose sample{.time_ns = time_of(loan.message()->header)};
+        std::copy(std::begin(camera.translation_m), std::end(camera.translation_m), sample.t.begin());
+        std::copy(std::begin(camera.rotation_xyzw), std::end(camera.rotation_xyzw), sample.q.begin());
+        const std::lock_guard lock(mutex_);
+        add(samples_.odometry, sample);
+        return true;
+    }
+    bool take_rate() {
+        const RosLoan<ros::Imu> loan(imu_);
+        if (loan.message() == nullptr) return loan.is_any();
+        const ros::Imu& imu = *loan.message();
+        const auto& w = imu.angular_velocity;
+        if (!std::isfinite(w.x + w.y + w.z)) return true;
+        const std::string_view frame = imu.header.frame_id != nullptr ? imu.header.frame_id : "";
+        TurningRate sample{.time_ns = time_of(imu.header), .rad_s = {w.x, w.y, w.z}};
+        if (!frame.ends_with("optical_frame")) sample.rad_s = stillmesh::rotated(optical_from_base_, sample.rad_s);
+        const std::lock_guard lock(mutex_);
+        add(samples_.gyroscope, sample);
+        return true;
+    }
+
+    RigidTransform base_from_optical_, optical_from_base_;
+    std::shared_ptr<RosContext> context_;
+    dds_entity_t waiting_ = 0, odometry_ = 0, imu_ = 0;
+    mutable std::mutex mutex_;  // of the samples
+    MotionSamples samples_;
+    std::jthread thread_;
+};
+
+RosMotion::RosMotion() = default;
+RosMotion::~RosMotion() = default;
+
+bool RosMotion::open(const RosMotionOptions& options, std::string& message) {
+    listener_ = std::make_unique<Listener>(options);
+    sources_ =
+        "ROS 2's " + options.odometry + (options.odometry.empty() || options.imu.empty() ? "" : " and ") + options.imu;
+    return listener_->open(options, message);
+}
+
+std::optional<MotionHint> RosMotion::between_times(std::int64_t from_ns, std::int64_t to_ns) const {
+    if (listener_ == nullptr) return std::nullopt;
+    return listener_->between_times(from_ns, to_ns);
+}
+
+}  // namespace stillmesh
