@@ -32,7 +32,7 @@ def it_shows_the_run(browser):
             is_dark = sum(int(v) for v in re.findall(r"\d+", ground)[:3]) < 200
             assert is_dark == (scheme == "dark"), ground
             browser.picture(f"{width}-{scheme}")
-        assert browser.complaints() == []
+        browser.has_no_complaint()
 
 
 def keys_move_the_map(browser):
@@ -54,7 +54,7 @@ def keys_move_the_map(browser):
         assert turned != turn and nearer < near
         browser.press("Home")
         assert browser.script("return map.follow") is False
-        assert browser.complaints() == []
+        browser.has_no_complaint()
 
 
 def it_comes_back(browser):
@@ -98,7 +98,7 @@ def it_says_that_it_waits(browser):
         browser.becomes("document.getElementById('advice').textContent.includes('plugged in')")
         assert browser.script("return document.getElementById('control').hidden")
         browser.picture("waiting")
-        assert browser.complaints() == []
+        browser.has_no_complaint()
 
 
 def who_has_the_token_steers(browser):
@@ -128,7 +128,7 @@ def who_has_the_token_steers(browser):
         assert browser.script("return at('reset').textContent").startswith("Press again")
         browser.script("at('reset').click()")
         browser.becomes("document.getElementById('mapnumber').textContent === '2'")
-        assert browser.complaints() == []
+        browser.has_no_complaint()
 
 
 keep_promises((it_shows_the_run, keys_move_the_map, it_comes_back, every_state_is_said,

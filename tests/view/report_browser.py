@@ -51,7 +51,7 @@ def it_is_seen_from_a_file(browser):
         ground = browser.script("return getComputedStyle(document.body).backgroundColor")
         assert (sum(int(v) for v in re.findall(r"\d+", ground)[:3]) < 200) == (scheme == "dark"), ground
         browser.picture(f"report-{width}-{scheme}")
-    assert browser.complaints() == []
+    browser.has_no_complaint()
 
 
 def the_slider_moves_all(browser):
@@ -74,7 +74,7 @@ def the_slider_moves_all(browser):
     assert len(seen) == 4
     browser.script("at('speed').value = '8'; show(0); play()")
     browser.becomes("current === frames - 1 && clock === null")  # it ends by itself
-    assert browser.complaints() == []
+    browser.has_no_complaint()
 
 
 def curves_are_read(browser):
@@ -102,7 +102,7 @@ def curves_are_read(browser):
     browser.script("show(0)")
     browser.point("#map", *at, "mouseMoved", "mousePressed", "mouseReleased")
     assert browser.script("return Math.hypot(...[0, 1, 2].map((k) => run.pose[7 * current + k] - run.pose[700 + k]))") < 0.02
-    assert browser.complaints() == []
+    browser.has_no_complaint()
 
 
 def keys_play(browser):
@@ -221,7 +221,7 @@ def runs_lie_side_by_side(browser):
     browser.point("#curves figure:nth-child(3) canvas", 0.3, 0.5)
     assert "static_xyz" in browser.script("return document.getElementById('readout').textContent")
     assert browser.script(CONTRAST) == []
-    assert browser.complaints() == []
+    browser.has_no_complaint()
 
 
 keep_promises((it_is_seen_from_a_file, the_slider_moves_all, curves_are_read, keys_play, all_is_legible, the_csv_is_the_run,

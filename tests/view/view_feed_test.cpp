@@ -165,5 +165,34 @@ TEST(ViewFeed, ANewMapBeginsAnew) {
     }
 }
 
+// Promise: a gap in the path stays one: where the place behind it is not kept, or goes when the path is thinned out,
+// the next one that is kept says it; and no other does.
+TEST(ViewFeed, GapsStay) {
+    ViewFeed feed;
+    constexpr std::int64_t kStep_ns = 120'000'000;
+    const auto put = [&feed](std::int64_t time_ns, bool is_behind_gap) {
+        feed.place(time_ns,
+                   {static_cast<float>(time_ns / kStep_ns), 0, 0, 3.0F + (is_behind_gap ? kViewPlaceGap : 0.0F)});
+    };
+    for (std::int64_t i = 0; i < 100; ++i) {
+        put(i * kStep_ns, false);
+        if (i == 40) put(i * kStep_ns + 1'000'000, true);  // too soon to be kept
+    }
+    put(100 * kStep_ns, true);
+    put(101 * kStep_ns, true);
+    const auto gaps = [&feed] {
+        std::vector<ViewPose> poses;
+        feed.poses(poses);
+        std::vector<int> at;
+        for (const ViewPose& pose : poses) {
+            if (pose.place.state >= kViewPlaceGap) at.push_back(static_cast<int>(pose.place.x));
+        }
+        return at;
+    };
+    EXPECT_EQ(gaps(), (std::vector<int>{41, 100, 101}));
+    for (std::int64_t i = 102; i < static_cast<std::int64_t>(kViewPlacesMax) + 2; ++i) put(i * kStep_ns, false);
+    EXPECT_EQ(gaps(), (std::vector<int>{42, 100, 102}));  // every second one is gone
+}
+
 }  // namespace
 }  // namespace stillmesh

@@ -11,7 +11,7 @@ class MapPath {
     this.places = [];  // [x, y, z, state]
     const colours = { vertexColors: THREE.VertexColors };
     this.line = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ ...colours, linewidth: 2 }));
-    this.dots = new THREE.Points(new THREE.BufferGeometry(), new THREE.PointsMaterial({ ...colours, size: 4, sizeAttenuation: false }));
+    this.dots = new THREE.Points(new THREE.BufferGeometry(), new THREE.PointsMaterial({ ...colours, size: 2.5, sizeAttenuation: false }));
     this.marked = new THREE.Points(new THREE.BufferGeometry(), new THREE.PointsMaterial({ size: 13, sizeAttenuation: false }));
     this.lines = new Map();  // name -> { object, colour }
     for (const object of [this.line, this.dots, this.marked]) {
