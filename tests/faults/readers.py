@@ -140,6 +140,7 @@ class LonelyPipe(Trouble):
     def beside(self, run):
         if self.rng.random() < 0.5:
             time.sleep(self.rng.uniform(0, 0.3))
+            self.may_lose_nothing = True  # 64 KiB go into the pipe
             self.reader = os.open(self.path("fifo"), os.O_RDONLY | os.O_NONBLOCK)
 
     def wrong(self):

@@ -14,11 +14,13 @@ Debian, tests/package/run). The line before each block of the page says what it 
   <!-- guide: install -->           typed before all others, in a fresh Debian alone
   <!-- guide: output -->            what the `run` before it prints last
   <!-- guide: needs REASON -->      only shown
+Nothing is changed but the port 14550, which another test on this machine may have: a free one stands for it.
 """
 import argparse
 import os
 import pathlib
 import re
+import socket
 import subprocess
 import sys
 import tempfile
@@ -59,6 +61,12 @@ def environment_of(prefix):
             "STILLMESH_LIBRARY": str(libraries / "libstillmesh_c.so.0")}
 
 
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return str(probe.getsockname()[1])
+
+
 def typed(text, folder, environment):
     """What a shell prints; it stops at the first line that fails."""
     # In a fresh Debian one is root and has no sudo.
@@ -71,7 +79,8 @@ def typed(text, folder, environment):
 
 
 def follow(page, prefix, without, python=None):
-    blocks = blocks_of(page)
+    port = free_port()
+    blocks = [(kind, text.replace("14550", port)) for kind, text in blocks_of(page)]
     environment = environment_of(prefix)
     if prefix is None:
         for text in (text for kind, text in blocks if kind == "install"):
