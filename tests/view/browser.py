@@ -86,7 +86,7 @@ def every_state_is_said(browser):
             browser.picture(f"state-{state}-{reason.replace(' ', '-')}")
         assert len({tuple(said[:2]) for said in words.values()}) == len(words), words
         assert len({words[(s, r)][2] for s, r in words}) == 4  # a sign for each state, so that colour is not alone
-        silent = browser.script("silent_s = 12.3; showState(); return document.getElementById('advice').textContent")
+        silent = browser.script("isConnected = true; silent_s = 12.3; showState(); return document.getElementById('advice').textContent")
         assert "12 s" in silent and "plugged in" in silent, silent
 
 
