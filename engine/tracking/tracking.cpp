@@ -233,11 +233,7 @@ void Tracking::learn_camera() noexcept {
     shutter_.learn(measured_, world_->map, estimator_.correspondences(), estimator_.chosen().span(), found,
                    world_->parameters.region.point_chi2_max,
                    is_sure && is_on_track && lost_.state(camera_) != LostCamera::State::kProbation);
-    if (camera_.has_prior() && !is_sure) {
-        const RegionContext& e = estimate_.expected;
-        camera_.confidence.doubt_jump(
-            time_ns_, {e.world_from_camera_predicted, e.prediction_sigma_m, e.prediction_sigma_rad}, found);
-    }
+    doubt_jump(found, is_sure);
     learn_hints();
     camera_.motion.move_to(found);
     if (is_sure) camera_.reach.note(camera_.motion, is_on_track, time_ns_);
@@ -253,6 +249,24 @@ void Tracking::learn_camera() noexcept {
     } else if (!noise.is_young()) {
         noise.undo();  // a guess that nothing confirmed: kept from frame to frame, all bodies would agree
     }
+}
+
+// An unsure pose away from where the motion led, and any pose behind a gap: what is in view then may be a body alone,
+// whose points agree with each other (crowd_close:2, where one such pose made 11 tracked frames wrong).
+void Tracking::doubt_jump(const SE3& found, bool is_sure) noexcept {
+    const PredictionParameters& p = world_->parameters.prediction;
+    const bool is_gap =
+        camera_.lost_frames > 0 && p.doubts_gaps && time_ns_ - camera_.measured_time_ns <= MotionDoubt::kWindow_ns;
+    if (!is_gap && (!camera_.has_prior() || is_sure)) return;
+    const RegionContext& e = is_gap ? expected_ : estimate_.expected;
+    MotionPrior prior{e.world_from_camera_predicted, e.prediction_sigma_m, e.prediction_sigma_rad};
+    if (is_gap) {  // that of a motion that is known: one that is not leaves more to doubt, not less
+        const double frames = 1.0 + camera_.lost_frames;
+        const double gap_s = seconds_between(camera_.measured_time_ns, time_ns_);
+        prior.sigma_m = frames * p.sigma_m + gap_s * p.sigma_m_s;
+        prior.sigma_rad = frames * p.sigma_rad + gap_s * p.sigma_rad_s;
+    }
+    camera_.confidence.doubt_jump(time_ns_, prior, found);
 }
 
 // A sure pose is where hints count from, and says how far off they were; not so while a sure pose may follow a body.

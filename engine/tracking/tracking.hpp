@@ -75,6 +75,7 @@ private:
     [[nodiscard]] bool return_to_map() noexcept;
     void learn() noexcept;
     void learn_camera() noexcept;
+    void doubt_jump(const SE3& found, bool is_sure) noexcept;
     void learn_hints() noexcept;
     void learn_points() noexcept;
     // The frame at hand, where the camera is.
@@ -108,9 +109,9 @@ private:
     std::int64_t time_shift_ns_ = 0;  // from the frames' clock to the map's
     bool has_time_shift_ = true;      // false: the first frame will tell
     bool has_map_ = false;
-    StateHash hash_;
     SE3 start_;  // iff has_start_
     bool has_start_ = false;
+    StateHash hash_;
     FrameStatistics statistics_;
 };
 

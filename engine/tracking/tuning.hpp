@@ -57,6 +57,7 @@ struct NoiseParameters { STILLMESH_TUNING_noise(STILLMESH_FIELD) };
     KEY(prediction, double, gap_max, 3.0, 0.1, 100.0, "", "a velocity is used for so many times its own interval") \
     KEY(prediction, double, fading, 0.8, 0.0, 0.99, "", "what is left of a velocity per lost frame, and of sliding after an unsure one") \
     KEY(prediction, double, jump_sigmas, 2.0, 0.0, 100.0, "", "an unsure pose farther off is doubted by the rest") \
+    KEY(prediction, bool, doubts_gaps, true, 0.0, 1.0, "", "so is any pose after frames without one, by what is beyond that for each of them") \
     KEY(prediction, double, goes_on_s, 0.3, 0.0, 100.0, "s", "a motion goes on for so long; an unsure pose later than that follows from nothing")
 struct PredictionTuning { STILLMESH_TUNING_prediction(STILLMESH_FIELD) };
 struct PredictionParameters : PredictionKeys, PredictionTuning {};
@@ -77,7 +78,6 @@ struct PredictionParameters : PredictionKeys, PredictionTuning {};
     KEY(hint, double, forgetting, 0.9, 0.0, 1.0, "", "what is left of that from frame to frame")
 struct HintParameters { STILLMESH_TUNING_hint(STILLMESH_FIELD) };
 
-// Points whose place is seen to be empty.
 // Masks that come with frames (frame_mask.hpp).
 #define STILLMESH_TUNING_mask(KEY) \
     KEY(mask, bool, is_used, true, 0.0, 1.0, "", "masks that come with frames count") \
@@ -85,6 +85,7 @@ struct HintParameters { STILLMESH_TUNING_hint(STILLMESH_FIELD) };
     KEY(mask, double, share_max, 0.5, 0.0, 1.0, "", "of the area in view, and of what is known to stand still; a mask that covers more is wrong")
 struct MaskParameters { STILLMESH_TUNING_mask(STILLMESH_FIELD) };
 
+// Points whose place is seen to be empty.
 #define STILLMESH_TUNING_emptiness(KEY) \
     KEY(emptiness, std::uint32_t, places_per_frame, 400, 0.0, 10000.0, "", "places looked at for emptiness") \
     KEY(emptiness, std::uint32_t, reach_px, 3, 1.0, 10.0, "px", "around a place, all must be empty") \
