@@ -95,7 +95,7 @@ std::string GridOutputs::take_news() {
 
 std::string GridOutputs::why_no_grid() const {
     if (job_.looks().empty()) {
-        return "nothing was kept of what was seen, since no frame had a sure pose";
+        return "nothing was kept of what was seen; that begins a second after the start, with frames of a sure pose";
     }
     if (!job_.floor().is_known) {
         return "no floor was seen for certain; let the camera look down at some of it, held upright";

@@ -1,13 +1,12 @@
 // Where a robot can drive: cells seen empty, occupied or never seen, from the depth images of keyframes in time order.
-// Between the floor and the robot's height space is cut into layers; in each a cell counts what a keyframe saw there: a
-// surface, or a ray that went through. A surface weighs as two rays, and neither is counted far, so that furniture that
-// was moved leaves its place after a few looks, and people before they are map. Occupied is a cell with a surface in
-// one layer, seen in images that lie some time apart: what walks is elsewhere by then. Free is one whose floor, or the
-// space right above it, was seen. Where one keyframe saw both, a surface wins;
-// rays say nothing of their last piece, where they graze what they end on. A cell that was hit far less often than one
-// beside it is the noise of that one.
-// Limits: cells_max; what lies farther out than they reach is left out. Memory: bytes(), given once, no heap. Cost:
-// measured in docs/grid.md.
+// Between the floor and the robot's height space is cut into layers; in each a cell counts what an image showed there:
+// a surface, or a ray that went through. Both weigh the same and neither is counted far, so that furniture that was
+// moved leaves its place after a few looks, and people before they are map. Occupied is a cell with a surface in one
+// layer, seen in images that lie some time apart: what walks is elsewhere by then. Free is one whose floor, or the
+// space right above it, was seen, and no surface. Where one image shows both, a surface wins; rays say nothing of their
+// last piece, where they graze what they end on. A cell that was hit far less often than one beside it is the noise of
+// that one. Limits: cells_max; what lies farther out than they reach is left out. Memory: bytes(), given once, no heap.
+// Cost: measured in docs/grid.md.
 #pragma once
 
 #include <cstddef>

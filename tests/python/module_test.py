@@ -111,10 +111,10 @@ class Module(unittest.TestCase):
         self.assertEqual(list(follow(engine()).depth_images), [])
         settings = stillmesh.Settings("tiny")
         settings["limits.depth_images_max"] = 8
-        made = follow(stillmesh.Engine(settings, CAMERA, b""))
+        made = follow(stillmesh.Engine(settings, CAMERA, b""), 45)  # they begin after a second
         seen = next(made.depth_images)
         self.assertEqual(seen.depth_mm.shape + (2,), seen.rays.shape)
-        self.assertTrue(np.all(np.abs(seen.depth_mm[seen.depth_mm > 0].astype(int) - 400) <= 1))
+        self.assertTrue(np.all(np.abs(seen.depth_mm[seen.depth_mm > 0].astype(int) - 2000) <= 1))
         self.assertGreater(int(np.count_nonzero(seen.depth_mm)), seen.depth_mm.size // 2)
         self.assertTrue(np.all(np.diff(seen.rays[0, :, 0]) > 0))
         self.assertEqual(seen.map_from_camera.shape, (4, 4))
