@@ -265,6 +265,21 @@ TEST(Eviction, RedundancyIsOfWhatStands) {
     }
 }
 
+// Promise: three others make a keyframe redundant; it does not speak for itself.
+TEST(Eviction, NoKeyframeSpeaksForItself) {
+    MapInMemory map(small(6, 40, 20));
+    std::vector<Handle<Keyframe>> keyframes;
+    for (std::uint64_t i = 0; i < 4; ++i) keyframes.push_back(add_keyframe(*map, i + 1));
+    for (std::uint32_t i = 0; i < 20; ++i) {
+        const Handle<MapPoint> point = add_point(*map);
+        map->points().find(point)->world[2] = 2;
+        for (const Handle<Keyframe> keyframe : keyframes) map->add_observation(keyframe, observation_of(point));
+    }
+    ASSERT_TRUE(is_redundant(*map, keyframes[0]));
+    map->keyframes().find(keyframes[3])->world_from_camera.translation.z() = -5;
+    EXPECT_FALSE(is_redundant(*map, keyframes[0])) << "one of the three is far away";
+}
+
 // Promise: so many of its points (redundant_permille) have to be seen by others for a keyframe to be redundant.
 TEST(Eviction, HowMuchMakesAKeyframeRedundant) {
     for (const std::uint32_t permille : {900U, 901U}) {
