@@ -105,7 +105,9 @@ TEST(LoopClosingLeaving, AnEndOfTheLoopMayLeave) {
             EXPECT_EQ(ring->statistics().closed, is_closed ? 1U : 0U) << static_cast<int>(stage) << is_place;
             EXPECT_EQ(ring->world().loops_closed, ring->statistics().closed);
             EXPECT_EQ(ring->statistics().dropped, is_closed ? 0U : 1U);
-            if (is_closed) EXPECT_LT(ring->off_m(), 0.5 * before_m) << static_cast<int>(stage) << is_place;
+            if (is_closed) {
+                EXPECT_LT(ring->off_m(), 0.5 * before_m) << static_cast<int>(stage) << is_place;
+            }
             EXPECT_EQ(test::find_fault(ring->map()), nullptr) << test::find_fault(ring->map());
         }
     }
@@ -154,7 +156,9 @@ TEST(LoopClosingLeaving, AFrozenMapKnowsItsPlaces) {
         const Handle<Keyframe> handle = ring->add_keyframe(i);
         EXPECT_FALSE(ring->places().has(handle));
         ring->work(5000);
-        if (i > 0) EXPECT_TRUE(ring->places().has(looked_up(*ring))) << i;
+        if (i > 0) {
+            EXPECT_TRUE(ring->places().has(looked_up(*ring))) << i;
+        }
     }
     EXPECT_EQ(ring->statistics().queries, 0U);
     EXPECT_EQ(ring->statistics().closed, 0U);
