@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "engine/loop_closing/loop_closing.hpp"
@@ -104,7 +105,9 @@ TEST(LoopClosingLeaving, AnEndOfTheLoopMayLeave) {
             EXPECT_EQ(ring->statistics().closed, is_closed ? 1U : 0U) << static_cast<int>(stage) << is_place;
             EXPECT_EQ(ring->world().loops_closed, ring->statistics().closed);
             EXPECT_EQ(ring->statistics().dropped, is_closed ? 0U : 1U);
-            if (is_closed) EXPECT_LT(ring->off_m(), 0.5 * before_m) << static_cast<int>(stage) << is_place;
+            if (is_closed) {
+                EXPECT_LT(ring->off_m(), 0.5 * before_m) << static_cast<int>(stage) << is_place;
+            }
             EXPECT_EQ(test::find_fault(ring->map()), nullptr) << test::find_fault(ring->map());
         }
     }
@@ -153,7 +156,9 @@ TEST(LoopClosingLeaving, AFrozenMapKnowsItsPlaces) {
         const Handle<Keyframe> handle = ring->add_keyframe(i);
         EXPECT_FALSE(ring->places().has(handle));
         ring->work(5000);
-        if (i > 0) EXPECT_TRUE(ring->places().has(looked_up(*ring))) << i;
+        if (i > 0) {
+            EXPECT_TRUE(ring->places().has(looked_up(*ring))) << i;
+        }
     }
     EXPECT_EQ(ring->statistics().queries, 0U);
     EXPECT_EQ(ring->statistics().closed, 0U);
@@ -161,19 +166,20 @@ TEST(LoopClosingLeaving, AFrozenMapKnowsItsPlaces) {
 
 // Promise: of keyframes that wait the oldest is looked up first, wherever it lies.
 TEST(LoopClosingLeaving, TheOldestComesFirst) {
-    for (const bool is_other_order : {false, true}) {
+    for (const bool is_downwards : {false, true}) {
         auto ring = std::make_unique<Ring>();
-        for (std::uint32_t i = 0; i < 10; ++i) {
-            static_cast<void>(ring->add_keyframe(i));
+        std::uint32_t made = 0;
+        for (; made < 10; ++made) {
+            static_cast<void>(ring->add_keyframe(made));
             ring->work(100'000);
         }
-        const Handle<Keyframe> a = ring->map().recent_keyframe(6), b = ring->map().recent_keyframe(5);
-        ring->map().release_keyframe(is_other_order ? b : a);
-        ring->map().release_keyframe(is_other_order ? a : b);
-        const Handle<Keyframe> tenth = ring->add_keyframe(9 + 1);  // in their slots
-        const Handle<Keyframe> older = ring->add_keyframe(9 + 2), younger = ring->add_keyframe(9 + 3);
-        static_cast<void>(ring->add_keyframe(9 + 4));
-        const std::vector<Handle<Keyframe>> waiting{tenth, older, younger};
+        std::vector<Handle<Keyframe>> waiting{ring->add_keyframe(made), ring->add_keyframe(made + 1)};
+        made += 2;
+        if (is_downwards) {  // as where slots are taken again: the older lies behind the younger
+            std::swap(ring->map().keyframes().find(waiting[0])->frame, ring->map().keyframes().find(waiting[1])->frame);
+            std::swap(waiting[0], waiting[1]);
+        }
+        static_cast<void>(ring->add_keyframe(made));
         for (std::size_t known = 0; known < waiting.size();) {
             WorkBudget budget(1);
             ASSERT_NE(ring->loops().step(budget), Progress::kIdle);

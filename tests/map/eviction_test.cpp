@@ -238,6 +238,48 @@ TEST(Eviction, KnowsRedundantKeyframes) {
     EXPECT_FALSE(is_redundant(*map, keyframes[0])) << "all others are farther away";
 }
 
+// Promise: whether a keyframe is redundant is asked of its points that are there and stand still: features whose point
+// has left or moves count neither for it nor against it.
+TEST(Eviction, RedundancyIsOfWhatStands) {
+    for (const bool is_gone : {false, true}) {
+        MapInMemory map(small(6, 40, 20));
+        std::vector<Handle<Keyframe>> keyframes;
+        for (std::uint64_t i = 0; i < 4; ++i) keyframes.push_back(add_keyframe(*map, i + 1));
+        std::vector<Handle<MapPoint>> points;
+        for (std::uint32_t i = 0; i < 20; ++i) {
+            points.push_back(add_point(*map));
+            map->points().find(points.back())->world[2] = 2;
+            // The last ten are the keyframe's alone.
+            for (std::size_t k = 0; k < (i < 10 ? 4U : 1U); ++k)
+                map->add_observation(keyframes[k], observation_of(points[i]));
+        }
+        ASSERT_FALSE(is_redundant(*map, keyframes[0]));
+        for (std::size_t i = 10; i < 20; ++i) {
+            if (is_gone) {
+                map->release_point(points[i]);
+            } else {
+                map->points().find(points[i])->is_suspect = true;
+            }
+        }
+        EXPECT_TRUE(is_redundant(*map, keyframes[0])) << is_gone;
+    }
+}
+
+// Promise: three others make a keyframe redundant; it does not speak for itself.
+TEST(Eviction, NoKeyframeSpeaksForItself) {
+    MapInMemory map(small(6, 40, 20));
+    std::vector<Handle<Keyframe>> keyframes;
+    for (std::uint64_t i = 0; i < 4; ++i) keyframes.push_back(add_keyframe(*map, i + 1));
+    for (std::uint32_t i = 0; i < 20; ++i) {
+        const Handle<MapPoint> point = add_point(*map);
+        map->points().find(point)->world[2] = 2;
+        for (const Handle<Keyframe> keyframe : keyframes) map->add_observation(keyframe, observation_of(point));
+    }
+    ASSERT_TRUE(is_redundant(*map, keyframes[0]));
+    map->keyframes().find(keyframes[3])->world_from_camera.translation.z() = -5;
+    EXPECT_FALSE(is_redundant(*map, keyframes[0])) << "one of the three is far away";
+}
+
 // Promise: so many of its points (redundant_permille) have to be seen by others for a keyframe to be redundant.
 TEST(Eviction, HowMuchMakesAKeyframeRedundant) {
     for (const std::uint32_t permille : {900U, 901U}) {

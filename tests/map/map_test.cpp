@@ -21,6 +21,33 @@ using test::MapInMemory;
 using test::observation_of;
 using test::small;
 
+// Promise: a keyframe hangs on the older one that shares most points with it, of equals on the newer; one that returns
+// on the one nearest in time of those that share most.
+TEST(Map, AKeyframeHangsOnWhatItSharesMostWith) {
+    for (const bool is_returned : {false, true}) {
+        MapInMemory map(small(8, 60, 40));
+        std::vector<Handle<Keyframe>> keyframes;
+        const std::uint64_t frames[] = {10, 20, 30, 40, 50};
+        for (const std::uint64_t frame : frames) keyframes.push_back(add_keyframe(*map, frame));
+        const auto share = [&](std::size_t a, std::size_t b, int points) {
+            for (int i = 0; i < points; ++i) {
+                const Handle<MapPoint> point = add_point(*map);
+                map->add_observation(keyframes[a], observation_of(point));
+                map->add_observation(keyframes[b], observation_of(point));
+            }
+        };
+        share(4, 1, 6);
+        share(4, 2, 6);
+        share(4, 3, 2);
+        if (is_returned) {
+            map->attach_returned(keyframes[4]);
+        } else {
+            map->attach(keyframes[4]);
+        }
+        EXPECT_TRUE(map->keyframes().find(keyframes[4])->parent == keyframes[2]) << is_returned;
+    }
+}
+
 // Promise: fusing moves observations over, joins covisibility, and the longer past has the say about the weight.
 TEST(Map, FusesDuplicates) {
     MapInMemory map(small(4, 20, 5));

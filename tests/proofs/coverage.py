@@ -8,8 +8,10 @@ Run are the unit tests of the engine's rooms, the committed inputs of the fuzzer
 stories of the program (recordings: STILLMESH_TEST_DATA). A branch is one outcome of one condition, so `a && b` has four; what
 templates make of one line is one.
 
-Left out, by place in the source alone: what stands inside STILLMESH_CHECK(...), whose other outcome ends the program;
-conditions that a constant decides (clang folds them); and kernels of processors that this one is not (they are not compiled).
+Left out, by place in the source alone, since no test can take them: what stands inside STILLMESH_CHECK(...), and check.cpp behind
+it, whose other outcome ends the program; `if constexpr`; comparisons that the compiler writes (`= default`); that none of the cases
+of a switch without `default` fits (-Wswitch holds enumerations to all of theirs). What is not compiled for this processor is not
+there.
 
 Gates: the engine 95 %, the rooms base, mesh, static_region and record 98 % each. --lines prints each branch that was never
 taken, --rooms only those of some rooms, --no-run reads what the last run wrote. Exit: 0 all gates hold, 1 not.
@@ -24,6 +26,7 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+LEFT_OUT_FILES = ("engine/base/check.cpp",)
 GATES = {"base": 98, "mesh": 98, "static_region": 98, "record": 98}
 ENGINE_GATE = 95
 TESTS = """adjust base engine features geometry loop_closing map mapping matching mesh persist place pose recognition schedule
@@ -105,7 +108,10 @@ def counted(found):
     """{file: [taken, all, [(line, column, what was never so)]]}, without what stands inside a check."""
     result = {}
     for name, outcomes in found.items():
+        if name in LEFT_OUT_FILES:
+            continue
         text = (ROOT / name).read_text()
+        lines = text.splitlines()
         starts = [0]
         for line in text.splitlines(keepends=True):
             starts.append(starts[-1] + len(line))
@@ -113,7 +119,9 @@ def counted(found):
         taken, every, missed = 0, 0, []
         for (line, column), counts in sorted(outcomes.items()):
             offset = starts[line - 1] + column - 1
-            if any(begin <= offset < end for begin, end in spans):
+            if any(begin <= offset < end for begin, end in spans) or "= default" in lines[line - 1]:
+                continue
+            if lines[line - 1][:column - 1].endswith(("if constexpr (", "switch (")):
                 continue
             every += 2
             taken += (counts[0] > 0) + (counts[1] > 0)
