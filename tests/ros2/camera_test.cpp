@@ -230,7 +230,7 @@ TEST(Ros2Camera, PackedImagesComeAsTheyWere) {
         expect_frame(frame, "rgb8", 1);
         return ++frames == 10 || testing::Test::HasFailure();
     }));
-    EXPECT_EQ(camera.counts().images_refused, 0U);
+    EXPECT_EQ(camera.counts().images_unusable, 0U);
 }
 
 // Promise: who polls late gets the newest frame, and what it overtook is counted.
