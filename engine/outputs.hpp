@@ -90,14 +90,21 @@ struct FrameStatistics {
     std::uint32_t pose_iterations = 0;
 };
 
-// What was seen at one moment, small: along the camera's axis, where nothing was measured or something moved 0. Cell i
-// lies on the ray (rays[2 i], rays[2 i + 1], 1) of the camera.
+// What was seen at one moment, small: depths along the camera's axis, 0 where nothing was measured. Cell i lies on the
+// ray (rays[2 i], rays[2 i + 1], 1) of the camera. What moved then is marked: it is no part of the room, and where it
+// was is none.
 struct DepthImage {
+    static constexpr std::uint16_t kMoving = 0x8000, kDepth = 0x7fff;  // of a cell: the mark, and the depth, mm
+
     std::uint32_t columns = 0, rows = 0;      // 0: there is none
     std::span<const std::uint16_t> depth_mm;  // row by row
     std::span<const float> rays;
     std::uint64_t frame = 0;         // that it is of
     RigidTransform map_from_camera;  // as the map lies now
+
+    [[nodiscard]] bool is_moving(std::size_t cell) const noexcept { return (depth_mm[cell] & kMoving) != 0; }
+    // Measured, and part of the room.
+    [[nodiscard]] bool is_still(std::size_t cell) const noexcept { return depth_mm[cell] != 0 && !is_moving(cell); }
 };
 
 struct PoolStatistics {

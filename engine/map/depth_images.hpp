@@ -46,7 +46,7 @@ public:
     [[nodiscard]] std::uint32_t columns() const noexcept { return columns_; }
     [[nodiscard]] std::uint32_t rows() const noexcept { return rows_; }
     [[nodiscard]] std::uint32_t cell_px() const noexcept { return cell_px_; }
-    // A new image, to be written row by row: mm, 0 where nothing was measured. Only while is_on().
+    // A new image, to be written row by row, as DepthImage has it. Only while is_on().
     [[nodiscard]] std::span<std::uint16_t> add(const Owner& owner, const Pool<Keyframe>& keyframes) noexcept;
     // Without cells: none has this index, or its keyframe is gone.
     [[nodiscard]] DepthImage at(std::uint32_t index, const Pool<Keyframe>& keyframes) const noexcept;

@@ -51,7 +51,7 @@ std::uint16_t StillDepth::reduce(const Frame& frame, std::uint32_t x, std::uint3
     if (count < kSamplesMin) return 0;
     const double z_m = sorted[count / 2] / frame.depth_units_per_m;
     if (z_m < range_.z_min_m || z_m > range_.z_max_m) return 0;
-    return static_cast<std::uint16_t>(round_clamped(1000 * z_m, 0, 65535));
+    return static_cast<std::uint16_t>(round_clamped(1000 * z_m, 0, DepthImage::kDepth));
 }
 
 bool StillDepth::goes_on(std::size_t a, std::size_t b) const noexcept {
@@ -89,7 +89,9 @@ void StillDepth::finish(std::span<std::uint16_t> out) noexcept {
     for (std::uint32_t row = 0; row < rows_; ++row) {
         for (std::uint32_t column = 0; column < columns_; ++column) {
             const std::size_t cell = std::size_t{row} * columns_ + column;
-            out[cell] = is_by_moving(column, row) ? std::uint16_t{0} : depth_mm_[cell];
+            const bool is_left_out = labels_[cell] != Label::kMoving && is_by_moving(column, row);
+            const unsigned mark = labels_[cell] == Label::kMoving ? DepthImage::kMoving : 0U;
+            out[cell] = is_left_out ? std::uint16_t{0} : static_cast<std::uint16_t>(depth_mm_[cell] | mark);
         }
     }
 }

@@ -1,8 +1,8 @@
-// The small depth image of a frame that becomes a keyframe, without what moves. A cell's depth is the median of five
-// pixels, so that neither a hole nor a smear at a border is one. What moves is known of features alone: each cell takes
-// the verdict of the nearest feature, going from cell to cell where depth goes on; cells that moving features claim are
-// left out, with a border of one cell. What no feature reaches stays: later keyframes that look through its place say
-// that it has gone. Limit: 80x60 cells. Memory: 24 KiB. Cost: six passes over the cells.
+// The small depth image of a frame that becomes a keyframe, with what moves marked. A cell's depth is the median of
+// five pixels, so that neither a hole nor a smear at a border is one. What moves is known of features alone: each cell
+// takes the verdict of the nearest feature, going from cell to cell where depth goes on; cells that moving features
+// claim are marked, those beside them left out. What no feature reaches stays: later keyframes that look through its
+// place say that it has gone. Limit: 80x60 cells. Memory: 24 KiB. Cost: six passes over the cells.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ public:
     void begin(const Frame& frame, const DepthImages& images) noexcept;
     // Features of that frame with what is known of each; one of which nothing is known is not told.
     void note(const Keypoint& keypoint, double z_m, bool is_moving) noexcept;
-    // What stands still, row by row, mm.
+    // The image, row by row, as DepthImage has it.
     void finish(std::span<std::uint16_t> out) noexcept;
 
 private:

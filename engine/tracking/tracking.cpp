@@ -252,11 +252,12 @@ void Tracking::learn_camera() noexcept {
 }
 
 // An unsure pose away from where the motion led, and any pose behind a gap: what is in view then may be a body alone,
-// whose points agree with each other (crowd_close:2, where one such pose made 11 tracked frames wrong).
+// whose points agree with each other (crowd_close:2, where one such pose made 11 tracked frames wrong). Before
+// the first place in a map that was loaded there was no motion.
 void Tracking::doubt_jump(const SE3& found, bool is_sure) noexcept {
     const PredictionParameters& p = world_->parameters.prediction;
-    const bool is_gap =
-        camera_.lost_frames > 0 && p.doubts_gaps && time_ns_ - camera_.measured_time_ns <= MotionDoubt::kWindow_ns;
+    const bool is_gap = camera_.lost_frames > 0 && p.doubts_gaps && camera_.is_placed &&
+                        time_ns_ - camera_.measured_time_ns <= MotionDoubt::kWindow_ns;
     if (!is_gap && (!camera_.has_prior() || is_sure)) return;
     const RegionContext& e = is_gap ? expected_ : estimate_.expected;
     MotionPrior prior{e.world_from_camera_predicted, e.prediction_sigma_m, e.prediction_sigma_rad};

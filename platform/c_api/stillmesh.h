@@ -331,8 +331,10 @@ typedef struct sm_keyframe {
     uint64_t parent_id;
     sm_transform map_from_camera;
 } sm_keyframe;
-/* What was seen at one moment, small, without what moved: mm along the camera's axis, row by row, 0 where there is
-   none. Cell i lies on the ray (rays[2 i], rays[2 i + 1], 1) of the camera. */
+/* What was seen at one moment, small: mm along the camera's axis, row by row, 0 where there is none. Cell i lies on the
+   ray (rays[2 i], rays[2 i + 1], 1) of the camera. What moved then has SM_DEPTH_MOVING added: it is no part of the
+   room. */
+#define SM_DEPTH_MOVING 0x8000
 typedef struct sm_depth_image {
     uint32_t size, reserved;
     uint32_t columns, rows; /* 0: there is none */

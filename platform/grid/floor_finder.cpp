@@ -52,7 +52,7 @@ void FloorFinder::add(const DepthImage& depth, const RigidTransform& map_from_ca
     for (std::uint32_t row = 0; row + kStride < depth.rows; row += kStride) {
         for (std::uint32_t column = 0; column + kStride < depth.columns; column += kStride) {
             const std::size_t cell = std::size_t{row} * depth.columns + column;
-            if (depth.depth_mm[cell] == 0) continue;
+            if (!depth.is_still(cell)) continue;
             const Vector p = point_of(depth, cell);
             Patch patch;
             const Vector turned = times(rotation, p);
@@ -60,7 +60,7 @@ void FloorFinder::add(const DepthImage& depth, const RigidTransform& map_from_ca
             patch.weight = 1 / (p[2] * p[2]);
             patch.camera_height = -dot(turned, up_);
             const std::size_t right = cell + kStride, down = cell + std::size_t{kStride} * depth.columns;
-            if (depth.depth_mm[right] != 0 && depth.depth_mm[down] != 0) {
+            if (depth.is_still(right) && depth.is_still(down)) {
                 const Vector to_right = minus(point_of(depth, right), p), to_down = minus(point_of(depth, down), p);
                 const Vector normal = cross(to_down, to_right);
                 const double length = std::sqrt(dot(normal, normal));

@@ -48,7 +48,7 @@ std::string cloud_ply(const Engine& engine, const GridJob& job, bool is_level) {
         const DepthImage depth = engine.depth_image(look.index);
         const RigidTransform level = compose(job.floor().level_from_map, look.map_from_camera);
         for (std::size_t i = 0; i < depth.depth_mm.size(); ++i) {
-            if (depth.depth_mm[i] == 0) continue;
+            if (!depth.is_still(i)) continue;
             const double z = depth.depth_mm[i] * 1e-3;
             const std::array<double, 3> p = {static_cast<double>(depth.rays[2 * i]) * z,
                                              static_cast<double>(depth.rays[2 * i + 1]) * z, z};

@@ -54,7 +54,7 @@ OccupancyGrid::Eye OccupancyGrid::eye_of(const RigidTransform& level_from_camera
 }
 
 OccupancyGrid::Point OccupancyGrid::point_of(const DepthImage& depth, std::size_t cell, const Eye& eye) noexcept {
-    const float z = static_cast<float>(depth.depth_mm[cell]) * 1e-3F;
+    const float z = static_cast<float>(depth.depth_mm[cell] & DepthImage::kDepth) * 1e-3F;
     const float x = depth.rays[2 * cell] * z, y = depth.rays[2 * cell + 1] * z;
     const float(&r)[9] = eye.r;
     return {eye.at.x + r[0] * x + r[1] * y + r[2] * z, eye.at.y + r[3] * x + r[4] * y + r[5] * z,
@@ -63,9 +63,9 @@ OccupancyGrid::Point OccupancyGrid::point_of(const DepthImage& depth, std::size_
 
 void OccupancyGrid::cover(const DepthImage& depth, const RigidTransform& level_from_camera) noexcept {
     const Eye eye = eye_of(level_from_camera);
-    const auto far_mm = static_cast<std::uint16_t>(std::min(options_.range_m * 1000, 65535.0));
+    const auto far_mm = static_cast<std::uint16_t>(std::min(options_.range_m * 1000, 1.0 * DepthImage::kDepth));
     for (std::size_t cell = 0; cell < depth.depth_mm.size(); cell += kRayStride) {
-        if (depth.depth_mm[cell] == 0 || depth.depth_mm[cell] > far_mm) continue;
+        if (depth.depth_mm[cell] == 0 || depth.depth_mm[cell] > far_mm) continue;  // or something that moves
         const Point p = point_of(depth, cell, eye);
         if (p.z > high_m_) continue;
         x_min_ = std::min(x_min_, p.x);
@@ -121,16 +121,20 @@ void OccupancyGrid::add(const DepthImage& depth, const RigidTransform& level_fro
     if (++look_ == 1) first_frame_ = depth.frame;
     moment_ = static_cast<std::uint16_t>(std::min<std::uint64_t>((depth.frame - first_frame_) / kMoment_frames, 65535));
     const Eye eye = eye_of(level_from_camera);
-    const auto far_mm = static_cast<std::uint16_t>(std::min(options_.range_m * 1000, 65535.0));
+    const auto far_mm = static_cast<std::uint16_t>(std::min(options_.range_m * 1000, 1.0 * DepthImage::kDepth));
     for (std::uint32_t row = 0; row < depth.rows; ++row) {
         for (std::uint32_t column = 0; column < depth.columns; ++column) {
             const std::size_t i = std::size_t{row} * depth.columns + column;
             if (depth.depth_mm[i] == 0) continue;
             const Point p = point_of(depth, i, eye);
+            if (depth.is_moving(i)) {
+                leave(p);
+                continue;
+            }
             if (depth.depth_mm[i] <= far_mm) {
                 hit(p);
                 const std::size_t below = i + depth.columns;
-                if (row + 1 < depth.rows && depth.depth_mm[below] != 0) join(p, point_of(depth, below, eye));
+                if (row + 1 < depth.rows && depth.is_still(below)) join(p, point_of(depth, below, eye));
             }
             if (row % kRayStride == 0 && column % kRayStride == 0) look_through(eye.at, p);
         }
@@ -161,6 +165,15 @@ void OccupancyGrid::hit(const Point& p) noexcept {
     const unsigned step = step_of(p.z, layer);
     if (step < span.low) span.low = step & 15U;
     if (step > span.high) span.high = step & 15U;
+}
+
+// What moves stands on no obstacle: whatever was seen there was it, or went before it came.
+void OccupancyGrid::leave(const Point& p) noexcept {
+    const int layer = layer_of(p.z);
+    Cell* const cell = layer < 1 ? nullptr : cell_at(p.x, p.y);
+    if (cell == nullptr) return;
+    renew(*cell);
+    cell->seen = static_cast<std::uint8_t>(cell->seen | 1U << static_cast<unsigned>(layer));
 }
 
 // A level surface seen at a flat angle is hit here and there: what lies between two of its cells is part of it.

@@ -85,6 +85,7 @@ private:
     [[nodiscard]] static bool is_empty(const Cell& cell) noexcept;
     [[nodiscard]] unsigned step_of(float z, int layer) const noexcept;
     void hit(const Point& p) noexcept;
+    void leave(const Point& p) noexcept;
     void join(const Point& a, const Point& b) noexcept;
     void look_through(const Point& eye, const Point& end) noexcept;
     void renew(Cell& cell) const noexcept;

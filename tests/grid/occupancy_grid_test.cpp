@@ -153,6 +153,33 @@ TEST(OccupancyGrid, WhoeverWalksIsNoPartOfIt) {
     EXPECT_EQ(grid.count(GridCell::kOccupied, 1.0, 2.5, -1.0, 1.2), 0);
 }
 
+// Promise: what is known to move is nowhere in the way, and what was seen in its place before has gone, although no ray
+// goes through.
+TEST(OccupancyGrid, WhereSomethingMovesNothingStands) {
+    SeenRoom empty, room;
+    empty.boxes = {kWall};
+    room.boxes = {kWall, {1.8, 2.1, -0.2, 0.2, 0, 1.8}};
+    const auto moving_at = [&](int count) {
+        std::vector<Look> looks = looks_at(room, count);
+        const std::vector<Look> behind = looks_at(empty, count);
+        for (std::size_t i = 0; i < looks.size(); ++i) {
+            for (std::size_t cell = 0; cell < looks[i].depth_mm.size(); ++cell) {
+                if (looks[i].depth_mm[cell] != behind[i].depth_mm[cell]) looks[i].depth_mm[cell] |= DepthImage::kMoving;
+            }
+        }
+        return looks;
+    };
+    Grid grid;
+    grid.build(room, moving_at(8));
+    EXPECT_EQ(grid.count(GridCell::kOccupied, 1.0, 2.5, -1.0, 1.0), 0);
+    std::vector<Look> looks = looks_at(room, 8);
+    grid.build(room, looks);
+    EXPECT_GT(grid.count(GridCell::kOccupied, 1.75, 1.9, -0.2, 0.2), 4);
+    append(looks, moving_at(8));
+    grid.build(room, looks);
+    EXPECT_EQ(grid.count(GridCell::kOccupied, 1.0, 2.5, -1.0, 1.0), 0);
+}
+
 // Promise: an area larger than there is room for is cut about its middle, and said; no byte behind the block is touched
 // and the heap is not asked.
 TEST(OccupancyGrid, TooLargeAnAreaIsCut) {

@@ -73,9 +73,9 @@ TEST_F(StillDepthTest, IsWhatWasMeasured) {
     EXPECT_EQ(at(image, 64, 24), 0);
 }
 
-// Promise: a body with moving features is left out as far as its depth goes on, with a border of a cell; what stands
-// behind it stays, and so does another body at its depth that stands still.
-TEST_F(StillDepthTest, LeavesOutWhatMoves) {
+// Promise: a body with moving features is marked as far as its depth goes on, and a border of a cell left out; what
+// stands behind it stays, and so does another body at its depth that stands still.
+TEST_F(StillDepthTest, MarksWhatMoves) {
     paint(0, 160, 0, 120, 3.0);
     paint(40, 80, 20, 100, 1.5);
     paint(110, 140, 20, 100, 1.5);
@@ -88,7 +88,8 @@ TEST_F(StillDepthTest, LeavesOutWhatMoves) {
     }
     const std::vector<std::uint16_t> image = finish();
     for (std::uint32_t y = 20; y < 100; y += 2) {
-        for (std::uint32_t x = 40; x < 80; x += 2) ASSERT_EQ(at(image, x, y), 0) << x << " " << y;
+        for (std::uint32_t x = 40; x < 80; x += 2)
+            ASSERT_EQ(at(image, x, y), DepthImage::kMoving | 1500) << x << " " << y;
         EXPECT_EQ(at(image, 38, y), 0);
         EXPECT_EQ(at(image, 80, y), 0);
         EXPECT_EQ(at(image, 34, y), 3000);
@@ -105,7 +106,7 @@ TEST_F(StillDepthTest, NearestFeatureDecides) {
     note(20, 60, 2.0, true);
     note(60, 60, 2.0, false);
     const std::vector<std::uint16_t> image = finish();
-    EXPECT_EQ(at(image, 34, 60), 0);
+    EXPECT_EQ(at(image, 34, 60), DepthImage::kMoving | 2000);
     EXPECT_EQ(at(image, 50, 60), 2000);
     EXPECT_EQ(at(image, 150, 60), 2000);
 }

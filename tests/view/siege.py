@@ -17,6 +17,8 @@ FRAMES = "90"
 
 
 def lines_of(file):
+    if not os.path.exists(file):
+        return 0  # the run has not begun yet
     with open(file, "rb") as lines:
         return lines.read().count(b"\n")
 

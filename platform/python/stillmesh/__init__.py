@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from . import _c
 
-__all__ = ["Camera", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "MapCopy", "Pose", "Settings",
+__all__ = ["Camera", "DEPTH_MOVING", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "MapCopy", "Pose", "Settings",
            "Trajectory", "TrackingView", "read_map_header", "version"]
 
 Matrix = npt.NDArray[np.float64]
@@ -198,9 +198,12 @@ class Keyframe(NamedTuple):
     map_from_camera: Matrix
 
 
+DEPTH_MOVING = 0x8000
+
+
 class DepthImage(NamedTuple):
-    """What was seen at one moment, without what moved: rows x columns of mm along the camera's axis, 0: none, and x/z, y/z of each
-    cell: views of the engine's memory, until the next frame or step."""
+    """What was seen at one moment: rows x columns of mm along the camera's axis, 0: none, and x/z, y/z of each cell: views of the
+    engine's memory, until the next frame or step. What moved then has DEPTH_MOVING added: it is no part of the room."""
     frame: int
     map_from_camera: Matrix
     depth_mm: npt.NDArray[np.uint16]
