@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "platform/ros2/ros_frames.hpp"
+#include "platform/poses/body_frames.hpp"
 
 namespace stillmesh {
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "platform/mavlink/mavlink_output.hpp"
-#include "platform/ros2/ros_frames.hpp"
+#include "platform/poses/body_frames.hpp"
 #include "platform/ros2/ros_motion.hpp"
 #include "platform/ros2/ros_publisher.hpp"
 

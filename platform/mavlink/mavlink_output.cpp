@@ -19,12 +19,12 @@ template <std::size_t kCount, typename Numbers>
 }
 
 // The upper triangle of a covariance in ROS's axes, in MAVLink's.
-[[nodiscard]] MavlinkCovariance triangle_of(const Covariance6& covariance, double factor) {
+[[nodiscard]] MavlinkCovariance triangle_of(const Covariance6& covariance) {
     MavlinkCovariance out{};
     std::size_t at = 0;
     for (std::size_t i = 0; i < kSix; ++i) {
         for (std::size_t j = i; j < kSix; ++j) {
-            out[at++] = static_cast<float>(kSign[i] * kSign[j] * factor * covariance[kSix * i + j]);
+            out[at++] = static_cast<float>(kSign[i] * kSign[j] * covariance[kSix * i + j]);
         }
     }
     return out;
@@ -61,27 +61,12 @@ template <std::size_t kCount, typename Numbers>
 }  // namespace
 
 bool MavlinkPoses::frame(const PoseReport& report) {
-    const PoseEstimate& estimate = report.estimate;
-    const bool has_pose = report.state != PoseState::kNone;
-    bool is_sent = false;
-    if (has_pose) {
-        if (report.state >= PoseState::kUnsure) {
-            measured_ = frames_.of_base(estimate.covariance);
-            measured_ns_ = estimate.time_ns;
-        }
-        const double unmeasured_s = static_cast<double>(estimate.time_ns - measured_ns_) * 1e-9;
-        const Covariance6 doubted = with_doubt(measured_, report.state, unmeasured_s);
-        const double seconds = static_cast<double>(estimate.time_ns - last_.estimate.time_ns) * 1e-9;
-        is_sent = has_last_ && last_.map == report.map && seconds > 0;
-        if (is_sent) fill(report, doubted, seconds);
-        last_doubted_ = doubted;
-    }
-    has_last_ = has_pose;
-    last_ = report;
-    return is_sent;
+    const BodyStep& step = course_.follow(report);
+    if (step.is_next) fill(report, step);
+    return step.is_next;
 }
 
-void MavlinkPoses::fill(const PoseReport& report, const Covariance6& doubted, double seconds) {
+void MavlinkPoses::fill(const PoseReport& report, const BodyStep& step) {
     const PoseEstimate& estimate = report.estimate;
     const bool is_jump =
         has_sent_ && (sent_map_ != report.map || !are_equal(sent_map_from_odom_, estimate.map_from_odom));
@@ -97,15 +82,10 @@ void MavlinkPoses::fill(const PoseReport& report, const Covariance6& doubted, do
     out.position_m = turned<3>(base.translation_m);
     const std::array<float, 3> axis = turned<3>(std::array<double, 3>{x, y, z});
     out.rotation_wxyz = {static_cast<float>(w), axis[0], axis[1], axis[2]};
-    const Velocity velocity =
-        frames_.of_base(velocity_between(last_.estimate.odom_from_camera, estimate.odom_from_camera, seconds));
-    out.velocity_m_s = turned<3>(velocity.linear_m_s);
-    out.turn_rad_s = turned<3>(velocity.angular_rad_s);
-    out.pose_covariance = triangle_of(positions_in_parent(doubted, base), 1);
-    // The difference of two poses, each as uncertain as it is.
-    Covariance6 both = doubted;
-    for (std::size_t i = 0; i < both.size(); ++i) both[i] += last_doubted_[i];
-    out.velocity_covariance = triangle_of(both, 1 / (seconds * seconds));
+    out.velocity_m_s = turned<3>(step.velocity.linear_m_s);
+    out.turn_rad_s = turned<3>(step.velocity.angular_rad_s);
+    out.pose_covariance = triangle_of(positions_in_parent(step.covariance, base));
+    out.velocity_covariance = triangle_of(step.velocity_covariance);
     out.quality_percent = report.state == PoseState::kTracked ? 100 : report.state == PoseState::kUnsure ? 30 : 10;
 
     vision_ = {out.time_us, out.position_m, roll_pitch_yaw(out.rotation_wxyz), out.pose_covariance, out.reset_counter};

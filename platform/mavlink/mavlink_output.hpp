@@ -1,10 +1,10 @@
 // `--mavlink udp:HOST:PORT`: poses for an autopilot, PX4 or ArduPilot, as MAVLink's ODOMETRY or
 // VISION_POSITION_ESTIMATE, and a HEARTBEAT a second while frames come (docs/mavlink.md).
 //
-// Frames: MAVLink's body looks along x, y is right, z down (FRD): ROS's (ros_frames.hpp) turned by half a turn about x.
-// The local frame is where the body was at the first frame of the map. Of a covariance the positions are in the local
-// frame's axes, the rotations about the body's, as roll, pitch and yaw are while it is level. What is sent is the pose
-// in the map; where it jumps (a loop was closed, the camera was found again, another map) the reset counter grows.
+// Frames: MAVLink's body looks along x, y is right, z down (FRD): ROS's (body_frames.hpp) turned by half a turn about
+// x. The local frame is where the body was at the first frame of the map. Of a covariance the positions are in the
+// local frame's axes, the rotations about the body's, as roll, pitch and yaw are while it is level. What is sent is the
+// pose in the map; where it jumps (a loop was closed, the camera was found again, another map) the reset counter grows.
 //
 //   tracked    quality 100
 //   unsure     30, and the doubt of with_doubt() in the covariance
@@ -19,9 +19,9 @@
 #include <string>
 
 #include "platform/mavlink/mavlink_messages.hpp"
+#include "platform/poses/body_course.hpp"
 #include "platform/poses/line_outputs.hpp"
 #include "platform/poses/pose_line.hpp"
-#include "platform/ros2/ros_frames.hpp"
 
 namespace stillmesh {
 
@@ -37,22 +37,21 @@ struct MavlinkOptions {
 // What is sent of each frame, as numbers.
 class MavlinkPoses {
 public:
-    explicit MavlinkPoses(const RigidTransform& base_from_camera_link) : frames_(base_from_camera_link) {}
+    explicit MavlinkPoses(const RigidTransform& base_from_camera_link)
+        : frames_(base_from_camera_link), course_(frames_) {}
     // False: nothing is sent of this frame.
     [[nodiscard]] bool frame(const PoseReport& report);
     [[nodiscard]] const MavlinkOdometry& odometry() const { return odometry_; }
     [[nodiscard]] const MavlinkVision& vision() const { return vision_; }
 
 private:
-    void fill(const PoseReport& report, const Covariance6& doubted, double seconds);
+    void fill(const PoseReport& report, const BodyStep& step);
 
-    RosFrames frames_;
-    PoseReport last_;
-    bool has_last_ = false, has_sent_ = false;
+    BodyFrames frames_;
+    BodyCourse course_;
+    bool has_sent_ = false;
     RigidTransform sent_map_from_odom_;
     std::size_t sent_map_ = 0;
-    std::int64_t measured_ns_ = 0;
-    Covariance6 measured_{}, last_doubted_{};  // in the body's axes, ROS's
     MavlinkOdometry odometry_;
     MavlinkVision vision_;
 };

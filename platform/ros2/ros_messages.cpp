@@ -43,6 +43,7 @@ void print(std::array<char, 256>& out, fmt::format_string<Arguments...> format, 
 
 RosMessages::RosMessages(const RosOptions& options)
     : frames_(options.base_from_camera_link),
+      course_(frames_),
       map_(options.frame_prefix + "map"),
       odom_(options.frame_prefix + "odom"),
       base_(options.frame_prefix + "base_link"),
@@ -91,31 +92,17 @@ void RosMessages::transform(ros::TransformStamped& out, std::string& parent, std
 
 bool RosMessages::frame(const PoseReport& report) {
     const PoseEstimate& estimate = report.estimate;
+    const BodyStep& step = course_.follow(report);
     const bool has_pose = report.state != PoseState::kNone;
     if (has_pose) {
-        if (report.state >= PoseState::kUnsure) {
-            measured_ = frames_.of_base(estimate.covariance);
-            measured_ns_ = estimate.time_ns;
-        }
-        const double unmeasured_s = static_cast<double>(estimate.time_ns - measured_ns_) * 1e-9;
-        const Covariance6 doubted = with_doubt(measured_, report.state, unmeasured_s);
-        fill(frames_.of_base(estimate.odom_from_camera), frames_.of_base(estimate.map_from_odom), doubted);
-        const double seconds = static_cast<double>(estimate.time_ns - last_.estimate.time_ns) * 1e-9;
-        const bool is_next = has_last_ && last_.map == report.map && seconds > 0;
-        Velocity velocity;
-        if (is_next) {
-            velocity =
-                frames_.of_base(velocity_between(last_.estimate.odom_from_camera, estimate.odom_from_camera, seconds));
-        }
-        twist(is_next ? &velocity : nullptr, doubted, seconds);
+        fill(frames_.of_base(estimate.odom_from_camera), frames_.of_base(estimate.map_from_odom), step.covariance);
+        twist(step);
         header(odometry_.header, odom_, estimate.time_ns);
         header(transforms_[0].header, map_, estimate.time_ns);
         header(transforms_[1].header, odom_, estimate.time_ns);
         header(pose_.header, map_, estimate.time_ns);
         add_to_path(report.map, pose_.pose.pose, estimate.time_ns);
-        last_doubted_ = doubted;
     }
-    has_last_ = has_pose;
     has_frame_ = true;
     last_ = report;
     return has_pose;
@@ -135,16 +122,12 @@ void RosMessages::fill(const RigidTransform& odom_from_base, const RigidTransfor
     std::copy(in_map.begin(), in_map.end(), pose_.pose.covariance);
 }
 
-// The difference of two poses, each as uncertain as it is; more than it is where both are off by the same.
-void RosMessages::twist(const Velocity* velocity, const Covariance6& doubted, double seconds) {
-    const Velocity none;
-    const auto& [v, w] = velocity != nullptr ? *velocity : none;
+void RosMessages::twist(const BodyStep& step) {
+    const auto& [v, w] = step.velocity;
     odometry_.twist.twist = {{v[0], v[1], v[2]}, {w[0], w[1], w[2]}};
-    for (std::size_t i = 0; i < doubted.size(); ++i) {
+    for (std::size_t i = 0; i < step.covariance.size(); ++i) {
         const bool is_diagonal = i % 7 == 0;
-        odometry_.twist.covariance[i] = velocity != nullptr ? (doubted[i] + last_doubted_[i]) / (seconds * seconds)
-                                        : is_diagonal       ? kUnknownVariance
-                                                            : 0;
+        odometry_.twist.covariance[i] = step.is_next ? step.velocity_covariance[i] : is_diagonal ? kUnknownVariance : 0;
     }
 }
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "hal/ros2/messages.hpp"
+#include "platform/poses/body_course.hpp"
 #include "platform/poses/pose_line.hpp"
 #include "platform/ros2/map_points.hpp"
-#include "platform/ros2/ros_frames.hpp"
 #include "platform/ros2/ros_publisher.hpp"
 
 namespace stillmesh {
@@ -48,15 +48,14 @@ private:
     void header(ros::Header& header, std::string& frame_id, std::int64_t time_ns);
     void transform(ros::TransformStamped& out, std::string& parent, std::string& child, const RigidTransform& pose);
     void fill(const RigidTransform& odom_from_base, const RigidTransform& map_from_odom, const Covariance6& doubted);
-    void twist(const Velocity* velocity, const Covariance6& doubted, double seconds);
+    void twist(const BodyStep& step);
     void add_to_path(std::size_t map, const ros::Pose& pose, std::int64_t time_ns);
 
-    RosFrames frames_;
+    BodyFrames frames_;
+    BodyCourse course_;
     std::string map_, odom_, base_, link_, optical_, no_frame_;  // names of frames
     PoseReport last_;
-    bool has_last_ = false, has_frame_ = false;
-    std::int64_t measured_ns_ = 0;
-    Covariance6 measured_{}, last_doubted_{};  // in base_link
+    bool has_frame_ = false;
 
     ros::Odometry odometry_{};
     ros::PoseWithCovarianceStamped pose_{};

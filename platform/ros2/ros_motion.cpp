@@ -9,7 +9,7 @@
 #include "hal/ros2/messages.hpp"
 #include "hal/ros2/ros_context.hpp"
 #include "hal/ros2/ros_loan.hpp"
-#include "platform/ros2/ros_frames.hpp"
+#include "platform/poses/body_frames.hpp"
 
 namespace stillmesh {
 namespace {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <string>
 
-#include "platform/ros2/ros_frames.hpp"
+#include "platform/poses/body_frames.hpp"
 #include "tests/ros2/fast_dds.hpp"
 #include "tests/ros2/ros_domain.hpp"
 #include "tests/support/program.hpp"

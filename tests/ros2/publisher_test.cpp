@@ -10,14 +10,14 @@
 #include "tests/persist/map_rig.hpp"
 #include "tests/ros2/fast_dds.hpp"
 #include "tests/ros2/ros_domain.hpp"
-#include "tests/ros2/ros_oracle.hpp"
+#include "tests/support/body_oracle.hpp"
 #include "tests/support/heap_calls.hpp"
 #include "tests/support/program.hpp"
 
 namespace stillmesh {
 namespace {
 
-using test::RosOracle;
+using test::BodyOracle;
 using test::within;
 namespace fast = test::fast;
 
@@ -27,7 +27,7 @@ constexpr std::int64_t kPatience_ms = 30'000;
 
 // A camera that moves, with another state every few frames.
 [[nodiscard]] PoseReport report_of(std::uint64_t frame) {
-    RosOracle oracle(100 + frame);
+    BodyOracle oracle(100 + frame);
     PoseReport report;
     report.frame = frame;
     report.estimate.time_ns = kBegin_ns + static_cast<std::int64_t>(frame) * kPeriod_ns;
@@ -59,8 +59,8 @@ public:
     void odometry(const fast::Odometry& got, std::uint64_t frame) const {
         const PoseReport report = report_of(frame);
         const RigidTransform& pose = report.estimate.odom_from_camera;
-        EXPECT_LT(RosOracle::distance(pose_of(got.pose), oracle_.of_base(pose)), 1e-12);
-        EXPECT_LT(RosOracle::difference(got.pose_covariance, in_parent(frame, pose)), 1e-4);
+        EXPECT_LT(BodyOracle::distance(pose_of(got.pose), oracle_.of_base(pose)), 1e-12);
+        EXPECT_LT(BodyOracle::difference(got.pose_covariance, in_parent(frame, pose)), 1e-4);
         const double seconds = static_cast<double>(kPeriod_ns) * 1e-9;
         if (frame % 6 == 0) {  // nothing before it
             for (const double number : got.twist) EXPECT_EQ(number, 0);
@@ -74,7 +74,7 @@ public:
         // A chord of 0.02 rad differs from its arc by that share.
         EXPECT_LT(oracle_.velocity_error(velocity, before, pose, seconds), 0.05);
         const Matrix6 sum = (in_child(frame) + in_child(frame - 1)) / (seconds * seconds);
-        EXPECT_LT(RosOracle::difference(got.twist_covariance, sum), 1e-4 * sum.cwiseAbs().maxCoeff());
+        EXPECT_LT(BodyOracle::difference(got.twist_covariance, sum), 1e-4 * sum.cwiseAbs().maxCoeff());
     }
     [[nodiscard]] Matrix6 in_parent(std::uint64_t frame, const RigidTransform& pose) const {
         return oracle_.in_parent(measured(frame).estimate.covariance, pose) + doubt(frame);
@@ -98,7 +98,7 @@ private:
         return oracle_.in_child(report.estimate.covariance, report.estimate.odom_from_camera) + doubt(frame);
     }
 
-    RosOracle oracle_;
+    BodyOracle oracle_;
 };
 
 [[nodiscard]] std::uint64_t frame_of(const fast::Header& header) {
@@ -152,7 +152,7 @@ struct Heard {
 // poses, twists and covariances are those of the oracle, frames without a pose are missing on /odom and /tf, and what
 // is latched reaches who comes later.
 TEST(RosPublisher, FastDdsReadsEveryField) {
-    const RigidTransform mount = RosOracle(7).random_pose();
+    const RigidTransform mount = BodyOracle(7).random_pose();
     const Expected expected(mount);
     RosPublisher publisher;
     std::string message;
@@ -200,10 +200,10 @@ TEST(RosPublisher, FastDdsReadsEveryField) {
         EXPECT_EQ(got.transforms[1].header.frame_id, "r1/odom");
         EXPECT_EQ(got.transforms[1].child_frame_id, "r1/base_link");
         EXPECT_LT(
-            RosOracle::distance(pose_of(got.transforms[0].transform), expected.of_base(report.estimate.map_from_odom)),
+            BodyOracle::distance(pose_of(got.transforms[0].transform), expected.of_base(report.estimate.map_from_odom)),
             1e-12);
-        EXPECT_LT(RosOracle::distance(pose_of(got.transforms[1].transform),
-                                      expected.of_base(report.estimate.odom_from_camera)),
+        EXPECT_LT(BodyOracle::distance(pose_of(got.transforms[1].transform),
+                                       expected.of_base(report.estimate.odom_from_camera)),
                   1e-12);
     }
     const auto map_from_camera = [](std::uint64_t number) {
@@ -214,15 +214,15 @@ TEST(RosPublisher, FastDdsReadsEveryField) {
         EXPECT_NE(number % 6, 5U) << "a frame without a pose";
         EXPECT_EQ(got.header.time_ns(), report_of(number).estimate.time_ns);
         EXPECT_EQ(got.header.frame_id, "r1/map");
-        EXPECT_LT(RosOracle::distance(pose_of(got.pose), expected.of_base(map_from_camera(number))), 1e-12);
-        EXPECT_LT(RosOracle::difference(got.covariance, expected.in_parent(number, map_from_camera(number))), 1e-4);
+        EXPECT_LT(BodyOracle::distance(pose_of(got.pose), expected.of_base(map_from_camera(number))), 1e-12);
+        EXPECT_LT(BodyOracle::difference(got.covariance, expected.in_parent(number, map_from_camera(number))), 1e-4);
     }
 
     const fast::Tf& fixed = heard.static_tf.front();
     ASSERT_EQ(fixed.transforms.size(), 2U);
     EXPECT_EQ(fixed.transforms[0].header.frame_id, "r1/base_link");
     EXPECT_EQ(fixed.transforms[0].child_frame_id, "r1/camera_link");
-    EXPECT_LT(RosOracle::distance(pose_of(fixed.transforms[0].transform), mount), 1e-12);
+    EXPECT_LT(BodyOracle::distance(pose_of(fixed.transforms[0].transform), mount), 1e-12);
     EXPECT_EQ(fixed.transforms[1].header.frame_id, "r1/camera_link");
     EXPECT_EQ(fixed.transforms[1].child_frame_id, "r1/camera_color_optical_frame");
     EXPECT_EQ(fixed.transforms[1].transform.q, (std::array<double, 4>{-0.5, 0.5, -0.5, 0.5}));
@@ -236,7 +236,7 @@ TEST(RosPublisher, FastDdsReadsEveryField) {
         EXPECT_EQ(got.header.frame_id, "r1/map");
         EXPECT_GE(got.header.time_ns() - last_ns, 100'000'000 - kPeriod_ns);
         last_ns = got.header.time_ns();
-        EXPECT_LT(RosOracle::distance(pose_of(got.pose), expected.of_base(map_from_camera(frame_of(got.header)))),
+        EXPECT_LT(BodyOracle::distance(pose_of(got.pose), expected.of_base(map_from_camera(frame_of(got.header)))),
                   1e-12);
     }
 
@@ -275,7 +275,7 @@ TEST(RosPublisher, PointsOfTheMap) {
     RosPublisher publisher;
     std::string message;
     RosOptions options;
-    options.base_from_camera_link = RosOracle(9).random_pose();
+    options.base_from_camera_link = BodyOracle(9).random_pose();
     ASSERT_TRUE(publisher.open(options, message)) << message;
     ASSERT_TRUE(publisher.points()->open(Limits::tiny(), message)) << message;
     test::run(*engine, sequence, 0, 10);
@@ -300,7 +300,7 @@ TEST(RosPublisher, PointsOfTheMap) {
         for (auto& cloud : reader.take()) clouds.push_back(cloud);
         return clouds.size() >= 2;
     }));
-    RosOracle oracle(1);
+    BodyOracle oracle(1);
     oracle.set_mount(options.base_from_camera_link);
     std::vector<std::array<float, 3>> expected;
     const Pool<MapPoint>& points = test::map_of(*engine).points();

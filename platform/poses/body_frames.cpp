@@ -1,4 +1,4 @@
-#include "platform/ros2/ros_frames.hpp"
+#include "platform/poses/body_frames.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -41,20 +41,20 @@ constexpr std::size_t kSix = 6;
 
 }  // namespace
 
-RosFrames::RosFrames(const RigidTransform& base_from_camera_link)
+BodyFrames::BodyFrames(const RigidTransform& base_from_camera_link)
     : base_from_optical_(compose(base_from_camera_link, kLinkFromOptical)),
       optical_from_base_(inverse_of(base_from_optical_)) {}
 
-RigidTransform RosFrames::of_base(const RigidTransform& of_camera) const {
+RigidTransform BodyFrames::of_base(const RigidTransform& of_camera) const {
     return compose(compose(base_from_optical_, of_camera), optical_from_base_);
 }
 
-std::array<double, 3> RosFrames::point(const double (&in_map)[3]) const {
+std::array<double, 3> BodyFrames::point(const double (&in_map)[3]) const {
     return transformed(base_from_optical_, {in_map[0], in_map[1], in_map[2]});
 }
 
 // The adjoint of B: [R, [t]x R; 0, R].
-Covariance6 RosFrames::of_base(const double (&of_camera)[36]) const {
+Covariance6 BodyFrames::of_base(const double (&of_camera)[36]) const {
     const RotationMatrix r = matrix_of(base_from_optical_.rotation_xyzw);
     const double(&t)[3] = base_from_optical_.translation_m;
     Covariance6 adjoint{};
@@ -69,7 +69,7 @@ Covariance6 RosFrames::of_base(const double (&of_camera)[36]) const {
     return is_finite(measured) ? carried(adjoint, measured) : unknown();
 }
 
-Velocity RosFrames::of_base(const Velocity& of_camera) const {
+Velocity BodyFrames::of_base(const Velocity& of_camera) const {
     const double(&t)[3] = base_from_optical_.translation_m;
     const double(&v)[3] = of_camera.linear_m_s;
     const double(&w)[3] = of_camera.angular_rad_s;

@@ -1,9 +1,9 @@
-// From the engine's frames to those of ROS (REP 103, REP 105). The engine moves an optical frame (x right, y down, z
-// forward); ROS moves base_link (x forward, y left, z up), and odom and map lie where base_link was at the first frame.
-// With B = base_from_optical each pose T of the engine becomes B T B^-1. Covariances: the engine's is of xi =
-// [translation m, rotation rad] in pose * exp(xi), in the camera's frame; ROS's is of x, y, z and rotations about fixed
-// axes, of a pose in the axes of its parent frame, of a twist in those of the child. Plain functions, no heap; some 3
-// us a covariance.
+// From the engine's frames to those of a robot's body, as ROS has them (REP 103, REP 105). The engine moves an optical
+// frame (x right, y down, z forward); ROS moves base_link (x forward, y left, z up), and odom and map lie where
+// base_link was at the first frame. With B = base_from_optical each pose T of the engine becomes B T B^-1. Covariances:
+// the engine's is of xi = [translation m, rotation rad] in pose * exp(xi), in the camera's frame; ROS's is of x, y, z
+// and rotations about fixed axes, of a pose in the axes of its parent frame, of a twist in those of the child. Plain
+// functions, no heap; some 3 us a covariance.
 #pragma once
 
 #include <array>
@@ -23,10 +23,10 @@ inline constexpr double kUnknownVariance = 1e6;
 // An optical frame (x right, y down, z forward) in a body's (x forward, y left, z up) that looks the same way.
 inline constexpr RigidTransform kLinkFromOptical = {{-0.5, 0.5, -0.5, 0.5}, {0, 0, 0}};
 
-class RosFrames {
+class BodyFrames {
 public:
-    RosFrames() : RosFrames(RigidTransform{}) {}
-    explicit RosFrames(const RigidTransform& base_from_camera_link);
+    BodyFrames() : BodyFrames(RigidTransform{}) {}
+    explicit BodyFrames(const RigidTransform& base_from_camera_link);
 
     // Takes a pose between optical frames to that between the bodies that carry them.
     [[nodiscard]] RigidTransform of_base(const RigidTransform& of_camera) const;

@@ -1,4 +1,4 @@
-// What ROS's frames and covariances must be, computed another way than in platform/ros2: by 4x4 matrices, and
+// What a body's frames and covariances must be, computed another way than in platform/poses: by 4x4 matrices, and
 // covariances by moving the pose a little along each of its six ways and looking where the robot goes.
 #pragma once
 
@@ -12,9 +12,9 @@
 
 namespace stillmesh::test {
 
-class RosOracle {
+class BodyOracle {
 public:
-    explicit RosOracle(std::uint64_t seed) : random_(seed) { set_mount({}); }
+    explicit BodyOracle(std::uint64_t seed) : random_(seed) { set_mount({}); }
 
     // The camera on the robot: base_link from camera_link.
     void set_mount(const RigidTransform& mount) {

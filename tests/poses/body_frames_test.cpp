@@ -1,29 +1,28 @@
-// ROS's frames and covariances against 4x4 matrices and differences of Eigen's.
-#include "platform/ros2/ros_frames.hpp"
+// A body's frames and covariances against 4x4 matrices and differences of Eigen's.
+#include "platform/poses/body_frames.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "hal/ros2/ros_name.hpp"
-#include "tests/ros2/ros_oracle.hpp"
+#include "tests/support/body_oracle.hpp"
 
 namespace stillmesh {
 namespace {
 
-using test::RosOracle;
+using test::BodyOracle;
 
 // Promise: what the camera sees ahead, right and below lies ahead, right and below of base_link, wherever it is
 // mounted.
-TEST(RosFrames, AxesAreRos) {
-    const RosFrames frames;
+TEST(BodyFrames, AxesAreTheBodys) {
+    const BodyFrames frames;
     const double ahead[3] = {0, 0, 2}, right[3] = {1, 0, 0}, below[3] = {0, 1, 0};
     EXPECT_EQ(frames.point(ahead), (std::array<double, 3>{2, 0, 0}));
     EXPECT_EQ(frames.point(right), (std::array<double, 3>{0, -1, 0}));
     EXPECT_EQ(frames.point(below), (std::array<double, 3>{0, 0, -1}));
     // Mounted 30 cm up, looking back (half a turn about z).
-    const RosFrames mounted(RigidTransform{{0, 0, 1, 0}, {0, 0, 0.3}});
+    const BodyFrames mounted(RigidTransform{{0, 0, 1, 0}, {0, 0, 0.3}});
     const std::array<double, 3> behind = mounted.point(ahead);
     EXPECT_NEAR(behind[0], -2, 1e-12);
     EXPECT_NEAR(behind[1], 0, 1e-12);
@@ -31,27 +30,27 @@ TEST(RosFrames, AxesAreRos) {
 }
 
 // Promise: poses, covariances and velocities are those that matrices give: B T B^-1, and J C J^T with J by differences.
-TEST(RosFrames, AsMatricesGive) {
+TEST(BodyFrames, AsMatricesGive) {
     for (const std::uint64_t seed : {1U, 2U, 3U, 4U, 5U}) {
-        RosOracle oracle(seed);
+        BodyOracle oracle(seed);
         const RigidTransform mount = oracle.random_pose();
         const RigidTransform pose = oracle.random_pose();
         const RigidTransform map_from_odom = oracle.random_pose();
         oracle.set_mount(mount);
-        const RosFrames frames(mount);
-        EXPECT_LT(RosOracle::distance(frames.of_base(pose), oracle.of_base(pose)), 1e-12);
+        const BodyFrames frames(mount);
+        EXPECT_LT(BodyOracle::distance(frames.of_base(pose), oracle.of_base(pose)), 1e-12);
 
         double of_camera[36];
         oracle.random_covariance(of_camera);
         const RigidTransform odom_from_base = frames.of_base(pose);
         const RigidTransform map_from_base = compose(frames.of_base(map_from_odom), odom_from_base);
         const Covariance6 in_base = frames.of_base(of_camera);
-        EXPECT_LT(RosOracle::difference(in_parent(in_base, odom_from_base), oracle.in_parent(of_camera, pose)), 1e-5);
+        EXPECT_LT(BodyOracle::difference(in_parent(in_base, odom_from_base), oracle.in_parent(of_camera, pose)), 1e-5);
         const RigidTransform map_from_camera = compose(map_from_odom, pose);
         EXPECT_LT(
-            RosOracle::difference(in_parent(in_base, map_from_base), oracle.in_parent(of_camera, map_from_camera)),
+            BodyOracle::difference(in_parent(in_base, map_from_base), oracle.in_parent(of_camera, map_from_camera)),
             1e-5);
-        EXPECT_LT(RosOracle::difference(in_base, oracle.in_child(of_camera, pose)), 1e-5);
+        EXPECT_LT(BodyOracle::difference(in_base, oracle.in_child(of_camera, pose)), 1e-5);
 
         // Ten milliseconds on.
         const RigidTransform next = compose(pose, oracle.small_motion(0.002));
@@ -62,7 +61,7 @@ TEST(RosFrames, AsMatricesGive) {
 
 // Promise: tracked is as the engine measured it, unsure and predicted are said to be worse, the longer the more; what
 // is not known is said to be so, without a number that is none.
-TEST(RosFrames, DoubtIsSaid) {
+TEST(BodyFrames, DoubtIsSaid) {
     Covariance6 measured{};
     for (std::size_t i = 0; i < 6; ++i) measured[7 * i] = 1e-6;
     measured[1] = measured[6] = 5e-7;
@@ -81,12 +80,12 @@ TEST(RosFrames, DoubtIsSaid) {
     }
     double of_camera[36] = {};
     of_camera[14] = std::numeric_limits<double>::infinity();
-    const Covariance6 unknown = RosFrames().of_base(of_camera);
+    const Covariance6 unknown = BodyFrames().of_base(of_camera);
     for (std::size_t i = 0; i < 36; ++i) EXPECT_EQ(unknown[i], i % 7 == 0 ? kUnknownVariance : 0) << i;
 }
 
 // Promise: where the camera is on the robot is read as it is written, and nothing else is taken for it.
-TEST(RosFrames, PosesAreRead) {
+TEST(BodyFrames, PosesAreRead) {
     RigidTransform pose;
     ASSERT_TRUE(parse_pose("0.1,-2,3e-1", pose));
     EXPECT_EQ(pose.translation_m[1], -2);
@@ -98,14 +97,6 @@ TEST(RosFrames, PosesAreRead) {
                                     "1,2,3,0,0,0,1,", "1,2,3,0,0,0,1,1", "1;2;3", "1,2,inf", " 1,2,3"}) {
         EXPECT_FALSE(parse_pose(wrong, pose)) << wrong;
     }
-}
-
-// Promise: names are those that ROS 2 allows.
-TEST(RosNames, AreThoseOfRos) {
-    for (const char* const good : {"/odom", "odom", "robot1", "a/b_c/d2", "/camera/color/image_raw", "_x"})
-        EXPECT_TRUE(is_ros_name(good)) << good;
-    for (const char* const wrong : {"", "/", "//a", "a//b", "a/", "1a", "a/2b", "a b", "a-b", "a.b"})
-        EXPECT_FALSE(is_ros_name(wrong)) << wrong;
 }
 
 }  // namespace

@@ -1,0 +1,18 @@
+// Names of ROS 2.
+#include "hal/ros2/ros_name.hpp"
+
+#include <gtest/gtest.h>
+
+namespace stillmesh {
+namespace {
+
+// Promise: names are those that ROS 2 allows.
+TEST(RosNames, AreThoseOfRos) {
+    for (const char* const good : {"/odom", "odom", "robot1", "a/b_c/d2", "/camera/color/image_raw", "_x"})
+        EXPECT_TRUE(is_ros_name(good)) << good;
+    for (const char* const wrong : {"", "/", "//a", "a//b", "a/", "1a", "a/2b", "a b", "a-b", "a.b"})
+        EXPECT_FALSE(is_ros_name(wrong)) << wrong;
+}
+
+}  // namespace
+}  // namespace stillmesh
