@@ -557,9 +557,11 @@ TEST(V4l2Camera, AHangIsLeftBehind) {
             EXPECT_TRUE(is_caught) << where;
         }
         hangs = false;
-        for (int i = 0; i < 5000 && device->open_now() > 0; ++i) {
+        // Until the thread that was left behind has let go of the device; in between it opens and closes it.
+        for (int i = 0; i < 20'000 && device.use_count() > 1; ++i) {
             std::this_thread::sleep_for(std::chrono::milliseconds(1));
         }
+        EXPECT_EQ(device.use_count(), 1) << where;
         EXPECT_EQ(device->open_now(), 0) << where;
         EXPECT_EQ(device->mapped_now(), 0) << where;
         EXPECT_EQ(device->misuse, "");
