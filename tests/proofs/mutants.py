@@ -1,13 +1,23 @@
 #!/usr/bin/env python3
 """Small bugs planted in the engine, one at a time: which of them do the tests notice?
 
-usage: mutants.py [--count N] [--seed S] [--rooms A,B] [--jobs N] [--units] [--again] [--only FILE:LINE] [BUILD]
+usage: mutants.py [--count N] [--minutes M] [--seed S] [--rooms A,B] [--jobs N] [--units] [--again] [--only FILE:LINE]
+                  [BUILD]
 
 A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped or
 turned, least for most. It is compiled alone, beside the build folder and with that folder's own command, and linked before the
 engine's library: nothing that was built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room
-run, and if they notice nothing the golden runs and stories of the program (recordings: STILLMESH_TEST_DATA). Caught is what fails,
-dies, or needs more than ten times as long as without; what the compiler refuses is no mutant and another is drawn.
+run, and if they notice nothing the golden runs and stories of the program, one after another until one notices (recordings:
+STILLMESH_TEST_DATA; what the stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as
+without; what the compiler refuses is no mutant and another is drawn.
+
+No mutants, since no test of results can tell them from the engine, by rule and not by list:
+  memory  fetching ahead, and room that is reserved: lines with `prefetch`, `kAhead`, `arena` or `create(`
+  work    what a piece of work is said to have cost: lines that assign to `units`, call `spend(` or return units, and *units_max
+  tie     `<` for `<=` and the like between two computed floating-point numbers, which differ only where both are equal to the
+          last bit (clang says which are floating-point, -Wfloat-equal; a comparison with a literal is a mutant)
+  same    what survives and compiles with -O2 to the same instructions as the engine
+The first two are never drawn, the others looked for among survivors; they are counted and named, and are not in the share.
 
 --units: the unit tests alone, which says what they promise by themselves; what survives them is tried anew without it. What was
 tried is kept in BUILD/mutants.jsonl, by the text of the file and of the change: stopped and started again it goes on, and a mutant
@@ -15,6 +25,7 @@ that survived is tried anew only with --again (after a test was written). BUILD 
 Survivors are printed with file, line and change. Exit: 0 at least 95 % caught, 1 not, 2 the tests fail without a mutant.
 """
 import argparse
+import collections
 import concurrent.futures
 import dataclasses
 import hashlib
@@ -33,6 +44,8 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 GATE = 95
 GOLDEN = ROOT / "tests/determinism/golden.py"
+sys.path.insert(0, str(GOLDEN.parent))
+import golden  # noqa: E402  # the names of its runs and stories
 # The unit tests of a room: test_<room> of tests/<room>, or those.
 TESTS = {"frame": ["features", "matching"], "paging": ["store"], "record": ["persist"], "world": ["world", "mapping"],
          "": ["engine"]}
@@ -42,6 +55,9 @@ TURNS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "),
          (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " / "), (r" \+= ", " -= "), (r" -= ", " += "), (r" && ", " || "),
          (r" \|\| ", " && "), (r"std::min\(", "std::max("), (r"std::max\(", "std::min("), (r"(?<=[(= ])-(?=[a-z(])", ""),
          (r"(?<=[( ])!(?=[a-z(])", ""), (r"\btrue\b", "false"), (r"\bfalse\b", "true")]
+MEMORY = re.compile(r"prefetch|\bkAhead\b|\barena\b|\bcreate\(")
+WORK = re.compile(r"\b\w*units\w* (\+)?= |\breturn .*\bunits\b|spend\(|units_max")
+EQUALITY = {" < ": " <= ", " <= ": " < ", " > ": " >= ", " >= ": " > "}
 NUMBER = re.compile(r"(?<![\w.\"'])(\d+)(U?)(?![\w.'])")
 GUARD = re.compile(r"^(\s*)if \(.*\) (return|continue|break)\b[^;]*;\s*$")
 
@@ -71,6 +87,8 @@ def mutants_of(name):
     for number, (line, code) in enumerate(zip(lines, bare), 1):
         if re.search(r"^\s*#|STILLMESH_CHECK|static_assert|^\s*(using|template|namespace)\b", code):
             continue
+        if MEMORY.search(code) or WORK.search(code):
+            continue
         if GUARD.match(code):
             yield Mutant(name, number, line, "")
         for pattern, new in TURNS:
@@ -96,6 +114,8 @@ class Build:
         self.compile_of = {entry["file"]: entry["command"] for entry in json.loads((folder / "compile_commands.json").read_text())
                            if "stillmesh_engine_objects" in entry["command"]}
         self.link_of = {}
+        self.known_instructions = {}
+        self.rendered = None  # a folder for what stories show
 
     def link_command(self, target):
         if target not in self.link_of:
@@ -117,10 +137,8 @@ class Build:
     def compiled(self, mutant, work):
         """The object of the mutated source, None if the compiler refuses it."""
         original = ROOT / mutant.file
-        lines = original.read_text().splitlines(keepends=True)
-        lines[mutant.line - 1] = mutant.after + "\n"
         source, made = work / original.name, work / "mutant.o"
-        source.write_text("".join(lines))
+        source.write_text(with_line(original.read_text(), mutant.line, mutant.after))
         words = shlex.split(self.compile_of[str(original)])
         words[words.index("-o") + 1] = str(made)
         words[words.index("-c") + 1] = str(source)
@@ -135,10 +153,64 @@ class Build:
         # one object, in which nothing can be replaced; here it gets the library of objects.
         words.insert(words.index("-o"), str(mutated))
         words = [word.replace("libstillmesh-engine.a", "libstillmesh_engine_inner.a") for word in words]
+        if shutil.which("ld.lld"):
+            words.insert(1, "-fuse-ld=lld")
         ran = subprocess.run(words, cwd=self.folder, capture_output=True, text=True, check=False)
         if ran.returncode != 0:
             sys.exit(f"mutants: {target} does not link:\n{ran.stderr[-2000:]}")
         return program
+
+    def alone(self, name, text, work, *options):
+        """The compiler over a text in place of a source, without the flags and the header that only counting needs."""
+        source = work / "alone.cpp"
+        source.write_text(text)
+        words, kept = shlex.split(self.compile_of[str(ROOT / name)]), []
+        while words:
+            word = words.pop(0)
+            if word == "-Xclang":
+                words.pop(0)
+            elif word in ("-o", "-c"):
+                words.pop(0)
+            elif word not in ("-O1", "-fprofile-instr-generate", "-fcoverage-mapping", "-Winvalid-pch", "-Werror"):
+                kept.append(word)
+        return subprocess.run([*kept, *options, source.name], cwd=work, capture_output=True, text=True, check=False)
+
+    def instructions(self, name, text, work):
+        return self.alone(name, text, work, "-O2", "-S", "-o", "-").stdout
+
+    def instructions_of_engine(self, name, text, work):
+        if name not in self.known_instructions:
+            self.known_instructions[name] = self.instructions(name, text, work)
+        return self.known_instructions[name]
+
+    def equivalent(self, mutant, work):
+        """The rule by which a survivor is no mutant, or None."""
+        text = (ROOT / mutant.file).read_text()
+        turned = tie_of(mutant)
+        if turned:
+            said = self.alone(mutant.file, with_line(text, mutant.line, turned), work, "-fsyntax-only", "-Wfloat-equal").stderr
+            if re.search(rf":{mutant.line}:\d+: warning: comparing floating point", said):
+                return "tie"
+        mutated = with_line(text, mutant.line, mutant.after)
+        engine = self.instructions_of_engine(mutant.file, text, work)
+        return "same" if engine and engine == self.instructions(mutant.file, mutated, work) else None
+
+
+def with_line(text, line, new):
+    lines = text.splitlines(keepends=True)
+    lines[line - 1] = new + "\n"
+    return "".join(lines)
+
+
+def tie_of(mutant):
+    """Where `<` was turned to `<=` or the like between two that are no literals: the line with `==` there."""
+    for old, new in EQUALITY.items():
+        for found in re.finditer(old, mutant.before):
+            before, after = mutant.before[:found.start()], mutant.before[found.end():]
+            is_literal = re.match(r"-?[\d.]", after) or re.search(r"(?<![\w.])[\d.]+$", before)
+            if before + new + after == mutant.after and not is_literal:
+                return f"{before} == {after}"
+    return None
 
 
 def ended(command, limit_s):
@@ -155,18 +227,18 @@ def ended(command, limit_s):
 
 def steps_of(room, is_golden):
     """What is run for a mutant of a room, the quickest first: a name and the target that it needs."""
-    golden = [(f"golden {part}", "stillmesh") for part in ("runs", "stories")] if is_golden else []
-    return [(test, test) for test in tests_of(room)] + golden
+    runs = [(f"golden {name}", "stillmesh") for name in (*golden.RUNS, *golden.SEQUENCES)]
+    return [(test, test) for test in tests_of(room)] + (runs if is_golden else [])
 
 
-def command_of(name, program):
+def command_of(build, name, program):
     if name.startswith("golden "):
-        return [sys.executable, str(GOLDEN), "--part", name.split()[1], str(program)]
+        return [sys.executable, str(GOLDEN), "--only", name.split()[1], "--rendered", str(build.rendered), str(program)]
     return [str(program), "--gtest_brief=1", "--gtest_fail_fast"]
 
 
 def try_mutant(build, mutant, limits, is_golden):
-    """What caught it: the name of a test, `compiler`, or None: it survived."""
+    """What caught it: the name of a test, `compiler`, `rule` and its name: it is none, or None: it survived."""
     with tempfile.TemporaryDirectory(prefix="mutant", dir=build.folder) as folder:
         work = pathlib.Path(folder)
         made = build.compiled(mutant, work)
@@ -176,10 +248,11 @@ def try_mutant(build, mutant, limits, is_golden):
         for name, target in steps_of(room_of(mutant.file), is_golden):
             if target not in programs:
                 programs[target] = build.linked(target, made, work)
-            code = ended(command_of(name, programs[target]), limits[name])
-            if code != 0:
+            code = ended(command_of(build, name, programs[target]), limits[name])
+            if code not in (0, 77):
                 return name + (" (time)" if code == "slow" else "")
-        return None
+        rule = build.equivalent(mutant, work)
+        return f"rule {rule}" if rule else None
 
 
 def limits_without_mutants(build, rooms, is_golden):
@@ -195,7 +268,7 @@ def limits_without_mutants(build, rooms, is_golden):
             for name, target in steps_of(room, is_golden):
                 if name in limits:
                     continue
-                command = command_of(name, build.linked(target, untouched, work))
+                command = command_of(build, name, build.linked(target, untouched, work))
                 begin = time.monotonic()
                 code = ended(command, 1800)
                 if code not in (0, 77):
@@ -207,7 +280,7 @@ def limits_without_mutants(build, rooms, is_golden):
 
 
 def drawn(arguments):
-    """All mutants of the rooms in the order of the seed: rooms in turn, so that a small one is not lost beside a large one."""
+    """All mutants of the rooms in the order of the seed."""
     rooms = {}
     for path in sorted((ROOT / "engine").rglob("*.cpp")):
         name = path.relative_to(ROOT).as_posix()
@@ -225,6 +298,7 @@ def drawn(arguments):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mutant after that")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rooms", default="")
     parser.add_argument("--jobs", type=int, default=1)
@@ -242,15 +316,28 @@ def main():
     if not mutants:
         sys.exit("mutants: nothing to change there: --rooms names folders of engine/, --only a line of a .cpp file of it")
     build = Build(arguments.build.resolve())
-    known_file = build.folder / "mutants.jsonl"
+    with tempfile.TemporaryDirectory(prefix="mutant_rendered", dir=build.folder) as folder:
+        build.rendered = folder
+        limits = limits_without_mutants(build, rooms, not arguments.units)
+        return say(*try_all(build, mutants, limits, arguments))
+
+
+def known_before(file, is_units):
+    """What was tried before, by key; that a mutant survives the unit tests alone says nothing of all tests."""
     known = {}
-    if known_file.is_file():
-        for line in known_file.read_text().splitlines():
-            entry = json.loads(line)
-            if entry["caught"] or entry["units"] == arguments.units:
-                known[entry["key"]] = entry["caught"]
-    limits = limits_without_mutants(build, rooms, not arguments.units)
-    tried, waiting = [], iter(mutants)
+    for line in file.read_text().splitlines() if file.is_file() else []:
+        entry = json.loads(line)
+        if entry["caught"] or entry["units"] == is_units:
+            known[entry["key"]] = entry["caught"]
+    return known
+
+
+def try_all(build, mutants, limits, arguments):
+    """As many mutants as are asked for, side by side: those tried with what caught them, and those that are none by rule."""
+    known_file = build.folder / "mutants.jsonl"
+    known = known_before(known_file, arguments.units)
+    end = time.monotonic() + 60 * arguments.minutes
+    tried, none, waiting = [], [], iter(mutants)
 
     def one(mutant):
         key = mutant.key((ROOT / mutant.file).read_text())
@@ -265,27 +352,30 @@ def main():
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         running = set()
         while True:
-            left = arguments.count - len(tried) - len(running)
+            left = arguments.count - len(tried) - len(running) if time.monotonic() < end else 0
             for mutant in [m for _, m in zip(range(min(left, arguments.jobs - len(running))), waiting)]:
                 running.add(pool.submit(one, mutant))
             if not running:
-                break
+                return tried, none
             done, running = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED)
             for mutant, caught in (future.result() for future in done):
-                if caught != "compiler":
-                    tried.append((mutant, caught))
-                    print(f"{len(tried):4} {'SURVIVED' if caught is None else caught}: {mutant}", flush=True)
-    return say(tried)
+                if caught == "compiler":
+                    continue
+                is_none = caught is not None and caught.startswith("rule ")
+                (none if is_none else tried).append((mutant, caught))
+                print(f"{len(tried):4} {'SURVIVED' if caught is None else caught}: {mutant}", flush=True)
 
 
-def say(tried):
+def say(tried, none):
     survivors = [mutant for mutant, caught in tried if caught is None]
     for mutant in survivors:
         print(f"survived: {mutant}")
     units = sum(caught is not None and caught.startswith("test_") for _, caught in tried)
     share = 100 * (len(tried) - len(survivors)) / max(1, len(tried))
+    rules = collections.Counter(caught.removeprefix("rule ") for _, caught in none)
     print(f"mutants: {len(tried)} tried, {len(tried) - len(survivors)} caught ({share:.1f} %): {units} by unit tests of their room, "
-          f"{len(tried) - len(survivors) - units} by golden hashes alone; gate {GATE} %")
+          f"{len(tried) - len(survivors) - units} by golden hashes alone; gate {GATE} %; not counted by rule: "
+          + (", ".join(f"{count} {rule}" for rule, count in sorted(rules.items())) or "none"))
     return 0 if share >= GATE else 1
 
 
