@@ -267,6 +267,39 @@ TEST(Camera, NothingElseIsVisible) {
     EXPECT_NEAR(pixel.x(), 645.0, 1e-9);
 }
 
+// Promise: around the picture of a wide lens there is a pixel, too, as far out as a fifth of the picture's larger side
+// and of the focal length beyond its centre, on each side for itself, and no farther; at 45 degrees as anywhere.
+TEST(Camera, HowFarAroundAWideLensSees) {
+    CameraModel m = plain_fisheye();
+    m.fx = m.fy = 600;
+    m.cx = 250;
+    m.cy = 290;
+    const double reach_x = 1.2 * (640 - 250) + 0.2 * m.fx, reach_y = 1.2 * 290 + 0.2 * m.fy;
+    constexpr double kEnd = 80 * 3.14159265358979 / 180;
+    Random random(8);
+    std::uint32_t inside = 0, outside[2] = {0, 0};
+    for (int i = 0; i < 20000; ++i) {
+        const double off_axis = random.uniform(0.01, kEnd), around = random.uniform(-3.14, 3.14);
+        const Vector2 off = m.fx * off_axis * Vector2(std::cos(around), std::sin(around));
+        const double across = std::tan(off_axis);
+        Vector2 pixel;
+        const bool is_seen = project(m, {2 * across * std::cos(around), 2 * across * std::sin(around), 2}, 0.2, pixel);
+        const bool is_x = std::abs(off.x()) <= reach_x, is_y = std::abs(off.y()) <= reach_y;
+        ASSERT_EQ(is_seen, is_x && is_y) << off.x() << " " << off.y();
+        inside += is_seen ? 1U : 0U;
+        outside[0] += is_x ? 0U : 1U;
+        outside[1] += is_y ? 0U : 1U;
+        if (!is_seen) continue;
+        ASSERT_NEAR(pixel.x(), m.cx + off.x(), 1e-6);
+        ASSERT_NEAR(pixel.y(), m.cy + off.y(), 1e-6);
+    }
+    EXPECT_GT(inside, 10000U);
+    EXPECT_GT(std::min(outside[0], outside[1]), 1000U);
+    Vector2 pixel;
+    EXPECT_TRUE(project(m, {2, 0, 2}, 0.2, pixel));
+    EXPECT_TRUE(project(m, {-std::sqrt(2.0), std::sqrt(2.0), 2}, 0.2, pixel));
+}
+
 // Promise: nonsense is refused with kInvalid: no size, no focal length, no number, an image that folds over.
 TEST(Camera, RefusesNonsense) {
     const auto refuses = [](auto change) {

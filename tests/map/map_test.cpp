@@ -273,6 +273,17 @@ TEST(Map, AKeyframesMeasurementIsTheMeanOfItsLooks) {
     map->average(handle, 0, point, {9, 9, 9});
 }
 
+// Promise: a map that was reset knows no readout: what comes next is carried as in a new map.
+TEST(Map, ResetForgetsTheReadout) {
+    MapInMemory map(small(4, 10, 8));
+    map->express_with_readout(0.02);
+    EXPECT_EQ(map->readout_s(), 0.02);
+    map->reset();
+    EXPECT_EQ(map->readout_s(), 0);
+    const std::uint64_t as_new = map->changes_hash();
+    EXPECT_EQ(as_new, MapInMemory(small(4, 10, 8))->changes_hash());
+}
+
 // Promise: a map expressed with another readout is the map that would have been made with it: observations carried,
 // points and poses moved by what they said they would, and back again.
 TEST(Map, IsExpressedWithAnotherReadout) {

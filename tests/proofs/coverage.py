@@ -15,9 +15,9 @@ there.
 
 Gates: the engine 95 %, the rooms base, mesh, static_region and record 98 % each. --lines prints each branch that was never
 taken, --rooms only those of some rooms. --units runs the unit tests alone, with --rooms those of these rooms alone: what a room's
-own tests promise about it (no gate for the engine then). What a program reached is kept beside the build until it is linked anew,
-so that only what changed is run again; --again runs all of it, --no-run nothing. A program that fails is named, and what it
-reached counts. Exit: 0 all gates hold and nothing failed, 1 not.
+own tests promise about it (no gate for the engine then). What a program reached is kept beside the build until it is linked anew
+or its inputs change, so that only what changed is run again; --again runs all of it, --no-run nothing. A program that fails is
+named, and what it reached counts. Exit: 0 all gates hold and nothing failed, 1 not.
 """
 import argparse
 import collections
@@ -74,8 +74,8 @@ def run_one(build, raw, target):
     environment = {**os.environ, "LLVM_PROFILE_FILE": str(raw / f"{target}-%m.profraw")}
     begin = time.monotonic()
     try:
-        ran = subprocess.run(command_of(build, target), env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                             errors="replace", check=False, timeout=LIMIT_S)
+        ran = subprocess.run(command_of(build, target), env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             text=True, errors="replace", check=False, timeout=LIMIT_S)
         code, said = ran.returncode, ran.stdout
     except subprocess.TimeoutExpired:
         code, said = f"nothing within {LIMIT_S} s", ""
@@ -99,7 +99,8 @@ def run(build, raw, wanted, arguments):
         kept, program = raw / f"{target}.profdata", program_of(build, target)
         if not program.is_file():
             sys.exit(f"coverage: {program} is not there: ./run coverage builds it")
-        if arguments.again or not kept.is_file() or kept.stat().st_mtime < program.stat().st_mtime:
+        changed_s = max(os.stat(word).st_mtime for word in command_of(build, target) if os.path.exists(word))
+        if arguments.again or not kept.is_file() or kept.stat().st_mtime < changed_s:
             kept.unlink(missing_ok=True)
             due.append(target)
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:

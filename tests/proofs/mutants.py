@@ -162,7 +162,7 @@ class Build:
 
     def alone(self, name, text, work, *options):
         """The compiler over a text in place of a source, without the flags and the header that only counting needs."""
-        source = work / "alone.cpp"
+        source = work / pathlib.Path(name).name
         source.write_text(text)
         words, kept = shlex.split(self.compile_of[str(ROOT / name)]), []
         while words:
@@ -226,7 +226,7 @@ def ended(command, limit_s):
 
 
 def steps_of(room, is_golden):
-    """What is run for a mutant of a room, the quickest first: a name and the target that it needs."""
+    """What is run for a mutant of a room: a name and the target that it needs."""
     runs = [(f"golden {name}", "stillmesh") for name in (*golden.RUNS, *golden.SEQUENCES)]
     return [(test, test) for test in tests_of(room)] + (runs if is_golden else [])
 
@@ -245,7 +245,8 @@ def try_mutant(build, mutant, limits, is_golden):
         if made is None:
             return "compiler"
         programs = {}
-        for name, target in steps_of(room_of(mutant.file), is_golden):
+        # Unit tests first, then the golden runs by the time they take.
+        for name, target in sorted(steps_of(room_of(mutant.file), is_golden), key=lambda step: (" " in step[0], limits[step[0]])):
             if target not in programs:
                 programs[target] = build.linked(target, made, work)
             code = ended(command_of(build, name, programs[target]), limits[name])
@@ -373,8 +374,8 @@ def say(tried, none):
     units = sum(caught is not None and caught.startswith("test_") for _, caught in tried)
     share = 100 * (len(tried) - len(survivors)) / max(1, len(tried))
     rules = collections.Counter(caught.removeprefix("rule ") for _, caught in none)
-    print(f"mutants: {len(tried)} tried, {len(tried) - len(survivors)} caught ({share:.1f} %): {units} by unit tests of their room, "
-          f"{len(tried) - len(survivors) - units} by golden hashes alone; gate {GATE} %; not counted by rule: "
+    print(f"mutants: {len(tried)} tried, {len(tried) - len(survivors)} caught ({share:.1f} %): {units} by unit tests of their "
+          f"room, {len(tried) - len(survivors) - units} by golden hashes alone; gate {GATE} %; not counted by rule: "
           + (", ".join(f"{count} {rule}" for rule, count in sorted(rules.items())) or "none"))
     return 0 if share >= GATE else 1
 

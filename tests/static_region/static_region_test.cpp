@@ -201,12 +201,13 @@ TEST(StaticRegion, IterationsAreBounded) {
 // Promise: a body that fills the picture is followed where nothing else is known, and not where wheels say that the
 // camera stood still: what they say is looked at as it is, however much better the body fits.
 TEST(StaticRegion, WhatIsHintedAtIsLookedAt) {
+    std::size_t followed = 0;
     for (std::uint64_t seed = 0; seed < 10; ++seed) {
         Random random(seed);
         const SE3 pose = test::random_motion(random, 0.5, 0.3);
         SE3 motion;
         motion.translation = Vector3(0.08, 0, 0);
-        const Scene scene = room_and_body(40, 250, pose, motion, random);
+        const Scene scene = room_and_body(12, 285, pose, motion, random);
         for (const bool is_hinted : {false, true}) {
             RegionContext context = context_at(pose);
             context.has_prediction = is_hinted;
@@ -216,13 +217,18 @@ TEST(StaticRegion, WhatIsHintedAtIsLookedAt) {
             region->build(scene.correspondences, scene.keypoints, {}, context);
             const RegionChoice choice = region->choose(scene.correspondences, Parameters{}, context, random);
             ASSERT_TRUE(choice.is_valid) << seed;
-            if (!is_hinted) continue;
+            const double with_body_m = test::metres_between(choice.world_from_camera, motion * pose);
+            if (!is_hinted) {
+                followed += with_body_m < 0.02 ? 1U : 0U;
+                continue;
+            }
             EXPECT_LT(test::metres_between(choice.world_from_camera, pose), 0.02) << seed;
             std::size_t wrong = 0;
             for (const std::uint16_t i : region->chosen()) wrong += scene.body[i] == 1;
-            EXPECT_LE(wrong, 12U) << seed;
+            EXPECT_LE(wrong, 13U) << seed << ": of 285";
         }
     }
+    EXPECT_GE(followed, 5U) << "else it does not fill the picture";
 }
 
 // Promise: where neither points nor triangles nor an expectation have a say, there is a score of nothing, not a
