@@ -88,6 +88,27 @@ TEST(Camera, DistortionIsBrowns) {
     EXPECT_NEAR(distort_to_pixel(simple, {0.5, 0.0}).y(), 0.5, 1e-12);
 }
 
+// Promise: each number of a lens alone is a lens: it bends, and it is bent back.
+TEST(Camera, EveryCoefficientCounts) {
+    const std::vector<double CameraModel::*> fields = {&CameraModel::k1, &CameraModel::k2, &CameraModel::p1,
+                                                       &CameraModel::p2, &CameraModel::k3, &CameraModel::k4,
+                                                       &CameraModel::k5, &CameraModel::k6};
+    const Vector2 n(0.4, -0.3);
+    for (const auto field : fields) {
+        CameraModel m{640, 480, 500, 500, 320, 240};
+        m.*field = 0.05;
+        ASSERT_EQ(validate(m), Status::kOk);
+        const Vector2 seen = distort_to_pixel(m, n);
+        EXPECT_GT((seen - Vector2(520, 90)).norm(), 0.1);
+        EXPECT_LT((undistort_to_normalised(m, seen) - n).norm(), 1e-9);
+        const bool is_brown = field != &CameraModel::k4 && field != &CameraModel::k5 && field != &CameraModel::k6;
+        if (!is_brown) continue;
+        const auto [u, v] = brown(m, n.x(), n.y());
+        EXPECT_NEAR(seen.x(), u, 1e-11);
+        EXPECT_NEAR(seen.y(), v, 1e-11);
+    }
+}
+
 // Promise: the rational lens is OpenCV's quotient of two polynomials, the fisheye its polynomial of the angle, written
 // out once more with libm; a rational lens with zeros is Brown's to the bit, and near its axis a fisheye has no step.
 TEST(Camera, OtherLensesAreOpenCvs) {
@@ -329,7 +350,15 @@ TEST(Camera, RefusesNonsense) {
     EXPECT_TRUE(refuses([](CameraModel& m) { m.lens = Lens::kFisheye; }));
     EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.fx = m.fy = 200; }));
     EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.k1 = -0.5; }));
-    EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.k5 = 0.1; }));
+    for (const auto field : {&CameraModel::p1, &CameraModel::p2, &CameraModel::k5, &CameraModel::k6}) {
+        EXPECT_TRUE(refuses([&](CameraModel& m) { m = plain_fisheye(), m.*field = 0.01; }));
+    }
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.lens = static_cast<Lens>(7); }));
+    // Folded at the sides alone, which lie farther out than top and bottom.
+    for (const double cx : {0.0, 639.0}) {
+        EXPECT_TRUE(refuses([&](CameraModel& m) { m = {640, 10, 300, 300, cx, 5, -0.1}; }));
+        EXPECT_FALSE(refuses([&](CameraModel& m) { m = {640, 10, 600, 600, cx, 5, -0.1}; }));
+    }
     EXPECT_FALSE(refuses([](CameraModel& m) { m = plain_fisheye(); }));
 }
 

@@ -27,8 +27,7 @@ Survivors are printed with file, line and change. Exit: 0 at least 95 % caught, 
 import argparse
 import collections
 import concurrent.futures
-import dataclasses
-import hashlib
+import contextlib
 import json
 import os
 import pathlib
@@ -36,70 +35,21 @@ import random
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 GATE = 95
-GOLDEN = ROOT / "tests/determinism/golden.py"
+GOLDEN = pathlib.Path(__file__).resolve().parents[1] / "determinism/golden.py"
 sys.path.insert(0, str(GOLDEN.parent))
 import golden  # noqa: E402  # the names of its runs and stories
+from planted import LEFT_OUT, ROOT, mutants_of, room_of, tie_of  # noqa: E402
 # The unit tests of a room: test_<room> of tests/<room>, or those.
 TESTS = {"frame": ["features", "matching"], "paging": ["store"], "record": ["persist"], "world": ["world", "mapping"],
          "": ["engine"]}
-# What processors of another kind run, and what has no branch worth turning.
-LEFT_OUT = re.compile(r"kernels_(neon|avx2|sse2)|version|generated")
-TURNS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "), (r" == ", " != "), (r" != ", " == "),
-         (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " / "), (r" \+= ", " -= "), (r" -= ", " += "), (r" && ", " || "),
-         (r" \|\| ", " && "), (r"std::min\(", "std::max("), (r"std::max\(", "std::min("), (r"(?<=[(= ])-(?=[a-z(])", ""),
-         (r"(?<=[( ])!(?=[a-z(])", ""), (r"\btrue\b", "false"), (r"\bfalse\b", "true")]
-MEMORY = re.compile(r"prefetch|\bkAhead\b|\barena\b|\bcreate\(")
-WORK = re.compile(r"\b\w*units\w* (\+)?= |\breturn .*\bunits\b|spend\(|units_max")
-EQUALITY = {" < ": " <= ", " <= ": " < ", " > ": " >= ", " >= ": " > "}
-NUMBER = re.compile(r"(?<![\w.\"'])(\d+)(U?)(?![\w.'])")
-GUARD = re.compile(r"^(\s*)if \(.*\) (return|continue|break)\b[^;]*;\s*$")
-
-
-@dataclasses.dataclass(frozen=True)
-class Mutant:
-    file: str
-    line: int
-    before: str
-    after: str
-
-    def key(self, text):
-        return hashlib.sha256(f"{self.file}\0{text}\0{self.line}\0{self.after}".encode()).hexdigest()[:20]
-
-    def __str__(self):
-        return f"{self.file}:{self.line}\n  - {self.before.strip()}\n  + {self.after.strip() or '(nothing)'}"
-
-
-def without_words(text):
-    """The source with comments and strings blanked, lines and columns kept."""
-    return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:[^"\\\n]|\\.)*"', lambda found: re.sub(r"[^\n]", " ", found[0]), text, flags=re.S)
-
-
-def mutants_of(name):
-    text = (ROOT / name).read_text()
-    lines, bare = text.splitlines(), without_words(text).splitlines()
-    for number, (line, code) in enumerate(zip(lines, bare), 1):
-        if re.search(r"^\s*#|STILLMESH_CHECK|static_assert|^\s*(using|template|namespace)\b", code):
-            continue
-        if MEMORY.search(code) or WORK.search(code):
-            continue
-        if GUARD.match(code):
-            yield Mutant(name, number, line, "")
-        for pattern, new in TURNS:
-            for found in re.finditer(pattern, code):
-                yield Mutant(name, number, line, line[:found.start()] + new + line[found.end():])
-        for found in NUMBER.finditer(code):
-            yield Mutant(name, number, line, f"{line[:found.start()]}{int(found[1]) + 1}{found[2]}{line[found.end():]}")
-
-
-def room_of(name):
-    return name.split("/")[1] if name.count("/") > 1 else ""
 
 
 def tests_of(room):
@@ -115,13 +65,16 @@ class Build:
                            if "stillmesh_engine_objects" in entry["command"]}
         self.link_of = {}
         self.known_instructions = {}
-        self.rendered = None  # a folder for what stories show
+        self.scratch = None  # a folder for mutants, and for what stories show
+
+    @staticmethod
+    def path_of(target):
+        return f"platform/cli/{target}" if target == "stillmesh" else f"tests/{target[5:]}/{target}"
 
     def link_command(self, target):
         if target not in self.link_of:
-            path = str(pathlib.Path("platform", "cli", target)) if target == "stillmesh" else f"tests/{target[5:]}/{target}"
-            said = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", path], capture_output=True, text=True,
-                                  check=True).stdout
+            said = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", self.path_of(target)],
+                                  capture_output=True, text=True, check=True).stdout
             self.link_of[target] = self.command_of(said, target)
         return list(self.link_of[target])
 
@@ -202,15 +155,8 @@ def with_line(text, line, new):
     return "".join(lines)
 
 
-def tie_of(mutant):
-    """Where `<` was turned to `<=` or the like between two that are no literals: the line with `==` there."""
-    for old, new in EQUALITY.items():
-        for found in re.finditer(old, mutant.before):
-            before, after = mutant.before[:found.start()], mutant.before[found.end():]
-            is_literal = re.match(r"-?[\d.]", after) or re.search(r"(?<![\w.])[\d.]+$", before)
-            if before + new + after == mutant.after and not is_literal:
-                return f"{before} == {after}"
-    return None
+RUNNING = set()  # groups of processes, which end with this program
+SCRATCH = []  # its folder, which goes with it
 
 
 def ended(command, limit_s):
@@ -218,66 +164,88 @@ def ended(command, limit_s):
     environment = {**os.environ, "LLVM_PROFILE_FILE": "/dev/null", "STILLMESH_NATIVE_PROGRAM": ""}
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
                           start_new_session=True) as process:
+        RUNNING.add(process.pid)
         try:
             return process.wait(limit_s)
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, 9)
+            os.killpg(process.pid, signal.SIGKILL)
             return "slow"
+        finally:
+            RUNNING.discard(process.pid)
+
+
+def stop(*_):
+    """Ctrl-C and the like: what was tried is kept."""
+    for group in list(RUNNING):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGKILL)
+    if SCRATCH:
+        shutil.rmtree(SCRATCH[0], ignore_errors=True)
+    os._exit(1)
 
 
 def steps_of(room, is_golden):
-    """What is run for a mutant of a room: a name and the target that it needs."""
-    runs = [(f"golden {name}", "stillmesh") for name in (*golden.RUNS, *golden.SEQUENCES)]
-    return [(test, test) for test in tests_of(room)] + (runs if is_golden else [])
+    """What is run for a mutant of a room: a name and the target that it needs; the dearest golden run last."""
+    names = sorted((*golden.RUNS, *golden.SEQUENCES), key=lambda name: name == "loop_closed")
+    return [(test, test) for test in tests_of(room)] + [(f"golden {name}", "stillmesh") for name in names if is_golden]
 
 
 def command_of(build, name, program):
     if name.startswith("golden "):
-        return [sys.executable, str(GOLDEN), "--only", name.split()[1], "--rendered", str(build.rendered), str(program)]
+        return [sys.executable, str(GOLDEN), "--only", name.split()[1], "--rendered", str(build.scratch), str(program)]
     return [str(program), "--gtest_brief=1", "--gtest_fail_fast"]
 
 
 def try_mutant(build, mutant, limits, is_golden):
     """What caught it: the name of a test, `compiler`, `rule` and its name: it is none, or None: it survived."""
-    with tempfile.TemporaryDirectory(prefix="mutant", dir=build.folder) as folder:
+    with tempfile.TemporaryDirectory(dir=build.scratch) as folder:
         work = pathlib.Path(folder)
         made = build.compiled(mutant, work)
         if made is None:
             return "compiler"
         programs = {}
-        # Unit tests first, then the golden runs by the time they take.
-        for name, target in sorted(steps_of(room_of(mutant.file), is_golden), key=lambda step: (" " in step[0], limits[step[0]])):
+        for name, target in steps_of(room_of(mutant.file), is_golden):
             if target not in programs:
                 programs[target] = build.linked(target, made, work)
-            code = ended(command_of(build, name, programs[target]), limits[name])
+            code = ended(command_of(build, name, programs[target]), limits.limit_s(name, target))
             if code not in (0, 77):
                 return name + (" (time)" if code == "slow" else "")
         rule = build.equivalent(mutant, work)
         return f"rule {rule}" if rule else None
 
 
-def limits_without_mutants(build, rooms, is_golden):
-    """How long each test may take: ten times what it takes without a mutant, which is linked as mutants are."""
-    limits = {}
-    with tempfile.TemporaryDirectory(prefix="mutant", dir=build.folder) as folder:
-        work = pathlib.Path(folder)
-        untouched = work / "mutant.o"
-        some = next(name for name in build.compile_of if name.endswith("engine/base/check.cpp"))
-        words = shlex.split(build.compile_of[some])
-        shutil.copy(build.folder / words[words.index("-o") + 1], untouched)
-        for room in rooms:
-            for name, target in steps_of(room, is_golden):
-                if name in limits:
-                    continue
-                command = command_of(build, name, build.linked(target, untouched, work))
-                begin = time.monotonic()
-                code = ended(command, 1800)
-                if code not in (0, 77):
-                    print(f"mutants: {name} fails without a mutant ({code}): {shlex.join(command)}")
-                    sys.exit(2)
-                limits[name] = 10 * (time.monotonic() - begin) + 20
-                print(f"mutants: {name} takes {(limits[name] - 20) / 10:.1f} s", flush=True)
-    return limits
+class Limits:
+    """How long each test may take: ten times what it takes without a mutant, which is measured when it is first needed, linked as
+    mutants are, and kept until the program is linked anew."""
+
+    def __init__(self, build):
+        self.build = build
+        self.file = build.folder / "mutants_seconds.json"
+        self.kept = json.loads(self.file.read_text()) if self.file.is_file() else {}
+        self.of_name = collections.defaultdict(threading.Lock)
+
+    def limit_s(self, name, target):
+        with self.of_name[name]:
+            linked_s = (self.build.folder / self.build.path_of(target)).stat().st_mtime
+            if self.kept.get(name, [0])[0] != linked_s:
+                self.kept[name] = [linked_s, self.measured_s(name, target)]
+                print(f"mutants: {name} takes {self.kept[name][1]:.1f} s", flush=True)
+                self.file.write_text(json.dumps(dict(self.kept)))
+            return 10 * self.kept[name][1] + 20
+
+    def measured_s(self, name, target):
+        with tempfile.TemporaryDirectory(dir=self.build.scratch) as folder:
+            work = pathlib.Path(folder)
+            some = next(file for file in self.build.compile_of if file.endswith("engine/base/check.cpp"))
+            words = shlex.split(self.build.compile_of[some])
+            shutil.copy(self.build.folder / words[words.index("-o") + 1], work / "mutant.o")
+            command = command_of(self.build, name, self.build.linked(target, work / "mutant.o", work))
+            begin = time.monotonic()
+            code = ended(command, 1800)
+            if code not in (0, 77):
+                print(f"mutants: {name} fails without a mutant ({code}): {shlex.join(command)}", flush=True)
+                os._exit(2)  # of a thread; nothing that is tried by now would mean anything
+            return time.monotonic() - begin
 
 
 def drawn(arguments):
@@ -317,10 +285,12 @@ def main():
     if not mutants:
         sys.exit("mutants: nothing to change there: --rooms names folders of engine/, --only a line of a .cpp file of it")
     build = Build(arguments.build.resolve())
-    with tempfile.TemporaryDirectory(prefix="mutant_rendered", dir=build.folder) as folder:
-        build.rendered = folder
-        limits = limits_without_mutants(build, rooms, not arguments.units)
-        return say(*try_all(build, mutants, limits, arguments))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    with tempfile.TemporaryDirectory(prefix="mutants", dir=build.folder) as folder:
+        SCRATCH.append(folder)
+        build.scratch = pathlib.Path(folder)
+        return say(*try_all(build, mutants, Limits(build), arguments))
 
 
 def known_before(file, is_units):
