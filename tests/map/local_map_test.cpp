@@ -205,7 +205,8 @@ TEST(LocalMap, WhoIsLocal) {
     EXPECT_EQ(local_of(1, 2, 0), (Slots{0, 25, 26, 39}));
     EXPECT_EQ(local_of(1, 0, 1), (Slots{0, 33, 39}));
     EXPECT_EQ(local_of(5, 5, 0).size(), 11U);
-    EXPECT_EQ(local_of(2, 0, 0, keyframes[0]), (Slots{1, 2, 39})) << "who has left is not local, however much it shared";
+    EXPECT_EQ(local_of(2, 0, 0, keyframes[0]), (Slots{1, 2, 39}))
+        << "who has left is not local, however much it shared";
 }
 
 }  // namespace

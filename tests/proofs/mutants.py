@@ -5,8 +5,9 @@ usage: mutants.py [--count N] [--minutes M] [--seed S] [--rooms A,B] [--jobs N] 
                   [BUILD]
 
 A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped or
-turned, least for most. It is compiled alone, beside the build folder and with that folder's own command, and linked before the
-engine's library: nothing that was built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room
+turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and libstdc++'s checks
+of indices: who reads past an end dies), and linked before the engine's library: nothing that was built is touched, so mutants are
+tried side by side (--jobs). Then the unit tests of its room
 run, and if they notice nothing the golden runs and stories of the program, one after another until one notices (recordings:
 STILLMESH_TEST_DATA; what the stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as
 without; what the compiler refuses is no mutant and another is drawn.
@@ -14,10 +15,12 @@ without; what the compiler refuses is no mutant and another is drawn.
 No mutants, since no test of results can tell them from the engine, by rule and not by list:
   memory  fetching ahead, and room that is reserved: lines with `prefetch`, `kAhead`, `arena` or `create(`
   work    what a piece of work is said to have cost: lines that assign to `units`, call `spend(` or return units, and *units_max
+  bound   `>=` for `>` in `if (x > y) y = x;`, which does the same, and `<=` for `<` in a loop over the slots of a pool that first
+          asks whether the slot is taken, which behind the last one it is not
   tie     `<` for `<=` and the like between two computed floating-point numbers, which differ only where both are equal to the
           last bit (clang says which are floating-point, -Wfloat-equal; a comparison with a literal is a mutant)
   same    what survives and compiles with -O2 to the same instructions as the engine
-The first two are never drawn, the others looked for among survivors; they are counted and named, and are not in the share.
+The first three are never drawn, the others looked for among survivors; they are counted and named, and are not in the share.
 
 --units: the unit tests alone, which says what they promise by themselves; what survives them is tried anew without it. What was
 tried is kept in BUILD/mutants.jsonl, by the text of the file and of the change: stopped and started again it goes on, and a mutant
@@ -46,7 +49,7 @@ GATE = 95
 GOLDEN = pathlib.Path(__file__).resolve().parents[1] / "determinism/golden.py"
 sys.path.insert(0, str(GOLDEN.parent))
 import golden  # noqa: E402  # the names of its runs and stories
-from planted import LEFT_OUT, ROOT, mutants_of, room_of, tie_of  # noqa: E402
+from planted import LEFT_OUT, ROOT, is_no_change, mutants_of, room_of, tie_of  # noqa: E402
 # The unit tests of a room: test_<room> of tests/<room>, or those.
 TESTS = {"frame": ["features", "matching"], "paging": ["store"], "record": ["persist"], "world": ["world", "mapping"],
          "": ["engine"]}
@@ -92,19 +95,30 @@ class Build:
         original = ROOT / mutant.file
         source, made = work / original.name, work / "mutant.o"
         source.write_text(with_line(original.read_text(), mutant.line, mutant.after))
-        words = shlex.split(self.compile_of[str(original)])
-        words[words.index("-o") + 1] = str(made)
-        words[words.index("-c") + 1] = str(source)
-        ran = subprocess.run([word for word in words if word != "-Werror"], cwd=self.folder, capture_output=True, check=False)
+        # Indices are checked in the mutated source: who reads one past the end of a span dies, and is caught.
+        words = [*self.without_header(mutant.file), "-D_GLIBCXX_ASSERTIONS", "-o", str(made), "-c", str(source)]
+        ran = subprocess.run(words, cwd=self.folder, capture_output=True, check=False)
         return made if ran.returncode == 0 else None
+
+    def without_header(self, name):
+        """The command that compiles a source, without what goes in and out and the header that was compiled before."""
+        words, kept = shlex.split(self.compile_of[str(ROOT / name)]), []
+        while words:
+            word = words.pop(0)
+            if word in ("-Xclang", "-o", "-c"):
+                words.pop(0)
+            elif word not in ("-Winvalid-pch", "-Werror"):
+                kept.append(word)
+        return kept
 
     def linked(self, target, mutated, work):
         words = self.link_command(target)
         program = work / target
         words[words.index("-o") + 1] = str(program)
-        # Before the libraries: what the mutated object defines is not looked for in them. The program brings the engine as
-        # one object, in which nothing can be replaced; here it gets the library of objects.
-        words.insert(words.index("-o"), str(mutated))
+        # First: what the mutated object defines is not looked for in the libraries, and of what headers define its copy counts,
+        # which checks indices. The program brings the engine as one object, in which nothing can be replaced; here it gets the
+        # library of objects.
+        words.insert(1, str(mutated))
         words = [word.replace("libstillmesh-engine.a", "libstillmesh_engine_inner.a") for word in words]
         if shutil.which("ld.lld"):
             words.insert(1, "-fuse-ld=lld")
@@ -114,19 +128,12 @@ class Build:
         return program
 
     def alone(self, name, text, work, *options):
-        """The compiler over a text in place of a source, without the flags and the header that only counting needs."""
+        """The compiler over a text in place of a source, without what only counting needs."""
         source = work / pathlib.Path(name).name
         source.write_text(text)
-        words, kept = shlex.split(self.compile_of[str(ROOT / name)]), []
-        while words:
-            word = words.pop(0)
-            if word == "-Xclang":
-                words.pop(0)
-            elif word in ("-o", "-c"):
-                words.pop(0)
-            elif word not in ("-O1", "-fprofile-instr-generate", "-fcoverage-mapping", "-Winvalid-pch", "-Werror"):
-                kept.append(word)
-        return subprocess.run([*kept, *options, source.name], cwd=work, capture_output=True, text=True, check=False)
+        counting = ("-O1", "-fprofile-instr-generate", "-fcoverage-mapping")
+        words = [word for word in self.without_header(name) if word not in counting]
+        return subprocess.run([*words, *options, source.name], cwd=work, capture_output=True, text=True, check=False)
 
     def instructions(self, name, text, work):
         return self.alone(name, text, work, "-O2", "-S", "-o", "-").stdout
@@ -259,6 +266,7 @@ def drawn(arguments):
     generator = random.Random(arguments.seed)
     everything = [mutant for mutants in rooms.values() for mutant in mutants]
     generator.shuffle(everything)
+    everything = [mutant for mutant in everything if not is_no_change(mutant)]
     if arguments.only:
         return [mutant for mutant in everything if f"{mutant.file}:{mutant.line}" == arguments.only]
     return everything

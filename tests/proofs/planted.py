@@ -13,6 +13,11 @@ TURNS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "),
          (r"(?<=[( ])!(?=[a-z(])", ""), (r"\btrue\b", "false"), (r"\bfalse\b", "true")]
 MEMORY = re.compile(r"prefetch|\bkAhead\b|\barena\b|\bcreate\(")
 WORK = re.compile(r"\b\w*units\w* (\+)?= |\breturn .*\bunits\b|spend\(|units_max")
+# `if (x > y) y = x;` and the like does the same with `>=`.
+BOUND = re.compile(r"if \((\S+) [<>]=? (\S+)\) (?:\1 = \2|\2 = \1);")
+# Pools answer false to whoever asks for a slot behind their last one.
+SLOTS = re.compile(r"for \(std::uint32_t slot = \d; slot < ")
+TAKEN = re.compile(r"\s*if \(!\S+is_taken\(slot\)(\)| \|\|).*continue;")
 EQUALITY = {" < ": " <= ", " <= ": " < ", " > ": " >= ", " >= ": " > "}
 NUMBER = re.compile(r"(?<![\w.\"'])(\d+)(U?)(?![\w.'])")
 GUARD = re.compile(r"^(\s*)if \(.*\) (return|continue|break)\b[^;]*;\s*$")
@@ -56,6 +61,16 @@ def mutants_of(name):
 
 def room_of(name):
     return name.split("/")[1] if name.count("/") > 1 else ""
+
+
+def is_no_change(mutant):
+    """Whether what was changed does the same for every input, as the text alone says."""
+    is_equality = any(mutant.before.replace(old, new, 1) == mutant.after for old, new in EQUALITY.items())
+    if is_equality and BOUND.search(mutant.before):
+        return True
+    if mutant.after != mutant.before.replace("slot < ", "slot <= ", 1) or not SLOTS.search(mutant.before):
+        return False
+    return bool(TAKEN.match((ROOT / mutant.file).read_text().splitlines()[mutant.line]))
 
 
 def tie_of(mutant):
