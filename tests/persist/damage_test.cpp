@@ -264,6 +264,24 @@ TEST_F(Damage, ImpossibleContents) {
         test::mend(bad);
         EXPECT_EQ(fault_of(bad), MapFault::kImpossible) << edit.what;
     }
+}
+
+// Promise: records each of which can be, but not together, are refused: a keyframe that shows a point twice, a
+// reference that does not show its point, points with a reference that nobody shows.
+TEST_F(Damage, RecordsThatContradictEachOther) {
+    const MapFileInfo info = test::info_of(file);
+    std::uint32_t linked = 0;
+    while (test::number_at(file, at(Section::kLinks, linked), 4) == 0) ++linked;
+    const std::uint64_t first_link = test::number_at(file, at(Section::kLinks, linked), 4);
+    // A feature that showed nothing shows what another one of its keyframe shows; all else is as it was.
+    std::uint32_t unlinked = linked + 1;
+    while (test::number_at(file, at(Section::kLinks, unlinked), 4) != 0) ++unlinked;
+    ASSERT_LT(unlinked, test::number_at(file, at(Section::kKeyframes, 0) + 300, 4)) << "of the first keyframe";
+    Bytes twice = file;
+    test::put(twice, at(Section::kLinks, unlinked), first_link, 4);
+    test::mend(twice);
+    Status status = Status::kOk;
+    EXPECT_STREQ(refused(twice, status).part, "a keyframe that shows a point twice");
     // A keyframe that is there, but does not show the point.
     Bytes elsewhere = file;
     const std::uint32_t lone = point_seen_once();
