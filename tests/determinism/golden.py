@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """The same bits on every processor: the state hash of every frame of a few short runs, against golden.txt.
 
-usage: golden.py [--update] [--only NAME] [--part runs|stories] [--data DIR] PROGRAM [PROGRAM ...]
+usage: golden.py [--update] [--only NAME] [--part runs|stories] [--data DIR] [--rendered DIR] PROGRAM [PROGRAM ...]
 
 A PROGRAM is a path of `stillmesh`, or a command such as 'qemu-arm -L SYSROOT stillmesh'. Every program must give the hashes
 of the first one, frame by frame, and the hash over all frames that golden.txt holds. --update writes golden.txt from the
 first program, for the commit that changes numbers on purpose. Real recordings are looked for in --data (the environment's
 STILLMESH_TEST_DATA); without them, CI fails and others are told. STILLMESH_NATIVE_PROGRAM in the environment is a program
-before the others, built of the same source: what others give is then compared with it at every frame.
+before the others, built of the same source: what others give is then compared with it at every frame. --rendered keeps what
+stories show in a folder, for many programs that differ in the engine alone (tests/proofs/mutants.py).
 Exit: 0 equal, 1 not, 77 nothing could be compared.
 """
 import argparse
@@ -104,7 +105,16 @@ def hashes_of(program, arguments, happened=None):
         return file.read_text().splitlines(), missing
 
 
-def sequence_of(program, name, folder):
+def scene_of(program, scene, out):
+    """Renders a scene into a folder, unless it is there from another program."""
+    if not out.is_dir():
+        with tempfile.TemporaryDirectory(dir=out.parent) as folder:
+            said_by(program, ["simulate", *scene.split(), "--out", str(pathlib.Path(folder) / "scene"), "--json"])
+            os.rename(pathlib.Path(folder) / "scene", out)
+    return out
+
+
+def sequence_of(program, name, folder, kept):
     """Renders and orders the frames of a sequence; the arguments of its run."""
     sequence = SEQUENCES[name]
     work = pathlib.Path(folder)
@@ -112,8 +122,8 @@ def sequence_of(program, name, folder):
     frames.mkdir()
     rendered = []
     for i, scene in enumerate(sequence["render"]):
-        out = work / f"scene{i}"
-        said_by(program, ["simulate", *scene.split(), "--out", str(out), "--json"])
+        out = scene_of(program, scene, (kept or work) / f"{name}{i}")
+        (work / f"scene{i}").symlink_to(out)
         (frames / str(i)).symlink_to(out)
         rendered.append([[line.split()[1] for line in (out / f"{kind}.txt").read_text().splitlines() if line[0] != "#"]
                          for kind in ("rgb", "depth")])
@@ -133,12 +143,12 @@ def sequence_of(program, name, folder):
     return ["--replay", str(frames), *placed(sequence["run"])]
 
 
-def outcome(program, name, data):
+def outcome(program, name, data, kept):
     """The state hashes of a run, and what should have happened in it and has not."""
     if name in RUNS:
         return hashes_of(program, [word.replace("{data}", data) for word in RUNS[name]])
     with tempfile.TemporaryDirectory() as folder:
-        return hashes_of(program, sequence_of(program, name, folder), SEQUENCES[name]["happened"])
+        return hashes_of(program, sequence_of(program, name, folder, kept), SEQUENCES[name]["happened"])
 
 
 def main():
@@ -147,6 +157,7 @@ def main():
     parser.add_argument("--only", choices=[*RUNS, *SEQUENCES])
     parser.add_argument("--part", choices=["runs", "stories"], help="the short runs, or the longer stories")
     parser.add_argument("--data", default=os.environ.get("STILLMESH_TEST_DATA", ""))
+    parser.add_argument("--rendered", type=lambda name: pathlib.Path(name).resolve(), help="an existing folder")
     parser.add_argument("programs", nargs="+", metavar="PROGRAM")
     arguments = parser.parse_args()
     if os.environ.get("STILLMESH_NATIVE_PROGRAM"):
@@ -163,7 +174,7 @@ def main():
             continue
         first = None
         for program in arguments.programs:
-            lines, missing = outcome(program, name, arguments.data)
+            lines, missing = outcome(program, name, arguments.data, arguments.rendered)
             for sentence in missing:
                 print(f"golden: {name}: '{program}': {sentence}")
                 wrong += 1

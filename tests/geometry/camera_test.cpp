@@ -88,6 +88,27 @@ TEST(Camera, DistortionIsBrowns) {
     EXPECT_NEAR(distort_to_pixel(simple, {0.5, 0.0}).y(), 0.5, 1e-12);
 }
 
+// Promise: each number of a lens alone is a lens: it bends, and it is bent back.
+TEST(Camera, EveryCoefficientCounts) {
+    const std::vector<double CameraModel::*> fields = {&CameraModel::k1, &CameraModel::k2, &CameraModel::p1,
+                                                       &CameraModel::p2, &CameraModel::k3, &CameraModel::k4,
+                                                       &CameraModel::k5, &CameraModel::k6};
+    const Vector2 n(0.4, -0.3);
+    for (const auto field : fields) {
+        CameraModel m{640, 480, 500, 500, 320, 240};
+        m.*field = 0.05;
+        ASSERT_EQ(validate(m), Status::kOk);
+        const Vector2 seen = distort_to_pixel(m, n);
+        EXPECT_GT((seen - Vector2(520, 90)).norm(), 0.1);
+        EXPECT_LT((undistort_to_normalised(m, seen) - n).norm(), 1e-9);
+        const bool is_brown = field != &CameraModel::k4 && field != &CameraModel::k5 && field != &CameraModel::k6;
+        if (!is_brown) continue;
+        const auto [u, v] = brown(m, n.x(), n.y());
+        EXPECT_NEAR(seen.x(), u, 1e-11);
+        EXPECT_NEAR(seen.y(), v, 1e-11);
+    }
+}
+
 // Promise: the rational lens is OpenCV's quotient of two polynomials, the fisheye its polynomial of the angle, written
 // out once more with libm; a rational lens with zeros is Brown's to the bit, and near its axis a fisheye has no step.
 TEST(Camera, OtherLensesAreOpenCvs) {
@@ -267,6 +288,39 @@ TEST(Camera, NothingElseIsVisible) {
     EXPECT_NEAR(pixel.x(), 645.0, 1e-9);
 }
 
+// Promise: around the picture of a wide lens there is a pixel, too, as far out as a fifth of the picture's larger side
+// and of the focal length beyond its centre, on each side for itself, and no farther; at 45 degrees as anywhere.
+TEST(Camera, HowFarAroundAWideLensSees) {
+    CameraModel m = plain_fisheye();
+    m.fx = m.fy = 600;
+    m.cx = 250;
+    m.cy = 290;
+    const double reach_x = 1.2 * (640 - 250) + 0.2 * m.fx, reach_y = 1.2 * 290 + 0.2 * m.fy;
+    constexpr double kEnd = 80 * 3.14159265358979 / 180;
+    Random random(8);
+    std::uint32_t inside = 0, outside[2] = {0, 0};
+    for (int i = 0; i < 20000; ++i) {
+        const double off_axis = random.uniform(0.01, kEnd), around = random.uniform(-3.14, 3.14);
+        const Vector2 off = m.fx * off_axis * Vector2(std::cos(around), std::sin(around));
+        const double across = std::tan(off_axis);
+        Vector2 pixel;
+        const bool is_seen = project(m, {2 * across * std::cos(around), 2 * across * std::sin(around), 2}, 0.2, pixel);
+        const bool is_x = std::abs(off.x()) <= reach_x, is_y = std::abs(off.y()) <= reach_y;
+        ASSERT_EQ(is_seen, is_x && is_y) << off.x() << " " << off.y();
+        inside += is_seen ? 1U : 0U;
+        outside[0] += is_x ? 0U : 1U;
+        outside[1] += is_y ? 0U : 1U;
+        if (!is_seen) continue;
+        ASSERT_NEAR(pixel.x(), m.cx + off.x(), 1e-6);
+        ASSERT_NEAR(pixel.y(), m.cy + off.y(), 1e-6);
+    }
+    EXPECT_GT(inside, 10000U);
+    EXPECT_GT(std::min(outside[0], outside[1]), 1000U);
+    Vector2 pixel;
+    EXPECT_TRUE(project(m, {2, 0, 2}, 0.2, pixel));
+    EXPECT_TRUE(project(m, {-std::sqrt(2.0), std::sqrt(2.0), 2}, 0.2, pixel));
+}
+
 // Promise: nonsense is refused with kInvalid: no size, no focal length, no number, an image that folds over.
 TEST(Camera, RefusesNonsense) {
     const auto refuses = [](auto change) {
@@ -296,7 +350,15 @@ TEST(Camera, RefusesNonsense) {
     EXPECT_TRUE(refuses([](CameraModel& m) { m.lens = Lens::kFisheye; }));
     EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.fx = m.fy = 200; }));
     EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.k1 = -0.5; }));
-    EXPECT_TRUE(refuses([](CameraModel& m) { m = plain_fisheye(), m.k5 = 0.1; }));
+    for (const auto field : {&CameraModel::p1, &CameraModel::p2, &CameraModel::k5, &CameraModel::k6}) {
+        EXPECT_TRUE(refuses([&](CameraModel& m) { m = plain_fisheye(), m.*field = 0.01; }));
+    }
+    EXPECT_TRUE(refuses([](CameraModel& m) { m.lens = static_cast<Lens>(7); }));
+    // Folded at the sides alone, which lie farther out than top and bottom.
+    for (const double cx : {0.0, 639.0}) {
+        EXPECT_TRUE(refuses([&](CameraModel& m) { m = {640, 10, 300, 300, cx, 5, -0.1}; }));
+        EXPECT_FALSE(refuses([&](CameraModel& m) { m = {640, 10, 600, 600, cx, 5, -0.1}; }));
+    }
     EXPECT_FALSE(refuses([](CameraModel& m) { m = plain_fisheye(); }));
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <iterator>
 #include <vector>
 
 #include "tests/support/map_fault.hpp"
@@ -69,6 +70,9 @@ public:
         WorkBudget budget(10'000'000);
         ASSERT_EQ(graph.step(budget), Progress::kDone);
         graph.move_keyframes();
+    }
+    void set_parent(std::uint32_t child, std::uint32_t parent) {
+        world.map.keyframes().find(handles[child])->parent = handles[parent];
     }
     // How far keyframe i has moved, along x.
     [[nodiscard]] double moved_m(std::uint32_t i) {
@@ -164,6 +168,33 @@ TEST(EssentialGraph, LoopsAreForgotten) {
     again.world.map.keyframes().find(again.handles[8])->frame = 1000;  // newer than its children
     again.solve();
     EXPECT_NEAR(again.moved_m(kKeyframes - 1), 0, 1e-9);
+}
+
+// Promise: the tree may run against the order in which keyframes lie in memory and in time, as after one of them left
+// and others were hung elsewhere; the loop is spread along the tree all the same, and what a child shares with a parent
+// younger than itself is one edge, not two.
+TEST(EssentialGraph, AParentMayBeYounger) {
+    Way way;
+    way.set_parent(3, 4);  // 0 1 2 4 3 5 6 ...
+    way.set_parent(4, 2);
+    way.set_parent(5, 3);
+    way.share(3, 4, 60);
+    way.add_loop();
+    way.solve();
+    const std::uint32_t order[] = {0, 1, 2, 4, 3, 5, 6, 7};
+    const double usual_m = way.moved_m(9) - way.moved_m(10);
+    EXPECT_GT(usual_m, 0.01);
+    for (std::size_t i = 1; i < std::size(order); ++i) {
+        const double step_m = way.moved_m(order[i - 1]) - way.moved_m(order[i]);
+        EXPECT_NEAR(step_m / usual_m, order[i] == 3 ? 0.2 / 0.6 : 1.0, 0.01) << order[i];
+    }
+}
+
+// Promise: a large map remembers no more loops than a middling one, and a map of nothing has room for one.
+TEST(EssentialGraph, LoopsRememberedAreBounded) {
+    EXPECT_EQ(EssentialGraph::loops_max(0), 1U);
+    EXPECT_EQ(EssentialGraph::loops_max(EssentialGraph::kLoopsMax), EssentialGraph::kLoopsMax);
+    EXPECT_EQ(EssentialGraph::loops_max(100'000), EssentialGraph::kLoopsMax);
 }
 
 }  // namespace

@@ -58,6 +58,12 @@ public:
     void turn_to(std::size_t place) { place_ = place; }
     // A keyframe there; what is worth verifying.
     std::vector<Handle<Keyframe>> see(std::uint64_t frame, bool is_resting = false) {
+        return see_and(
+            frame, [] {}, is_resting);
+    }
+    // The same; what happens between the query and the choice.
+    template <typename Meanwhile>
+    std::vector<Handle<Keyframe>> see_and(std::uint64_t frame, Meanwhile&& meanwhile, bool is_resting = false) {
         const Handle<Keyframe> keyframe = rig_.map().add_keyframe();
         rig_.at(keyframe).frame = frame;
         for (std::uint32_t i = 0; i < kFeatures; ++i) {
@@ -67,6 +73,7 @@ public:
         }
         rig_.map().attach(keyframe);
         rig_.look_up(keyframe);
+        meanwhile();
         EXPECT_GT(candidates_.choose(keyframe, is_resting), 0U);
         last_ = keyframe;
         return {candidates_.chosen().begin(), candidates_.chosen().end()};
@@ -74,6 +81,9 @@ public:
     [[nodiscard]] std::uint64_t frame_of(Handle<Keyframe> keyframe) { return rig_.at(keyframe).frame; }
     [[nodiscard]] Handle<Keyframe> last() const { return last_; }
     void forget(Handle<Keyframe> keyframe) { rig_.map().release_keyframe(keyframe); }
+    void purge() { rig_.places.purge(rig_.map()); }
+    // Another keyframe, of which nobody has looked up the words yet.
+    Handle<Keyframe> add_unknown() { return rig_.map().add_keyframe(); }
     LoopCandidates& candidates() { return candidates_; }
 
 private:
@@ -131,6 +141,17 @@ TEST(LoopCandidates, WhatIsNearInTimeIsNone) {
     EXPECT_FALSE(visits.see(160).empty());
 }
 
+// Promise: near in time is near whichever of both came first: keyframes may be looked up in any order.
+TEST(LoopCandidates, WhatComesLaterIsNearToo) {
+    Visits visits;
+    visits.arrive(0);
+    for (std::uint64_t i = 0; i < 3; ++i) EXPECT_TRUE(visits.see(1000 - i).empty());
+    visits.arrive(0);
+    for (std::uint64_t i = 0; i < 6; ++i) EXPECT_TRUE(visits.see(950 - i).empty()) << i;
+    for (std::uint64_t i = 0; i < kConsistency; ++i) EXPECT_TRUE(visits.see(850 - i).empty()) << i;
+    EXPECT_FALSE(visits.see(840).empty());
+}
+
 // Promise: a query has found a place that scores score_share of what neighbours score, and not one that scores less.
 TEST(LoopCandidates, WhatIsLessAlikeIsNotFound) {
     for (const double share : {0.5, 0.95}) {
@@ -173,6 +194,29 @@ TEST(LoopCandidates, WhatLeftIsNoPlace) {
     EXPECT_FALSE(visits.see(570).empty());
     visits.forget(old);
     EXPECT_TRUE(visits.see(580).empty());
+}
+
+// Promise: a place that leaves the map after it was found by its words is not chosen, whether the database knows that
+// yet or not, nor is a keyframe that has taken its slot since.
+TEST(LoopCandidates, APlaceMayLeaveAfterTheQuery) {
+    for (const int what : {0, 1, 2, 3}) {
+        Visits visits;
+        visits.arrive(0);
+        static_cast<void>(visits.see(0));
+        const Handle<Keyframe> old = visits.last();
+        visits.arrive(0);
+        for (std::uint64_t i = 0; i < kConsistency + 1; ++i) static_cast<void>(visits.see(500 + 10 * i));
+        const std::vector<Handle<Keyframe>> chosen = visits.see_and(560, [&] {
+            if (what == 0) return;
+            visits.forget(old);
+            if (what == 2) visits.purge();
+            if (what == 3) {
+                std::uint32_t tries = limits_of_test().keyframes_max;
+                while (visits.add_unknown().slot() != old.slot()) ASSERT_GT(--tries, 0U);
+            }
+        });
+        EXPECT_EQ(chosen.size(), what == 0 ? 1U : 0U) << what;
+    }
 }
 
 }  // namespace

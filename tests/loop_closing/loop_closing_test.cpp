@@ -223,6 +223,36 @@ TEST(LoopClosing, WhatIsWithinItsNoiseIsNoDrift) {
     EXPECT_GT(moved_off_m, 0.001);
 }
 
+// Promise: a turn is drift, too, though the camera stands where the map has it: it is taken away where odometry can
+// have turned so far, and a place that wants a larger one is none, however alike.
+TEST(LoopClosing, ATurnIsDriftToo) {
+    for (const double turned_rad : {0.1, 0.8}) {
+        Parameters configuration = configuration_of_ring();
+        configuration.loop.correction_min_m = 0.09;
+        configuration.loop.drift_m = 0.9;
+        configuration.loop.consistency = 1;
+        auto ring = std::make_unique<Ring>(configuration, true, false);
+        for (std::uint32_t i = 0; i < kLap + 6; ++i) {
+            const Handle<Keyframe> handle = ring->add_keyframe(i);
+            if (i + 8 == kLap) {  // slipped as it came home
+                SE3& pose = ring->map().keyframes().find(handle)->world_from_camera;
+                pose.rotation = pose.rotation * so3_exp(Vector3(0, turned_rad, 0));
+            }
+            ring->work(5000);
+        }
+        const LoopStatistics s = ring->statistics();
+        const bool can_be = turned_rad < 0.5;
+        const double off_rad = rotation_angle(ring->truth(kLap + 5).rotation.transpose() * ring->newest().rotation);
+        EXPECT_EQ(s.closed, can_be ? 1U : 0U) << turned_rad << ": " << s.candidates << " candidates, " << s.confirmed;
+        EXPECT_EQ(s.refused_unlikely > 0, !can_be) << turned_rad;
+        if (can_be) {
+            EXPECT_LT(off_rad, 0.2 * turned_rad);
+        } else {
+            EXPECT_NEAR(off_rad, turned_rad, 1e-6);
+        }
+    }
+}
+
 // Promise: nothing is looked up, and no place known, before what a keyframe saw has had the time to prove that it
 // stands.
 TEST(LoopClosing, WaitsUntilThePastHasSpoken) {

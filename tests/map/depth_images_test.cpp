@@ -7,6 +7,7 @@
 #include <set>
 
 #include "engine/geometry/camera.hpp"
+#include "tests/support/memory.hpp"
 #include "tests/support/small_world.hpp"
 
 namespace stillmesh {
@@ -35,6 +36,33 @@ TEST(DepthImages, RaysAreThoseOfTheCells) {
             const std::size_t cell = row * 80 + column;
             EXPECT_NEAR(static_cast<double>(image.rays[2 * cell]), ray.x(), 1e-6);
             EXPECT_NEAR(static_cast<double>(image.rays[2 * cell + 1]), ray.y(), 1e-6);
+        }
+    }
+}
+
+// Promise: whatever the size of the picture, there are at most so many columns and rows, no finer cells than needed,
+// and all of them lie in the picture.
+TEST(DepthImages, AnySizeHasItsCells) {
+    ArenaPlan plan;
+    DepthImages::plan(plan, limits_with(1));
+    for (std::uint32_t side = 60; side < 1000; side += side < 330 ? 1 : 23) {
+        for (const bool is_wide : {true, false}) {
+            CameraModel camera = test::small_camera();
+            camera.width = is_wide ? side : 64;
+            camera.height = is_wide ? 48 : side;
+            const test::Memory memory(plan.used_bytes());
+            Arena arena(memory.span());
+            DepthImages images;
+            images.create(arena, limits_with(1), camera);
+            const std::uint32_t cell = images.cell_px();
+            ASSERT_LE(images.columns(), kDepthColumnsMax) << side;
+            ASSERT_LE(images.rows(), kDepthRowsMax) << side;
+            ASSERT_LE(images.columns() * cell, camera.width);
+            ASSERT_LE(images.rows() * cell, camera.height);
+            if (cell == 1) continue;
+            const bool is_finer_enough =
+                camera.width <= (cell - 1) * kDepthColumnsMax && camera.height <= (cell - 1) * kDepthRowsMax;
+            EXPECT_FALSE(is_finer_enough) << side;
         }
     }
 }

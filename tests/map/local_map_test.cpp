@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -148,6 +149,64 @@ TEST(LocalMap, LocalKeyframesComeFirst) {
         for (std::uint32_t slot = 0; slot < 60; ++slot) ASSERT_EQ(local->spared().has(slot), is_listed[slot]) << round;
         ASSERT_EQ(listed, expected) << round;
     }
+}
+
+// Promise: local are the newest keyframe, as many as asked for of those that share most with the frame, of those that
+// stand nearest, and of the best neighbours of them all, and no others.
+TEST(LocalMap, WhoIsLocal) {
+    constexpr std::uint32_t kKeyframes = 40;
+    const Limits limits = small(2 * kKeyframes, 400, 60);
+    MapInMemory map(limits);
+    std::vector<Handle<Keyframe>> keyframes;
+    for (std::uint32_t k = 0; k < kKeyframes; ++k) {
+        keyframes.push_back(add_keyframe(*map, k + 1));
+        // 20 to 29 stand near, 25 the nearest; the others elsewhere.
+        const double x = k >= 20 && k < 30 ? 0.01 + 0.002 * std::abs(static_cast<double>(k) - 25.1) : 50 + 5.0 * k;
+        map->keyframes().find(keyframes.back())->world_from_camera.translation = Vector3(x, 0, 0);
+    }
+    for (std::uint32_t k = 0; k < 15; ++k) {  // 0 to 14 share points with the frame, 0 the most, 14 a single one
+        for (std::uint32_t i = k; i < 15; ++i)
+            map->add_observation(keyframes[k], observation_of(add_point_ahead(*map)));
+    }
+    for (std::uint32_t i = 0; i < 40; ++i) {  // 0 has a neighbour
+        const Handle<MapPoint> both = add_point_ahead(*map, {0, 0, -9});
+        map->add_observation(keyframes[0], observation_of(both));
+        map->add_observation(keyframes[33], observation_of(both));
+    }
+    const auto local_of = [&](std::uint32_t sharing, std::uint32_t near, std::uint32_t neighbours,
+                              Handle<Keyframe> leaves = {}) {
+        LocalMapParameters parameters;
+        parameters.sharing_keyframes = sharing;
+        parameters.near_keyframes = near;
+        parameters.neighbours = neighbours;
+        ArenaPlan plan;
+        LocalMap::plan(plan, limits);
+        const test::Memory memory(plan.used_bytes());
+        Arena arena(memory.span());
+        LocalMap local;
+        local.create(arena, limits, parameters);
+        local.begin_counting();
+        for (std::uint32_t slot = 0; slot < map->points().slots_count(); ++slot) {
+            if (map->points().is_taken(slot) && map->points().at(slot).world[2] > 0) local.count(*map, slot);
+        }
+        if (!leaves.is_null()) map->release_keyframe(leaves);  // between two frames
+        local.build(*map, SE3{});
+        std::vector<std::uint32_t> out;
+        for (std::uint32_t slot = 0; slot < kKeyframes; ++slot) {
+            if (local.keyframes()[slot] != 0) out.push_back(slot);
+        }
+        return out;
+    };
+    using Slots = std::vector<std::uint32_t>;
+    EXPECT_EQ(local_of(1, 0, 0), (Slots{0, 39}));
+    EXPECT_EQ(local_of(3, 0, 0), (Slots{0, 1, 2, 39}));
+    EXPECT_EQ(local_of(20, 0, 0), (Slots{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 39}));
+    EXPECT_EQ(local_of(1, 1, 0), (Slots{0, 25, 39}));
+    EXPECT_EQ(local_of(1, 2, 0), (Slots{0, 25, 26, 39}));
+    EXPECT_EQ(local_of(1, 0, 1), (Slots{0, 33, 39}));
+    EXPECT_EQ(local_of(5, 5, 0).size(), 11U);
+    EXPECT_EQ(local_of(2, 0, 0, keyframes[0]), (Slots{1, 2, 39}))
+        << "who has left is not local, however much it shared";
 }
 
 }  // namespace

@@ -273,6 +273,35 @@ TEST(Map, AKeyframesMeasurementIsTheMeanOfItsLooks) {
     map->average(handle, 0, point, {9, 9, 9});
 }
 
+// Promise: a keyframe that returns and is older than all others becomes the root, above the one that was; one that is
+// not hangs on another; there is one root either way.
+TEST(Map, TheOldestThatReturnsIsTheRoot) {
+    for (const std::uint64_t frame : {10U, 25U, 40U}) {
+        MapInMemory map(small(8, 60, 40));
+        const Handle<Keyframe> first = add_keyframe(*map, 20);
+        map->attach(first);
+        const Handle<Keyframe> second = add_keyframe(*map, 30);
+        map->attach(second);
+        const Handle<Keyframe> returned = add_keyframe(*map, frame);
+        map->attach_returned(returned);
+        const Keyframe& keyframe = *map->keyframes().find(returned);
+        EXPECT_EQ(keyframe.parent.is_null(), frame == 10) << frame;
+        EXPECT_TRUE(map->keyframes().find(first)->parent == (frame == 10 ? returned : Handle<Keyframe>{})) << frame;
+        EXPECT_EQ(test::find_fault(*map), nullptr) << test::find_fault(*map);
+    }
+}
+
+// Promise: a map that was reset knows no readout: what comes next is carried as in a new map.
+TEST(Map, ResetForgetsTheReadout) {
+    MapInMemory map(small(4, 10, 8));
+    map->express_with_readout(0.02);
+    EXPECT_EQ(map->readout_s(), 0.02);
+    map->reset();
+    EXPECT_EQ(map->readout_s(), 0);
+    const std::uint64_t as_new = map->changes_hash();
+    EXPECT_EQ(as_new, MapInMemory(small(4, 10, 8))->changes_hash());
+}
+
 // Promise: a map expressed with another readout is the map that would have been made with it: observations carried,
 // points and poses moved by what they said they would, and back again.
 TEST(Map, IsExpressedWithAnotherReadout) {

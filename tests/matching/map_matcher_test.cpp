@@ -154,6 +154,39 @@ TEST_F(MapMatcherTest, ProjectionEqualsBruteForce) {
     EXPECT_GT(claimed, 60U);
 }
 
+// Promise: a point is looked for on the level on which it looks as it did where it was made, the nearest by scale, and
+// on the neighbours of that level, within the radius that belongs to it, and nowhere else.
+TEST_F(MapMatcherTest, LooksOnTheLevelThatFits) {
+    const Handle<Keyframe> keyframe = map_.add_keyframe();
+    constexpr double kRadius_px = 5;
+    std::vector<bool> expected;
+    std::uint32_t on_level[3] = {};
+    for (int i = 0; i < 360; ++i) {
+        const Vector2 pixel(20 + 30 * (i % 20), 20 + 24 * (i / 20));
+        const double z = random_.uniform(1, 3);
+        const Descriptor d = random_descriptor(random_);
+        add_point({(pixel.x() - kCamera.cx) / kCamera.fx * z, (pixel.y() - kCamera.cy) / kCamera.fy * z, z}, d, 0,
+                  keyframe);
+        MapPoint& point = map_.points().at(static_cast<std::uint32_t>(i));
+        point.level = static_cast<std::uint8_t>(random_.below(3));
+        point.distance_m = static_cast<float>(z * std::pow(1.2, random_.uniform(-3, 3)));
+        const double look = std::log(static_cast<double>(point.distance_m) / z * kScales[point.level]);
+        int level = 0;
+        for (int k = 1; k < 3; ++k) {
+            if (std::abs(look - std::log(kScales[k])) < std::abs(look - std::log(kScales[level]))) level = k;
+        }
+        ++on_level[level];
+        const int of_feature = static_cast<int>(random_.below(3));
+        const double off = random_.uniform(0, 1.5) * kRadius_px;
+        add_feature(pixel.x() + off, pixel.y(), d, 0, static_cast<std::uint8_t>(of_feature));
+        expected.push_back(std::abs(of_feature - level) <= 1 && off <= kRadius_px * kScales[level]);
+    }
+    matcher_.begin(features_);
+    matcher_.by_projection(map_, nullptr, SE3{}, kRadius_px);
+    for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_EQ(matcher_.claim(i).is_free(), !expected[i]) << i;
+    for (const std::uint32_t count : on_level) EXPECT_GT(count, 60U);
+}
+
 // Promise: a further search keeps the claims there are and passes over points seen in this frame.
 TEST_F(MapMatcherTest, MoreAddsOnly) {
     const Handle<Keyframe> keyframe = map_.add_keyframe();

@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <map>
 #include <string>
 
 #include "engine/record/map_records.hpp"
 #include "tests/persist/map_rig.hpp"
+#include "tests/support/map_fault.hpp"
 
 namespace stillmesh {
 namespace {
@@ -50,6 +52,25 @@ struct Damage : testing::Test {
     [[nodiscard]] std::size_t at(Section section, std::uint32_t index) const {
         const auto s = static_cast<std::uint32_t>(section);
         return static_cast<std::size_t>(records_at(test::info_of(file), s)) + index * kRecordBytes[s];
+    }
+    // Where the links to a point are, and by which keyframes, 1 for the first.
+    [[nodiscard]] std::map<std::uint32_t, std::size_t> links_to(std::uint32_t point) const {
+        std::map<std::uint32_t, std::size_t> out;
+        std::uint32_t i = 0;
+        for (std::uint32_t k = 0; k < test::info_of(file).keyframes; ++k) {
+            const std::uint64_t end = i + test::number_at(file, at(Section::kKeyframes, k) + 300, 4);
+            for (; i < end; ++i) {
+                const std::size_t link = at(Section::kLinks, i);
+                if (test::number_at(file, link, 4) == point + 1) out[k + 1] = link;
+            }
+        }
+        return out;
+    }
+    // A point that one keyframe alone shows.
+    [[nodiscard]] std::uint32_t point_seen_once() const {
+        std::uint32_t point = 0;
+        while (links_to(point).size() != 1) ++point;
+        return point;
     }
 
     EngineRig engine;
@@ -143,6 +164,13 @@ TEST_F(Damage, MadeByOthers) {
     EXPECT_EQ(problem.fault, MapFault::kOtherFeatures);
     EXPECT_STREQ(problem.part, "features.levels");
     other = file;
+    test::put(other, 48, std::bit_cast<std::uint64_t>(1.25), 8);
+    test::mend(other);
+    problem = refused(other, status);
+    EXPECT_EQ(problem.fault, MapFault::kOtherFeatures);
+    EXPECT_STREQ(problem.part, "features.scale_factor");
+    EXPECT_EQ(problem.value, 1.25);
+    other = file;
     test::put(other, at(Section::kCamera, 0) + 8, std::bit_cast<std::uint64_t>(100.0), 8);
     test::mend(other);
     problem = refused(other, status);
@@ -222,6 +250,10 @@ TEST_F(Damage, ImpossibleContents) {
         {"level of a feature", feature + 28, info.pyramid_levels, 1},
         {"looks of a feature", feature + 29, 0, 1},
         {"padding of a feature", feature + 30, 1, 2},
+        {"NaN position across", feature + 12, nan_float, 4},
+        {"NaN angle of a feature", feature + 24, nan_float, 4},
+        {"another size of the header", 12, 95, 4},
+        {"features that are no keyframe's", keyframe + 300, test::number_at(file, keyframe + 300, 4) - 1, 4},
         {"link to nowhere", at(Section::kLinks, linked[0]), info.points + 1, 4},
         {"one point twice in a keyframe", at(Section::kLinks, linked[1]), first_link, 4},
     };
@@ -232,11 +264,73 @@ TEST_F(Damage, ImpossibleContents) {
         test::mend(bad);
         EXPECT_EQ(fault_of(bad), MapFault::kImpossible) << edit.what;
     }
+}
+
+// Promise: records each of which can be, but not together, are refused: a keyframe that shows a point twice, a
+// reference that does not show its point, points with a reference that nobody shows.
+TEST_F(Damage, RecordsThatContradictEachOther) {
+    const MapFileInfo info = test::info_of(file);
+    std::uint32_t linked = 0;
+    while (test::number_at(file, at(Section::kLinks, linked), 4) == 0) ++linked;
+    const std::uint64_t first_link = test::number_at(file, at(Section::kLinks, linked), 4);
+    // A feature that showed nothing shows what another one of its keyframe shows; all else is as it was.
+    std::uint32_t unlinked = linked + 1;
+    while (test::number_at(file, at(Section::kLinks, unlinked), 4) != 0) ++unlinked;
+    ASSERT_LT(unlinked, test::number_at(file, at(Section::kKeyframes, 0) + 300, 4)) << "of the first keyframe";
+    Bytes twice = file;
+    test::put(twice, at(Section::kLinks, unlinked), first_link, 4);
+    test::mend(twice);
+    Status status = Status::kOk;
+    EXPECT_STREQ(refused(twice, status).part, "a keyframe that shows a point twice");
+    // A keyframe that is there, but does not show the point.
+    Bytes elsewhere = file;
+    const std::uint32_t lone = point_seen_once();
+    const std::uint32_t other = links_to(lone).begin()->first == 1 ? 2U : 1U;
+    test::put(elsewhere, at(Section::kPoints, lone) + 136, other, 4);
+    test::mend(elsewhere);
+    EXPECT_EQ(fault_of(elsewhere), MapFault::kImpossible);
     // Unlinking everything leaves points with a reference that does not observe them.
     Bytes bad = file;
     for (std::uint32_t i = 0; i < info.features; ++i) test::put(bad, at(Section::kLinks, i), 0, 4);
     test::mend(bad);
     EXPECT_EQ(fault_of(bad), MapFault::kImpossible);
+}
+
+// Promise: a map of nothing is refused, though all of its checksums are right: nobody could be found in it.
+TEST_F(Damage, NoKeyframes) {
+    MapFileInfo none = test::info_of(file);
+    none.keyframes = none.points = none.features = none.features_of_keyframe = 0;
+    Bytes empty(file.begin(), file.begin() + static_cast<std::ptrdiff_t>(at(Section::kCamera, 0) + kCameraBytes + 4));
+    for (const std::size_t count : {24U, 28U, 32U, 36U}) test::put(empty, count, 0, 4);
+    test::put(empty, 16, records_at(none, kSections), 8);
+    for (std::uint32_t s = 1; s < kSections; ++s) {
+        for (const char letter : kTags[s]) empty.push_back(static_cast<std::byte>(letter));
+        empty.insert(empty.end(), 16, std::byte{0});  // none, of no size, and its checksum
+    }
+    ASSERT_EQ(empty.size(), records_at(none, kSections));
+    test::mend(empty);
+    Status status = Status::kOk;
+    const MapFileProblem problem = refused(empty, status);
+    EXPECT_EQ(problem.fault, MapFault::kImpossible);
+    EXPECT_STREQ(problem.part, "a map without keyframes");
+}
+
+// Promise: a point that nobody shows any more and that has no reference may be in a map, as the page of the format
+// says; it is read as such.
+TEST_F(Damage, APointThatNobodyShowsIsNone) {
+    const std::uint32_t point = point_seen_once();
+    Bytes forgotten = file;
+    test::put(forgotten, links_to(point).begin()->second, 0, 4);
+    test::put(forgotten, at(Section::kPoints, point) + 136, 0, 4);
+    test::mend(forgotten);
+    EngineRig other(Limits::tiny(), sequence().camera);
+    MapFileProblem problem;
+    ASSERT_EQ(other->load_map(forgotten, MapUse::kContinue, problem), Status::kOk) << problem.part;
+    const Map& map = test::map_of(*other);
+    EXPECT_EQ(map.points().size(), test::info_of(file).points);
+    EXPECT_EQ(test::find_fault(map), nullptr);
+    EXPECT_EQ(map.points().at(point).observers, 0U);
+    EXPECT_TRUE(test::saved(*other, Limits::tiny()).size() == file.size());
 }
 
 }  // namespace

@@ -1,8 +1,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
 #include "engine/base/random.hpp"
+#include "engine/record/map_copy.hpp"
+#include "tests/map/map_rig.hpp"
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
@@ -123,6 +126,67 @@ TEST(MapFile, CopiesThatCannotBe) {
     EXPECT_EQ(engine->step_map_copy(1), Progress::kWorking);
     engine->reset();
     EXPECT_EQ(engine->step_map_copy(1000), Progress::kIdle);
+}
+
+// Promise: keyframes that change while a copy is made are copied anew, all at the instant if there are few, and in
+// another round of slices if there are many; either way the copy is the map as it is then, and one step is bounded.
+TEST(MapFile, KeyframesThatChangeTooLate) {
+    constexpr std::uint32_t kKeyframes = 30, kFeatures = 40;
+    const Limits limits = test::small(kKeyframes, kKeyframes * kFeatures, 2 * kFeatures);
+    for (const std::uint32_t late : {0U, MapCopy::kLateMax, MapCopy::kLateMax + 1, kKeyframes}) {
+        test::MapInMemory map(limits);
+        std::vector<Handle<Keyframe>> keyframes;
+        const auto show = [&](Handle<Keyframe> keyframe, std::uint32_t features) {
+            for (std::uint32_t i = 0; i < features; ++i) {
+                map->add_observation(keyframe, test::observation_of({}, static_cast<float>(i)), Descriptor{});
+            }
+        };
+        for (std::uint32_t i = 0; i < kKeyframes; ++i) {
+            keyframes.push_back(test::add_keyframe(*map, i));
+            show(keyframes.back(), kFeatures);
+        }
+        test::CopySpace space(limits), whole(limits);
+        MapCopy copy;
+        const auto step = [&](std::uint32_t units) {
+            WorkBudget budget(units);
+            const Progress progress = copy.step(*map, {kKeyframes, 7}, budget);
+            const std::uint64_t of_one = 2 * kFeatures / 16 + 1;
+            EXPECT_LE(budget.units_spent(), units + of_one * MapCopy::kLateMax + map->points().slots_count() / 16 + 8);
+            return progress;
+        };
+        ASSERT_EQ(copy.begin(space.span(), limits, {}), Status::kOk);
+        for (std::uint32_t i = 0; i < kKeyframes; ++i) ASSERT_EQ(step(1), Progress::kWorking) << "a keyframe a step";
+        for (std::uint32_t i = 0; i < late; ++i) show(keyframes[i], kFeatures / 2);
+        const bool is_too_late = late > MapCopy::kLateMax;
+        EXPECT_EQ(step(1), is_too_late ? Progress::kWorking : Progress::kDone) << late;
+        std::uint32_t steps = 0;
+        while (is_too_late && step(1) == Progress::kWorking) ++steps;
+        EXPECT_EQ(steps, is_too_late ? late : 0U) << "those that changed, and the instant";
+        EXPECT_EQ(step(1), Progress::kIdle);
+        ASSERT_EQ(copy.begin(whole.span(), limits, {}), Status::kOk);
+        ASSERT_EQ(step(1000), Progress::kDone);
+        EXPECT_EQ(MapFileWriter(space.span()).info().features, kKeyframes * kFeatures + late * kFeatures / 2);
+        EXPECT_TRUE(space.file() == whole.file()) << late;
+    }
+}
+
+// Promise: a map that was made through a lens that Brown's five numbers do not tell is read by a camera of that very
+// lens and by no other.
+TEST(MapFile, TheLensMustBeTheSame) {
+    const Sequence& sequence = tiny_sequence();
+    CameraModel lens = sequence.camera;
+    lens.k4 = 1e-6;
+    EngineRig maker(Limits::tiny(), lens);
+    test::run(*maker, sequence, 0, 5);
+    const Bytes file = test::saved(*maker, Limits::tiny());
+    for (const double k4 : {1e-6, 2e-6, 0.0}) {
+        lens.k4 = k4;
+        EngineRig reader(Limits::tiny(), lens);
+        MapFileProblem problem;
+        const Status status = reader->load_map(file, MapUse::kContinue, problem);
+        EXPECT_EQ(status, k4 == 1e-6 ? Status::kOk : Status::kInvalid) << k4;
+        EXPECT_EQ(problem.fault, k4 == 1e-6 ? MapFault::kNone : MapFault::kOtherCamera) << k4;
+    }
 }
 
 // Promise: an engine that loaded a map and one that loaded it from another processor's or its own file go on alike:

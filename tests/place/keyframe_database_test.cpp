@@ -122,6 +122,29 @@ TEST_F(Database, NeverFull) {
     expect_sound();
 }
 
+// Promise: the pool has exactly the blocks that the limits can ask for, and every one of them is found: a keyframe
+// whose features have a word each takes them all, again and again.
+TEST_F(Database, EveryBlockIsThere) {
+    Limits limits = kLimits;
+    limits.keyframes_max = 1;
+    test::InMemory<KeyframeDatabase> database{limits};
+    std::vector<std::uint16_t> words;
+    for (std::uint32_t i = 0; i < limits.features_max; ++i) words.push_back(static_cast<std::uint16_t>(i));
+    words_->assign(words);
+    words_->weigh(vocabulary_, std::vector<std::uint8_t>(words.size(), 1));
+    ASSERT_EQ(words_->bag().size(), limits.features_max);
+    for (int round = 0; round < 3; ++round) {
+        database->add(0, *words_);
+        for (std::uint32_t word = 0; word < limits.features_max; ++word) {
+            ASSERT_EQ(database->visit_keyframes(word, [](std::uint32_t, std::uint32_t) {}), 1U) << word;
+        }
+        database->remove(0);
+        for (std::uint32_t word = 0; word < limits.features_max; ++word) {
+            ASSERT_EQ(database->visit_keyframes(word, [](std::uint32_t, std::uint32_t) {}), 0U) << word;
+        }
+    }
+}
+
 // Promise: whatever came and went, an answer is that of comparing with every keyframe, exactly.
 TEST_F(Database, AnswersAsByForce) {
     for (int round = 0; round < 1000; ++round) {

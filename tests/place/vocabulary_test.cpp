@@ -172,6 +172,20 @@ TEST(Vocabulary, RefusesEveryFlippedBit) {
     }
 }
 
+// Promise: a word that weighs more than scores have room for is refused, whichever it is; the most is taken.
+TEST(Vocabulary, NoWordWeighsTooMuch) {
+    const ByteVector whole = test::vocabulary_bytes({3, 2, 0, 5});
+    const auto words = static_cast<std::size_t>(get(whole, 40, 4));
+    for (const std::size_t word : {std::size_t{0}, words / 2, words - 1}) {
+        for (const std::uint64_t more : {0U, 1U, 1'000'000U}) {
+            ByteVector bytes = whole;
+            put(bytes, whole.size() - 4 * (words - word), kVocabularyWeightMax + more, 4);
+            seal(bytes);
+            EXPECT_EQ(open_status(bytes), more == 0 ? Status::kOk : Status::kCorrupt) << word << ": " << more;
+        }
+    }
+}
+
 // Promise: a header whose check sum is right and whose numbers are not is refused; what only informs may be anything.
 TEST(Vocabulary, RefusesContradictions) {
     const ByteVector whole = test::vocabulary_bytes({3, 2, 0, 5});

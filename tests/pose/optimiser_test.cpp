@@ -86,6 +86,7 @@ TEST(PoseOptimiser, InformationEqualsNumericalDifferentiation) {
         for (Correspondence& one : c) {
             one.has_depth = random.below(3) != 0;
             one.weight = random.uniform(0.1, 1.0);
+            if (random.below(4) == 0) one.var_z = random.uniform(1, 9);  // far away: little is not nothing
         }
         c[0].weight = 1.0;  // weights are relative to the largest
         const PoseFit fit = optimise_pose(c, all_of(c), pose, kAll, 0);

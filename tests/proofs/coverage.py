@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Which branches of the engine its tests take, room by room, against gates.
 
-usage: coverage.py [--rooms A,B] [--lines] [--no-run] [BUILD]
+usage: coverage.py [--rooms A,B] [--units] [--lines] [--no-run] [--again] [--jobs N] [BUILD]
 
 BUILD (build/proofs) is of the preset `proofs`: clang writes down how often each condition was true and how often false.
 Run are the unit tests of the engine's rooms, the committed inputs of the fuzzers that look at the engine, and the golden runs and
@@ -14,16 +14,21 @@ of a switch without `default` fits (-Wswitch holds enumerations to all of theirs
 there.
 
 Gates: the engine 95 %, the rooms base, mesh, static_region and record 98 % each. --lines prints each branch that was never
-taken, --rooms only those of some rooms, --no-run reads what the last run wrote. Exit: 0 all gates hold, 1 not.
+taken, --rooms only those of some rooms. --units runs the unit tests alone, with --rooms those of these rooms alone: what a room's
+own tests promise about it (no gate for the engine then). What a program reached is kept beside the build until it is linked anew
+or its inputs change, so that only what changed is run again; --again runs all of it, --no-run nothing. A program that fails is
+named, and what it reached counts. Exit: 0 all gates hold and nothing failed, 1 not.
 """
 import argparse
 import collections
+import concurrent.futures
 import json
 import os
 import pathlib
 import re
 import subprocess
 import sys
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 LEFT_OUT_FILES = ("engine/base/check.cpp",)
@@ -31,10 +36,16 @@ GATES = {"base": 98, "mesh": 98, "static_region": 98, "record": 98}
 ENGINE_GATE = 95
 TESTS = """adjust base engine features geometry loop_closing map mapping matching mesh persist place pose recognition schedule
 static_region store tracking world""".split()
+# The unit tests of a room where they are not test_<room>.
+TESTS_OF = {"frame": ["features", "matching"], "paging": ["store"], "record": ["persist"], "motion": ["tracking"], "": ["engine"]}
 FUZZED = "engine features map map_store mesh vocabulary".split()
+LIMIT_S = 1800  # for one program; the longest took 5 minutes on a busy machine
 
 
-def targets():
+def targets(rooms, is_units):
+    if is_units:
+        wanted = sorted({test for room in rooms for test in TESTS_OF.get(room, [room])}) if rooms else TESTS
+        return [f"test_{name}" for name in wanted]
     return [f"test_{name}" for name in TESTS] + [f"fuzz_replay_{name}" for name in FUZZED] + ["stillmesh"]
 
 
@@ -46,35 +57,73 @@ def program_of(build, target):
     return build / "tests" / target.removeprefix("test_") / target
 
 
-def run(build, raw):
-    """Every program once; what it reached lies in raw."""
-    raw.mkdir(exist_ok=True)
-    for old in raw.glob("*.profraw"):
+def command_of(build, target):
+    program = str(program_of(build, target))
+    if target == "stillmesh":
+        return [sys.executable, str(ROOT / "tests/determinism/golden.py"), program]
+    if target.startswith("fuzz_"):
+        folders = [ROOT / "fuzz" / kind / target.removeprefix("fuzz_replay_") for kind in ("corpus", "regressions")]
+        return [program, *(str(folder) for folder in folders if folder.is_dir())]
+    return [program, "--gtest_brief=1"]
+
+
+def run_one(build, raw, target):
+    """One program; what it reached lies in raw/<target>.profdata. False: it failed."""
+    for old in raw.glob(f"{target}-*.profraw"):
         old.unlink()
-    failed = []
-    for target in targets():
-        program = program_of(build, target)
-        command = [str(program), "--gtest_brief=1"]
-        if target.startswith("fuzz_"):
-            name = target.removeprefix("fuzz_replay_")
-            folders = [ROOT / "fuzz" / kind / name for kind in ("corpus", "regressions")]
-            command = [str(program), *(str(folder) for folder in folders if folder.is_dir())]
-        if target == "stillmesh":
-            command = [sys.executable, str(ROOT / "tests/determinism/golden.py"), str(program)]
-        environment = {**os.environ, "LLVM_PROFILE_FILE": str(raw / f"{target}-%m.profraw")}
-        ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        print(f"coverage: {target} {'passed' if ran.returncode == 0 else f'ended with {ran.returncode}'}", flush=True)
-        if ran.returncode != 0:
-            failed.append(target)
-            print((ran.stdout + ran.stderr)[-3000:])
+    environment = {**os.environ, "LLVM_PROFILE_FILE": str(raw / f"{target}-%m.profraw")}
+    begin = time.monotonic()
+    try:
+        ran = subprocess.run(command_of(build, target), env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             text=True, errors="replace", check=False, timeout=LIMIT_S)
+        code, said = ran.returncode, ran.stdout
+    except subprocess.TimeoutExpired:
+        code, said = f"nothing within {LIMIT_S} s", ""
+    print(f"coverage: {target} {'passed' if code == 0 else f'ended with {code}'} ({time.monotonic() - begin:.0f} s)", flush=True)
+    if code != 0:
+        print(said[-3000:], flush=True)
+    written = sorted(raw.glob(f"{target}-*.profraw"))
+    if written:  # what a program that was killed wrote may be torn: the others count
+        subprocess.run(["llvm-profdata", "merge", "-sparse", "-failure-mode=all", "-o", str(raw / f"{target}.profdata"),
+                        *map(str, written)], check=True, stderr=subprocess.DEVNULL)
+    for old in written:
+        old.unlink()
+    return code == 0
+
+
+def run(build, raw, wanted, arguments):
+    """What has been linked since it was run last; those that failed."""
+    raw.mkdir(exist_ok=True)
+    due = []
+    for target in wanted:
+        kept, program = raw / f"{target}.profdata", program_of(build, target)
+        if not program.is_file():
+            sys.exit(f"coverage: {program} is not there: ./run coverage builds it")
+        changed_s = max(os.stat(word).st_mtime for word in command_of(build, target) if os.path.exists(word))
+        if arguments.again or not kept.is_file() or kept.stat().st_mtime < changed_s:
+            kept.unlink(missing_ok=True)
+            due.append(target)
+    with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
+        passed = pool.map(lambda target: run_one(build, raw, target), due)
+        failed = [target for target, is_passed in zip(due, passed) if not is_passed]
+    for target in failed:  # and will be run anew
+        if (raw / f"{target}.profdata").is_file():
+            os.utime(raw / f"{target}.profdata", (0, 0))
     return failed
 
 
-def measured(build, raw):
+def measured(build, raw, wanted):
     """The branches of every file of the engine: {file: {(line, column): [true, false]}}."""
     data = build / "coverage.profdata"
-    subprocess.run(["llvm-profdata", "merge", "-sparse", "-o", str(data), *map(str, sorted(raw.glob("*.profraw")))], check=True)
-    programs = [program_of(build, target) for target in targets()]
+    kept = [raw / f"{target}.profdata" for target in wanted]
+    missing = [file.stem for file in kept if not file.is_file()]
+    if missing:
+        print(f"coverage: nothing is known of what these reach: {' '.join(missing)}")
+    kept = [str(file) for file in kept if file.is_file()]
+    if not kept:
+        sys.exit("coverage: nothing was run")
+    subprocess.run(["llvm-profdata", "merge", "-sparse", "-o", str(data), *kept], check=True)
+    programs = [program_of(build, target) for target in wanted]
     command = ["llvm-cov", "export", f"-instr-profile={data}", "-skip-expansions", str(programs[0])]
     for program in programs[1:]:
         command += ["-object", str(program)]
@@ -138,7 +187,7 @@ def room_of(name):
     return parts[1] if len(parts) > 2 else "(engine itself)"
 
 
-def report(result, rooms, with_lines):
+def report(result, rooms, with_lines, is_units):
     """Prints rooms and the worst files; the gates that do not hold."""
     sums = collections.defaultdict(lambda: [0, 0])
     for name, (taken, every, _) in result.items():
@@ -147,39 +196,46 @@ def report(result, rooms, with_lines):
             sums[key][1] += every
     below = []
     for room, (taken, every) in sorted(sums.items(), key=lambda item: item[1][0] / item[1][1]):
+        if is_units and (room == "engine" or (rooms and room not in rooms)):
+            continue  # others' tests were not run
         gate = ENGINE_GATE if room == "engine" else GATES.get(room)
         share = 100 * taken / every
         print(f"{room:18} {share:6.2f} %  {taken:5} of {every:5}" + (f"   gate {gate} %" if gate else ""))
         if gate and share < gate:
             below.append(room)
     print("\nfiles with the most branches that were never taken:")
-    for name, (taken, every, missed) in sorted(result.items(), key=lambda item: -len(item[1][2]))[:25]:
-        if missed:
-            print(f"{len(missed):4}  {100 * taken / every:6.2f} %  {name}")
-    if with_lines:
-        for name, (_, _, missed) in sorted(result.items()):
-            if missed and (not rooms or room_of(name) in rooms):
-                lines = (ROOT / name).read_text().splitlines()
-                for line, column, word in missed:
-                    print(f"{name}:{line}:{column}: never {word}: {lines[line - 1].strip()[:110]}")
+    looked_at = {name: entry for name, entry in result.items() if entry[2] and (not rooms or room_of(name) in rooms)}
+    for name, (taken, every, missed) in sorted(looked_at.items(), key=lambda item: -len(item[1][2]))[:25]:
+        print(f"{len(missed):4}  {100 * taken / every:6.2f} %  {name}")
+    for name, (_, _, missed) in sorted(looked_at.items()) if with_lines else []:
+        lines = (ROOT / name).read_text().splitlines()
+        for line, column, word in missed:
+            print(f"{name}:{line}:{column}: never {word}: {lines[line - 1].strip()[:110]}")
     return below
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rooms", default="")
+    parser.add_argument("--units", action="store_true")
     parser.add_argument("--lines", action="store_true")
     parser.add_argument("--no-run", action="store_true")
+    parser.add_argument("--again", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--targets", action="store_true", help="only print what has to be built")
     parser.add_argument("build", nargs="?", type=pathlib.Path, default=ROOT / "build/proofs")
     arguments = parser.parse_args()
+    rooms = [room for room in arguments.rooms.split(",") if room]
+    for room in rooms:
+        if room != "" and not (ROOT / "engine" / room).is_dir():
+            sys.exit(f"coverage: there is no room '{room}' in engine/: --rooms names folders of it")
+    wanted = targets(rooms, arguments.units)
     if arguments.targets:
-        print(*targets())
+        print(*wanted)
         return 0
     raw = arguments.build / "raw"
-    failed = [] if arguments.no_run else run(arguments.build, raw)
-    rooms = [room for room in arguments.rooms.split(",") if room]
-    below = report(counted(measured(arguments.build, raw)), rooms, arguments.lines)
+    failed = [] if arguments.no_run else run(arguments.build, raw, wanted, arguments)
+    below = report(counted(measured(arguments.build, raw, wanted)), rooms, arguments.lines, arguments.units)
     for target in failed:
         print(f"coverage: {target} failed: what it reached counts, but mend it first")
     for room in below:

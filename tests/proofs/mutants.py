@@ -1,13 +1,26 @@
 #!/usr/bin/env python3
 """Small bugs planted in the engine, one at a time: which of them do the tests notice?
 
-usage: mutants.py [--count N] [--seed S] [--rooms A,B] [--jobs N] [--units] [--again] [--only FILE:LINE] [BUILD]
+usage: mutants.py [--count N] [--minutes M] [--seed S] [--rooms A,B] [--jobs N] [--units] [--again] [--only FILE:LINE]
+                  [BUILD]
 
 A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped or
-turned, least for most. It is compiled alone, beside the build folder and with that folder's own command, and linked before the
-engine's library: nothing that was built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room
-run, and if they notice nothing the golden runs and stories of the program (recordings: STILLMESH_TEST_DATA). Caught is what fails,
-dies, or needs more than ten times as long as without; what the compiler refuses is no mutant and another is drawn.
+turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and libstdc++'s checks
+of indices: who reads past an end dies), and linked before the engine's library: nothing that was built is touched, so mutants are
+tried side by side (--jobs). Then the unit tests of its room
+run, and if they notice nothing the golden runs and stories of the program, one after another until one notices (recordings:
+STILLMESH_TEST_DATA; what the stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as
+without; what the compiler refuses is no mutant and another is drawn.
+
+No mutants, since no test of results can tell them from the engine, by rule and not by list:
+  memory  fetching ahead, and room that is reserved: lines with `prefetch`, `kAhead`, `arena` or `create(`
+  work    what a piece of work is said to have cost: lines that assign to `units`, call `spend(` or return units, and *units_max
+  bound   `>=` for `>` in `if (x > y) y = x;`, which does the same, and `<=` for `<` in a loop over the slots of a pool that first
+          asks whether the slot is taken, which behind the last one it is not
+  tie     `<` for `<=` and the like between two computed floating-point numbers, which differ only where both are equal to the
+          last bit (clang says which are floating-point, -Wfloat-equal; a comparison with a literal is a mutant)
+  same    what survives and compiles with -O2 to the same instructions as the engine
+The first three are never drawn, the others looked for among survivors; they are counted and named, and are not in the share.
 
 --units: the unit tests alone, which says what they promise by themselves; what survives them is tried anew without it. What was
 tried is kept in BUILD/mutants.jsonl, by the text of the file and of the change: stopped and started again it goes on, and a mutant
@@ -15,9 +28,9 @@ that survived is tried anew only with --again (after a test was written). BUILD 
 Survivors are printed with file, line and change. Exit: 0 at least 95 % caught, 1 not, 2 the tests fail without a mutant.
 """
 import argparse
+import collections
 import concurrent.futures
-import dataclasses
-import hashlib
+import contextlib
 import json
 import os
 import pathlib
@@ -25,63 +38,21 @@ import random
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 GATE = 95
-GOLDEN = ROOT / "tests/determinism/golden.py"
+GOLDEN = pathlib.Path(__file__).resolve().parents[1] / "determinism/golden.py"
+sys.path.insert(0, str(GOLDEN.parent))
+import golden  # noqa: E402  # the names of its runs and stories
+from planted import LEFT_OUT, ROOT, is_no_change, mutants_of, room_of, tie_of  # noqa: E402
 # The unit tests of a room: test_<room> of tests/<room>, or those.
 TESTS = {"frame": ["features", "matching"], "paging": ["store"], "record": ["persist"], "world": ["world", "mapping"],
          "": ["engine"]}
-# What processors of another kind run, and what has no branch worth turning.
-LEFT_OUT = re.compile(r"kernels_(neon|avx2|sse2)|version|generated")
-TURNS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "), (r" == ", " != "), (r" != ", " == "),
-         (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " / "), (r" \+= ", " -= "), (r" -= ", " += "), (r" && ", " || "),
-         (r" \|\| ", " && "), (r"std::min\(", "std::max("), (r"std::max\(", "std::min("), (r"(?<=[(= ])-(?=[a-z(])", ""),
-         (r"(?<=[( ])!(?=[a-z(])", ""), (r"\btrue\b", "false"), (r"\bfalse\b", "true")]
-NUMBER = re.compile(r"(?<![\w.\"'])(\d+)(U?)(?![\w.'])")
-GUARD = re.compile(r"^(\s*)if \(.*\) (return|continue|break)\b[^;]*;\s*$")
-
-
-@dataclasses.dataclass(frozen=True)
-class Mutant:
-    file: str
-    line: int
-    before: str
-    after: str
-
-    def key(self, text):
-        return hashlib.sha256(f"{self.file}\0{text}\0{self.line}\0{self.after}".encode()).hexdigest()[:20]
-
-    def __str__(self):
-        return f"{self.file}:{self.line}\n  - {self.before.strip()}\n  + {self.after.strip() or '(nothing)'}"
-
-
-def without_words(text):
-    """The source with comments and strings blanked, lines and columns kept."""
-    return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:[^"\\\n]|\\.)*"', lambda found: re.sub(r"[^\n]", " ", found[0]), text, flags=re.S)
-
-
-def mutants_of(name):
-    text = (ROOT / name).read_text()
-    lines, bare = text.splitlines(), without_words(text).splitlines()
-    for number, (line, code) in enumerate(zip(lines, bare), 1):
-        if re.search(r"^\s*#|STILLMESH_CHECK|static_assert|^\s*(using|template|namespace)\b", code):
-            continue
-        if GUARD.match(code):
-            yield Mutant(name, number, line, "")
-        for pattern, new in TURNS:
-            for found in re.finditer(pattern, code):
-                yield Mutant(name, number, line, line[:found.start()] + new + line[found.end():])
-        for found in NUMBER.finditer(code):
-            yield Mutant(name, number, line, f"{line[:found.start()]}{int(found[1]) + 1}{found[2]}{line[found.end():]}")
-
-
-def room_of(name):
-    return name.split("/")[1] if name.count("/") > 1 else ""
 
 
 def tests_of(room):
@@ -96,12 +67,17 @@ class Build:
         self.compile_of = {entry["file"]: entry["command"] for entry in json.loads((folder / "compile_commands.json").read_text())
                            if "stillmesh_engine_objects" in entry["command"]}
         self.link_of = {}
+        self.known_instructions = {}
+        self.scratch = None  # a folder for mutants, and for what stories show
+
+    @staticmethod
+    def path_of(target):
+        return f"platform/cli/{target}" if target == "stillmesh" else f"tests/{target[5:]}/{target}"
 
     def link_command(self, target):
         if target not in self.link_of:
-            path = str(pathlib.Path("platform", "cli", target)) if target == "stillmesh" else f"tests/{target[5:]}/{target}"
-            said = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", path], capture_output=True, text=True,
-                                  check=True).stdout
+            said = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", self.path_of(target)],
+                                  capture_output=True, text=True, check=True).stdout
             self.link_of[target] = self.command_of(said, target)
         return list(self.link_of[target])
 
@@ -117,28 +93,77 @@ class Build:
     def compiled(self, mutant, work):
         """The object of the mutated source, None if the compiler refuses it."""
         original = ROOT / mutant.file
-        lines = original.read_text().splitlines(keepends=True)
-        lines[mutant.line - 1] = mutant.after + "\n"
         source, made = work / original.name, work / "mutant.o"
-        source.write_text("".join(lines))
-        words = shlex.split(self.compile_of[str(original)])
-        words[words.index("-o") + 1] = str(made)
-        words[words.index("-c") + 1] = str(source)
-        ran = subprocess.run([word for word in words if word != "-Werror"], cwd=self.folder, capture_output=True, check=False)
+        source.write_text(with_line(original.read_text(), mutant.line, mutant.after))
+        # Indices are checked in the mutated source: who reads one past the end of a span dies, and is caught.
+        words = [*self.without_header(mutant.file), "-D_GLIBCXX_ASSERTIONS", "-o", str(made), "-c", str(source)]
+        ran = subprocess.run(words, cwd=self.folder, capture_output=True, check=False)
         return made if ran.returncode == 0 else None
+
+    def without_header(self, name):
+        """The command that compiles a source, without what goes in and out and the header that was compiled before."""
+        words, kept = shlex.split(self.compile_of[str(ROOT / name)]), []
+        while words:
+            word = words.pop(0)
+            if word in ("-Xclang", "-o", "-c"):
+                words.pop(0)
+            elif word not in ("-Winvalid-pch", "-Werror"):
+                kept.append(word)
+        return kept
 
     def linked(self, target, mutated, work):
         words = self.link_command(target)
         program = work / target
         words[words.index("-o") + 1] = str(program)
-        # Before the libraries: what the mutated object defines is not looked for in them. The program brings the engine as
-        # one object, in which nothing can be replaced; here it gets the library of objects.
-        words.insert(words.index("-o"), str(mutated))
+        # First: what the mutated object defines is not looked for in the libraries, and of what headers define its copy counts,
+        # which checks indices. The program brings the engine as one object, in which nothing can be replaced; here it gets the
+        # library of objects.
+        words.insert(1, str(mutated))
         words = [word.replace("libstillmesh-engine.a", "libstillmesh_engine_inner.a") for word in words]
+        if shutil.which("ld.lld"):
+            words.insert(1, "-fuse-ld=lld")
         ran = subprocess.run(words, cwd=self.folder, capture_output=True, text=True, check=False)
         if ran.returncode != 0:
             sys.exit(f"mutants: {target} does not link:\n{ran.stderr[-2000:]}")
         return program
+
+    def alone(self, name, text, work, *options):
+        """The compiler over a text in place of a source, without what only counting needs."""
+        source = work / pathlib.Path(name).name
+        source.write_text(text)
+        counting = ("-O1", "-fprofile-instr-generate", "-fcoverage-mapping")
+        words = [word for word in self.without_header(name) if word not in counting]
+        return subprocess.run([*words, *options, source.name], cwd=work, capture_output=True, text=True, check=False)
+
+    def instructions(self, name, text, work):
+        return self.alone(name, text, work, "-O2", "-S", "-o", "-").stdout
+
+    def instructions_of_engine(self, name, text, work):
+        if name not in self.known_instructions:
+            self.known_instructions[name] = self.instructions(name, text, work)
+        return self.known_instructions[name]
+
+    def equivalent(self, mutant, work):
+        """The rule by which a survivor is no mutant, or None."""
+        text = (ROOT / mutant.file).read_text()
+        turned = tie_of(mutant)
+        if turned:
+            said = self.alone(mutant.file, with_line(text, mutant.line, turned), work, "-fsyntax-only", "-Wfloat-equal").stderr
+            if re.search(rf":{mutant.line}:\d+: warning: comparing floating point", said):
+                return "tie"
+        mutated = with_line(text, mutant.line, mutant.after)
+        engine = self.instructions_of_engine(mutant.file, text, work)
+        return "same" if engine and engine == self.instructions(mutant.file, mutated, work) else None
+
+
+def with_line(text, line, new):
+    lines = text.splitlines(keepends=True)
+    lines[line - 1] = new + "\n"
+    return "".join(lines)
+
+
+RUNNING = set()  # groups of processes, which end with this program
+SCRATCH = []  # its folder, which goes with it
 
 
 def ended(command, limit_s):
@@ -146,28 +171,41 @@ def ended(command, limit_s):
     environment = {**os.environ, "LLVM_PROFILE_FILE": "/dev/null", "STILLMESH_NATIVE_PROGRAM": ""}
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
                           start_new_session=True) as process:
+        RUNNING.add(process.pid)
         try:
             return process.wait(limit_s)
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, 9)
+            os.killpg(process.pid, signal.SIGKILL)
             return "slow"
+        finally:
+            RUNNING.discard(process.pid)
+
+
+def stop(*_):
+    """Ctrl-C and the like: what was tried is kept."""
+    for group in list(RUNNING):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGKILL)
+    if SCRATCH:
+        shutil.rmtree(SCRATCH[0], ignore_errors=True)
+    os._exit(1)
 
 
 def steps_of(room, is_golden):
-    """What is run for a mutant of a room, the quickest first: a name and the target that it needs."""
-    golden = [(f"golden {part}", "stillmesh") for part in ("runs", "stories")] if is_golden else []
-    return [(test, test) for test in tests_of(room)] + golden
+    """What is run for a mutant of a room: a name and the target that it needs; the dearest golden run last."""
+    names = sorted((*golden.RUNS, *golden.SEQUENCES), key=lambda name: name == "loop_closed")
+    return [(test, test) for test in tests_of(room)] + [(f"golden {name}", "stillmesh") for name in names if is_golden]
 
 
-def command_of(name, program):
+def command_of(build, name, program):
     if name.startswith("golden "):
-        return [sys.executable, str(GOLDEN), "--part", name.split()[1], str(program)]
+        return [sys.executable, str(GOLDEN), "--only", name.split()[1], "--rendered", str(build.scratch), str(program)]
     return [str(program), "--gtest_brief=1", "--gtest_fail_fast"]
 
 
 def try_mutant(build, mutant, limits, is_golden):
-    """What caught it: the name of a test, `compiler`, or None: it survived."""
-    with tempfile.TemporaryDirectory(prefix="mutant", dir=build.folder) as folder:
+    """What caught it: the name of a test, `compiler`, `rule` and its name: it is none, or None: it survived."""
+    with tempfile.TemporaryDirectory(dir=build.scratch) as folder:
         work = pathlib.Path(folder)
         made = build.compiled(mutant, work)
         if made is None:
@@ -176,38 +214,49 @@ def try_mutant(build, mutant, limits, is_golden):
         for name, target in steps_of(room_of(mutant.file), is_golden):
             if target not in programs:
                 programs[target] = build.linked(target, made, work)
-            code = ended(command_of(name, programs[target]), limits[name])
-            if code != 0:
+            code = ended(command_of(build, name, programs[target]), limits.limit_s(name, target))
+            if code not in (0, 77):
                 return name + (" (time)" if code == "slow" else "")
-        return None
+        rule = build.equivalent(mutant, work)
+        return f"rule {rule}" if rule else None
 
 
-def limits_without_mutants(build, rooms, is_golden):
-    """How long each test may take: ten times what it takes without a mutant, which is linked as mutants are."""
-    limits = {}
-    with tempfile.TemporaryDirectory(prefix="mutant", dir=build.folder) as folder:
-        work = pathlib.Path(folder)
-        untouched = work / "mutant.o"
-        some = next(name for name in build.compile_of if name.endswith("engine/base/check.cpp"))
-        words = shlex.split(build.compile_of[some])
-        shutil.copy(build.folder / words[words.index("-o") + 1], untouched)
-        for room in rooms:
-            for name, target in steps_of(room, is_golden):
-                if name in limits:
-                    continue
-                command = command_of(name, build.linked(target, untouched, work))
-                begin = time.monotonic()
-                code = ended(command, 1800)
-                if code not in (0, 77):
-                    print(f"mutants: {name} fails without a mutant ({code}): {shlex.join(command)}")
-                    sys.exit(2)
-                limits[name] = 10 * (time.monotonic() - begin) + 20
-                print(f"mutants: {name} takes {(limits[name] - 20) / 10:.1f} s", flush=True)
-    return limits
+class Limits:
+    """How long each test may take: ten times what it takes without a mutant, which is measured when it is first needed, linked as
+    mutants are, and kept until the program is linked anew."""
+
+    def __init__(self, build):
+        self.build = build
+        self.file = build.folder / "mutants_seconds.json"
+        self.kept = json.loads(self.file.read_text()) if self.file.is_file() else {}
+        self.of_name = collections.defaultdict(threading.Lock)
+
+    def limit_s(self, name, target):
+        with self.of_name[name]:
+            linked_s = (self.build.folder / self.build.path_of(target)).stat().st_mtime
+            if self.kept.get(name, [0])[0] != linked_s:
+                self.kept[name] = [linked_s, self.measured_s(name, target)]
+                print(f"mutants: {name} takes {self.kept[name][1]:.1f} s", flush=True)
+                self.file.write_text(json.dumps(dict(self.kept)))
+            return 10 * self.kept[name][1] + 20
+
+    def measured_s(self, name, target):
+        with tempfile.TemporaryDirectory(dir=self.build.scratch) as folder:
+            work = pathlib.Path(folder)
+            some = next(file for file in self.build.compile_of if file.endswith("engine/base/check.cpp"))
+            words = shlex.split(self.build.compile_of[some])
+            shutil.copy(self.build.folder / words[words.index("-o") + 1], work / "mutant.o")
+            command = command_of(self.build, name, self.build.linked(target, work / "mutant.o", work))
+            begin = time.monotonic()
+            code = ended(command, 1800)
+            if code not in (0, 77):
+                print(f"mutants: {name} fails without a mutant ({code}): {shlex.join(command)}", flush=True)
+                os._exit(2)  # of a thread; nothing that is tried by now would mean anything
+            return time.monotonic() - begin
 
 
 def drawn(arguments):
-    """All mutants of the rooms in the order of the seed: rooms in turn, so that a small one is not lost beside a large one."""
+    """All mutants of the rooms in the order of the seed."""
     rooms = {}
     for path in sorted((ROOT / "engine").rglob("*.cpp")):
         name = path.relative_to(ROOT).as_posix()
@@ -217,6 +266,7 @@ def drawn(arguments):
     generator = random.Random(arguments.seed)
     everything = [mutant for mutants in rooms.values() for mutant in mutants]
     generator.shuffle(everything)
+    everything = [mutant for mutant in everything if not is_no_change(mutant)]
     if arguments.only:
         return [mutant for mutant in everything if f"{mutant.file}:{mutant.line}" == arguments.only]
     return everything
@@ -225,6 +275,7 @@ def drawn(arguments):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mutant after that")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rooms", default="")
     parser.add_argument("--jobs", type=int, default=1)
@@ -242,15 +293,30 @@ def main():
     if not mutants:
         sys.exit("mutants: nothing to change there: --rooms names folders of engine/, --only a line of a .cpp file of it")
     build = Build(arguments.build.resolve())
-    known_file = build.folder / "mutants.jsonl"
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    with tempfile.TemporaryDirectory(prefix="mutants", dir=build.folder) as folder:
+        SCRATCH.append(folder)
+        build.scratch = pathlib.Path(folder)
+        return say(*try_all(build, mutants, Limits(build), arguments))
+
+
+def known_before(file, is_units):
+    """What was tried before, by key; that a mutant survives the unit tests alone says nothing of all tests."""
     known = {}
-    if known_file.is_file():
-        for line in known_file.read_text().splitlines():
-            entry = json.loads(line)
-            if entry["caught"] or entry["units"] == arguments.units:
-                known[entry["key"]] = entry["caught"]
-    limits = limits_without_mutants(build, rooms, not arguments.units)
-    tried, waiting = [], iter(mutants)
+    for line in file.read_text().splitlines() if file.is_file() else []:
+        entry = json.loads(line)
+        if entry["caught"] or entry["units"] == is_units:
+            known[entry["key"]] = entry["caught"]
+    return known
+
+
+def try_all(build, mutants, limits, arguments):
+    """As many mutants as are asked for, side by side: those tried with what caught them, and those that are none by rule."""
+    known_file = build.folder / "mutants.jsonl"
+    known = known_before(known_file, arguments.units)
+    end = time.monotonic() + 60 * arguments.minutes
+    tried, none, waiting = [], [], iter(mutants)
 
     def one(mutant):
         key = mutant.key((ROOT / mutant.file).read_text())
@@ -265,27 +331,30 @@ def main():
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         running = set()
         while True:
-            left = arguments.count - len(tried) - len(running)
+            left = arguments.count - len(tried) - len(running) if time.monotonic() < end else 0
             for mutant in [m for _, m in zip(range(min(left, arguments.jobs - len(running))), waiting)]:
                 running.add(pool.submit(one, mutant))
             if not running:
-                break
+                return tried, none
             done, running = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED)
             for mutant, caught in (future.result() for future in done):
-                if caught != "compiler":
-                    tried.append((mutant, caught))
-                    print(f"{len(tried):4} {'SURVIVED' if caught is None else caught}: {mutant}", flush=True)
-    return say(tried)
+                if caught == "compiler":
+                    continue
+                is_none = caught is not None and caught.startswith("rule ")
+                (none if is_none else tried).append((mutant, caught))
+                print(f"{len(tried):4} {'SURVIVED' if caught is None else caught}: {mutant}", flush=True)
 
 
-def say(tried):
+def say(tried, none):
     survivors = [mutant for mutant, caught in tried if caught is None]
     for mutant in survivors:
         print(f"survived: {mutant}")
     units = sum(caught is not None and caught.startswith("test_") for _, caught in tried)
     share = 100 * (len(tried) - len(survivors)) / max(1, len(tried))
-    print(f"mutants: {len(tried)} tried, {len(tried) - len(survivors)} caught ({share:.1f} %): {units} by unit tests of their room, "
-          f"{len(tried) - len(survivors) - units} by golden hashes alone; gate {GATE} %")
+    rules = collections.Counter(caught.removeprefix("rule ") for _, caught in none)
+    print(f"mutants: {len(tried)} tried, {len(tried) - len(survivors)} caught ({share:.1f} %): {units} by unit tests of their "
+          f"room, {len(tried) - len(survivors) - units} by golden hashes alone; gate {GATE} %; not counted by rule: "
+          + (", ".join(f"{count} {rule}" for rule, count in sorted(rules.items())) or "none"))
     return 0 if share >= GATE else 1
 
 

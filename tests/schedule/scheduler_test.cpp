@@ -322,6 +322,12 @@ TEST(Scheduler, DebtIsPaid) {
     EXPECT_EQ(trace.size(), 2U);
     EXPECT_EQ(scheduler.statistics().largest_slice_units, 100U);
     EXPECT_EQ(scheduler.statistics().largest_overdraw_units, 90U);
+    EXPECT_EQ(scheduler.step(1), Progress::kWorking);
+    task.add_job({85});
+    EXPECT_EQ(scheduler.step(10), Progress::kWorking);  // owes 75
+    EXPECT_EQ(trace.size(), 4U);
+    EXPECT_EQ(scheduler.statistics().largest_slice_units, 100U) << "the largest so far";
+    EXPECT_EQ(scheduler.statistics().largest_overdraw_units, 90U);
 }
 
 // Promise: the hash sees each unit granted and each unit spent, and reset makes it as new.

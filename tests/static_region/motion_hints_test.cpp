@@ -136,6 +136,76 @@ TEST(MotionHints, ARotationAloneLeavesTheTranslation) {
     }
 }
 
+// Promise: wheels that say nothing of the turn leave it to the camera's own motion, and their way counts as it is; an
+// error of it is learned as theirs, and the turn's is not.
+TEST(MotionHints, AWayAloneLeavesTheTurn) {
+    const Parameters parameters = one_clock();
+    const MotionHint hint = hint_of(step_of(0.03, 0, 0, 2), 0.001, -1);
+    for (const bool is_young : {false, true}) {
+        MotionHints hints;
+        hints.begin(step_of(1, 0, 0, 0.3), kStart_ns);
+        hints.take(&hint, kStart_ns + kGap_ns, parameters.hint);
+        RegionContext expected = expectation(step_of(1, 0, 0, 0.35));
+        hints.weigh_in(expected, is_young, parameters);
+        const SE3& met = expected.world_from_camera_predicted;
+        EXPECT_LT(radians_between(met, step_of(1, 0, 0, 0.35)), 1e-12) << "their turn of 2 rad is no turn";
+        EXPECT_EQ(expected.prediction_sigma_rad, 0.03);
+        SE3 way = pose_of(hint.last_from_camera);
+        way.rotation.setIdentity();
+        const SE3 there = step_of(1, 0, 0, 0.3) * way;
+        if (is_young) {
+            EXPECT_LT(test::metres_between(met, there), 1e-12);
+        } else {
+            const double before_m = test::metres_between(step_of(1, 0, 0, 0.35), there);
+            EXPECT_LT(test::metres_between(met, there), 0.8 * before_m);
+            EXPECT_GT(test::metres_between(met, there), 0.2 * before_m) << "both have a say";
+        }
+        EXPECT_TRUE(expected.hint.is_any);
+        EXPECT_FALSE(expected.hint.is_whole);
+        EXPECT_EQ(expected.hint.sharpness_m, is_young ? parameters.hint.young_sharpness : 1);
+        EXPECT_EQ(expected.hint.sharpness_rad, 1);
+        hints.learn(there * step_of(0.5, 0, 0, 1), parameters.hint);
+        EXPECT_GT(hints.scale_translation(), 100);
+        EXPECT_EQ(hints.scale_rotation(), 1);
+    }
+}
+
+// Promise: a way is known as far as the turn before it is, a turn as far as every turn before it; once either is
+// missing it stays so until there is another sure pose. By an oracle over all chains of three hints of every kind.
+TEST(MotionHints, WhatIsMissingOnceIsMissing) {
+    const Parameters parameters = one_clock();
+    const SE3 step = step_of(0.1, 0, 0, 0.2);
+    for (int kinds = 0; kinds < 64; ++kinds) {
+        MotionHints hints;
+        hints.begin(SE3{}, kStart_ns);
+        bool has_way = true, has_turn = true;
+        for (int i = 0; i < 3; ++i) {
+            const bool is_way = (kinds >> (2 * i) & 1) != 0, is_turn = (kinds >> (2 * i + 1) & 1) != 0;
+            const MotionHint hint = hint_of(step, is_way ? 0.001 : -1, is_turn ? 0.001 : -1);
+            hints.take(&hint, kStart_ns + (i + 1) * kGap_ns, parameters.hint);
+            has_way = has_way && is_way && (i == 0 || has_turn);
+            has_turn = has_turn && is_turn;
+            RegionContext expected = expectation(step_of(-7, 0, 0, -1));
+            hints.weigh_in(expected, true, parameters);
+            SE3 there;
+            for (int k = 0; k <= i; ++k) there = there * step;
+            const SE3& met = expected.world_from_camera_predicted;
+            EXPECT_EQ(hints.is_any(), has_way || has_turn) << kinds;
+            EXPECT_EQ(expected.hint.is_whole, has_way && has_turn) << kinds;
+            EXPECT_EQ(radians_between(met, there) < 1e-7, has_turn) << kinds;
+            EXPECT_EQ(test::metres_between(met, there) < 1e-9, has_way) << kinds << " after " << i;
+            if (!has_way) {
+                EXPECT_LT(test::metres_between(met, step_of(-7, 0, 0, -1)), 1e-12) << kinds;
+            }
+            // Off by what is known alone: a pose that is wrong in what no hint tells is no contradiction.
+            SE3 wrong = there;
+            if (!has_way) wrong.translation += Vector3(5, 0, 0);
+            if (!has_turn) wrong.rotation = wrong.rotation * so3_exp(Vector3(0, 1, 0));
+            EXPECT_LT(hints.sigmas_off(wrong, parameters.hint), 1e-3) << kinds << " after " << i;
+        }
+    }
+}
+
 // Promise: a frame without a hint, or chain_s since the last sure pose, and what is expected stays as it is, bit by
 // bit, until there is another sure pose.
 TEST(MotionHints, AChainWithAHoleSaysNothing) {

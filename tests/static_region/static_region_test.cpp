@@ -198,6 +198,59 @@ TEST(StaticRegion, IterationsAreBounded) {
     }
 }
 
+// Promise: a body that fills the picture is followed where nothing else is known, and not where wheels say that the
+// camera stood still: what they say is looked at as it is, however much better the body fits.
+TEST(StaticRegion, WhatIsHintedAtIsLookedAt) {
+    std::size_t followed = 0;
+    for (std::uint64_t seed = 0; seed < 10; ++seed) {
+        Random random(seed);
+        const SE3 pose = test::random_motion(random, 0.5, 0.3);
+        SE3 motion;
+        motion.translation = Vector3(0.08, 0, 0);
+        const Scene scene = room_and_body(12, 285, pose, motion, random);
+        for (const bool is_hinted : {false, true}) {
+            RegionContext context = context_at(pose);
+            context.has_prediction = is_hinted;
+            context.hint.is_any = context.hint.is_whole = is_hinted;
+            context.prediction_sigma_m = context.prediction_sigma_rad = 0.002;
+            Region region(limits_of(300));
+            region->build(scene.correspondences, scene.keypoints, {}, context);
+            const RegionChoice choice = region->choose(scene.correspondences, Parameters{}, context, random);
+            ASSERT_TRUE(choice.is_valid) << seed;
+            const double with_body_m = test::metres_between(choice.world_from_camera, motion * pose);
+            if (!is_hinted) {
+                followed += with_body_m < 0.02 ? 1U : 0U;
+                continue;
+            }
+            EXPECT_LT(test::metres_between(choice.world_from_camera, pose), 0.02) << seed;
+            std::size_t wrong = 0;
+            for (const std::uint16_t i : region->chosen()) wrong += scene.body[i] == 1;
+            EXPECT_LE(wrong, 13U) << seed << ": of 285";
+        }
+    }
+    EXPECT_GE(followed, 5U) << "else it does not fill the picture";
+}
+
+// Promise: where neither points nor triangles nor an expectation have a say, there is a score of nothing, not a
+// division by it.
+TEST(StaticRegion, NothingHasASay) {
+    Random random(9);
+    Scene scene;  // on a line in the picture: no triangle
+    for (int i = 0; i < 40; ++i) {
+        const Vector3 p = at_pixel(20 + 10 * i, 240, random.uniform(1, 3));
+        scene.add(test::measure(p, p, Noise{}, random), 0);
+    }
+    Parameters configuration;
+    configuration.region.score_points = 0;
+    RegionContext context = context_at(SE3{});
+    context.has_prediction = false;
+    Region region(limits_of(50));
+    region->build(scene.correspondences, scene.keypoints, configuration.region, context);
+    const RegionChoice choice = region->choose(scene.correspondences, configuration, context, random);
+    EXPECT_EQ(choice.score, 0);
+    EXPECT_TRUE(test::is_finite(choice.world_from_camera));
+}
+
 // Promise: nothing, next to nothing, lines, one place, no depth, no weights: no valid choice, no crash, no NaN.
 TEST(StaticRegion, DegenerateInputGivesNoChoice) {
     Random random(4);

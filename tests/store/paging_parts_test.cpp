@@ -49,7 +49,8 @@ public:
     std::vector<std::vector<std::uint64_t>> without;
     std::vector<std::uint64_t> used;
     std::size_t answer = 0;
-    bool is_full = false, is_mute = false;
+    bool is_full = false, is_mute = false, is_busy = false;
+    Status says = Status::kOk;  // of an answer
 
     [[nodiscard]] Status keep(const LeavingRegion& region) noexcept override {
         if (is_full) return Status::kFull;
@@ -57,12 +58,14 @@ public:
         return Status::kOk;
     }
     [[nodiscard]] Status ask(const StoreQuestion& question) noexcept override {
+        if (is_busy) return Status::kFull;
         questions.push_back(question);
         without.emplace_back(question.without.begin(), question.without.end());
         return Status::kOk;
     }
     [[nodiscard]] Status poll(StoreAnswer& out, std::span<std::byte> body) noexcept override {
         if (is_mute) return Status::kTimedOut;
+        if (says != Status::kOk) return says;
         out.question = questions.back().number;
         out.id = kept[answer].id;
         out.size_bytes = kept[answer].body.size();
@@ -417,6 +420,36 @@ TEST(RegionReturn, TheStoreMayFail) {
     EXPECT_EQ(spoilt.state.world->statistics.store.damaged, 1U);
     EXPECT_EQ(spoilt.map().changes_hash(), before);
     EXPECT_TRUE(spoilt.of_frame(10).is_null());
+
+    for (const Status says : {Status::kCorrupt, Status::kOk}) {
+        Left wrong;
+        wrong.store.says = says;
+        if (says == Status::kOk) wrong.store.kept[0].body.clear();
+        wrong.take_back();
+        EXPECT_EQ(wrong.state.world->statistics.store.damaged, 1U);
+        EXPECT_TRUE(wrong.of_frame(10).is_null());
+        EXPECT_TRUE(wrong.returns.may_query()) << "it is not waited for any more";
+    }
+}
+
+// Promise: a store that takes no question now is not waited for, and nothing is counted as asked; the next keyframe
+// asks, and its region comes back.
+TEST(RegionReturn, AStoreMayBeBusy) {
+    Left left;
+    left.store.is_busy = true;
+    EXPECT_GT(left.returns.query(), 0U);
+    EXPECT_EQ(left.state.world->statistics.store.asked, 0U);
+    EXPECT_EQ(left.returns.receive(), 0U);
+    EXPECT_TRUE(left.returns.may_query());
+    left.store.is_busy = false;
+    const Handle<Keyframe> last = left.map().recent_keyframe(0);
+    const Handle<Keyframe> next = left.add_keyframe(95, 20.6, 0);
+    const std::vector<Observation> seen(left.map().observations(last).begin(), left.map().observations(last).end());
+    for (const Observation& o : seen) left.add_feature(next, o, o.point);
+    left.places.look_up(next);
+    left.take_back();
+    EXPECT_EQ(left.state.world->statistics.store.asked, 1U);
+    EXPECT_FALSE(left.of_frame(10).is_null());
 }
 
 }  // namespace
