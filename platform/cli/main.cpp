@@ -63,7 +63,7 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
     app.add_option(
            "--camera", options.camera,
            "auto (the first that V4L2, OpenNI2 or libfreenect finds), v4l2 (RealSense and its kind), v4l2:SERIAL, "
-           "v4l2:ir (its left infrared camera for colour), "
+           "v4l2:ir (its left infrared camera for colour), v4l2:alternate (with the projector by turns), "
            "v4l2:DEPTH_NODE,COLOUR_NODE, openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of OpenNI2), "
            "freenect (a Kinect), or ros2[:COLOUR,DEPTH,INFO] (images of a driver of ROS 2); 'stillmesh cameras' lists "
            "what is "
