@@ -41,11 +41,12 @@ struct CameraChoice {
     std::string message{};                 // why not
     AskedNode depth{}, colour{};
     std::string depth_metadata{}, colour_metadata{};  // the nodes behind them, of a RealSense; empty: none
-    bool is_infrared = false;     // a RealSense's left infrared camera stands for colour
-    bool is_alternating = false;  // and the projector is on for every other image
+    bool is_infrared = false;                         // a RealSense's left infrared camera stands for colour
+    bool is_alternating = false;                      // and the projector is on for every other image
 };
 // `wanted`: empty, a serial number, or "DEPTH_NODE,COLOUR_NODE"; "ir" or "SERIAL,ir": of a RealSense the left infrared
-// camera for colour; "alternate" or "SERIAL,alternate": likewise, with a projector that takes turns. `known`: then only that camera.
+// camera for colour; "alternate" or "SERIAL,alternate": likewise, with a projector that takes turns. `known`: then only
+// that camera.
 [[nodiscard]] CameraChoice choose_camera(V4l2Link& link, const std::string& wanted, const Identity& known);
 
 // A sentence about a node that cannot be used, for the user.

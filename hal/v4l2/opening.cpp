@@ -288,8 +288,8 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     if (is_realsense) set_emitter(opened);
     if (is_realsense) start_metadata(choice, opened);
     if (opened.is_alternating && !depth_metadata.is_on()) {
-        message = opened.description + ": which images have the projector's dots is not known: " +
-                  opened.notes.back() + " Take --camera v4l2:ir, or v4l2.";
+        message = opened.description + ": which images have the projector's dots is not known: " + opened.notes.back() +
+                  " Take --camera v4l2:ir, or v4l2.";
         return Status::kInvalid;
     }
     const double depth_rate = depth.mode().frames_per_s();
@@ -314,8 +314,8 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     opened.description += ", " + mode_text(colour.mode()) + ", depth " + mode_text(depth.mode()) +
                           (opened.is_alternating ? ", in the left infrared camera's view, its projector takes turns"
                            : opened.is_infrared  ? ", in the left infrared camera's view"
-                           : is_taken         ? ", taken as registered"
-                                              : ", registered here");
+                           : is_taken            ? ", taken as registered"
+                                                 : ", registered here");
     return Status::kOk;
 }
 

@@ -1,6 +1,6 @@
 // A RealSense D4xx that is plugged in, asked through the extension unit of its depth node: serial number, firmware,
-// depth unit, calibration; and told whether its projector takes turns with the images. Cost: a message of 1 kB to and fro for each; a camera that does not answer takes uvcvideo's
-// own 5 s, once.
+// depth unit, calibration; and told whether its projector takes turns with the images. Cost: a message of 1 kB to and
+// fro for each; a camera that does not answer takes uvcvideo's own 5 s, once.
 #pragma once
 
 #include <string>

@@ -42,7 +42,7 @@ struct Session : live::LiveSession<Image> {
 private:
     static constexpr std::uint32_t kWithoutMax = 30;  // images in a row without what the camera says about them
 
-    static constexpr std::uint32_t kAlikeMax = 30;    // pictures in a row, all with the projector or all without
+    static constexpr std::uint32_t kAlikeMax = 30;  // pictures in a row, all with the projector or all without
 
     void account(const ImageFacts& facts) noexcept;
     // Where the projector takes turns: whether the image is one to be used.
@@ -53,7 +53,7 @@ private:
     ImageClock image_clock_{0, 0};
     std::uint32_t without_ = 0;  // images in a row
     bool is_without_ = false, is_without_told_ = false;
-    bool has_depth_ = false;   // of an image with the projector, for the picture after it
+    bool has_depth_ = false;  // of an image with the projector, for the picture after it
     bool was_laser_on_ = false;
     std::uint32_t alike_ = 0;  // pictures in a row
     bool is_alike_ = false, is_alike_told_ = false;

@@ -432,8 +432,9 @@ TEST(V4l2Camera, Infrared) {
     EXPECT_NE(without.camera->message().find("has no infrared images"), std::string::npos) << without.camera->message();
 }
 
-// Promise: with a projector that takes turns, every picture is one without dots, of 30 a second, with depth of the image
-// just before, which had them; also when it is opened again; whoever opens the camera otherwise next ends the turns.
+// Promise: with a projector that takes turns, every picture is one without dots, of 30 a second, with depth of the
+// image just before, which had them; also when it is opened again; whoever opens the camera otherwise next ends the
+// turns.
 TEST(V4l2Camera, TheProjectorTakesTurns) {
     for (const char* const name : {"alternate", "012345,alternate"}) {
         Rig rig({.device = name});
