@@ -231,7 +231,9 @@ int program(int argc, char** argv) {
                      "what 'stillmesh rerun' needs to repeat this run bit for bit")
         ->type_name("FILE")
         ->group("What comes out");
-    run_app->add_option("--record-frames", arguments.record_frames, "the frames, as a folder to replay")
+    run_app
+        ->add_option("--record-frames", arguments.record_frames,
+                     "the frames, as a folder to replay, or a bag FILE.mcap")
         ->type_name("DIR")
         ->group("What comes out");
     run_app
@@ -379,9 +381,10 @@ int program(int argc, char** argv) {
     CLI::App* const capture_app = app.add_subcommand("capture", "record a live camera, to be run later");
     add_camera_options(*capture_app, capture.camera, capture.does_wait, "Camera");
     capture_app->get_option("--camera")->required();
-    capture_app->add_option("--out", capture.out, "folder to make (TUM layout), or FILE.oni")
+    capture_app
+        ->add_option("--out", capture.out, "folder to make (TUM layout), FILE.mcap (a bag of ROS 2), or FILE.oni")
         ->required()
-        ->type_name("DIR|FILE.oni");
+        ->type_name("DIR|FILE.mcap|FILE.oni");
     capture_app->add_option("--calibration", capture.camera.calibration, "camera file or name, kept with the recording")
         ->type_name("FILE|NAME");
     capture_app->add_option("--frames", capture.frames, "stop after so many frames")
