@@ -39,7 +39,7 @@ template <typename Argument>
     return 0;
 }
 
-// Of a node's buffers. It is asked each time (0.3 us) instead of being remembered for each handle.
+// Of a node's buffers. It is asked each time, which waits for nothing, instead of being remembered for each handle.
 [[nodiscard]] std::uint32_t type_of(int handle) noexcept {
     std::uint32_t capabilities = 0;
     static_cast<void>(ask_capabilities(handle, capabilities));

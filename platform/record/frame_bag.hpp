@@ -3,7 +3,8 @@
 // not at all: a file whose writer was killed has every frame before, and reads without its index. Depth of 1000 units
 // per metre is 16UC1, others become metres (32FC1), as REP 118 has it: 1/5000 m survives that, finer units are rounded
 // by its reader. What a CameraInfo does not know (the readout of a rolling shutter) and masks are left out. Memory: one
-// frame twice, 24 bytes a frame for the index. Cost: a copy and a checksum, 3 ms per 640x480 frame.
+// frame twice, 24 bytes a frame for the index. Cost: two copies and a checksum: 2 ms per 640x480 frame of
+// 16UC1, 3 ms of 32FC1 (the fastest tenth, beside a load of 11).
 #pragma once
 
 #include <cstdint>
