@@ -1,7 +1,7 @@
-// What a camera behind V4L2 may answer. First byte even: calibration tables, details and depth unit, as they are and
-// with their checksum repaired: a sentence, or cameras that can be. Odd: a whole device whose every answer comes from
-// the bytes (nodes, modes, formats, buffers, errors, images): opened, polled, closed and opened again, it gives a
-// sentence or frames of the camera's form; everything it gave is given back.
+// What a camera behind V4L2 may answer. First byte even: calibration tables, details, depth unit and metadata of
+// images, as they are and with their checksum repaired: a sentence, or cameras that can be. Odd: a whole device whose
+// every answer comes from the bytes (nodes, modes, formats, buffers, errors, images): opened, polled, closed and opened
+// again, it gives a sentence or frames of the camera's form; everything it gave is given back.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -14,6 +14,7 @@
 #include "engine/base/crc.hpp"
 #include "fuzz/fuzz.hpp"
 #include "hal/v4l2/pixel_formats.hpp"
+#include "hal/v4l2/realsense_metadata.hpp"
 #include "hal/v4l2/realsense_tables.hpp"
 #include "hal/v4l2/v4l2_camera.hpp"
 
@@ -57,6 +58,10 @@ void read_tables(std::span<const std::uint8_t> bytes, std::uint16_t product_id) 
     double units = 1000;
     expect_sentence(v4l2::parse_depth_units(bytes, units, message), message);
     fuzz::expect(units >= 100 && units <= 1e6, "a depth unit is one");
+    v4l2::ImageFacts facts;
+    const bool is_read = v4l2::parse_metadata(bytes, facts) == Status::kOk;
+    fuzz::expect(facts.device_us.has_value() == is_read, "metadata has a time, or is not used");
+    fuzz::expect(facts.exposure_us.value_or(0) <= 1'000'000, "no exposure is longer than a second");
 }
 
 // A device that says what the bytes say.
@@ -72,26 +77,30 @@ public:
             nodes[i].usb_port = rarely() ? "" : "2-1";
             nodes[i].vendor_id = rarely() ? std::uint16_t{0x1234} : v4l2::kRealSenseVendor;
             nodes[i].product_id = rarely() ? v4l2::kD405 : v4l2::kD435;
-            nodes[i].interface = static_cast<std::uint8_t>(i);
+            nodes[i].interface = static_cast<std::uint8_t>(nodes.size() == 4 ? i / 2 : i);
         }
+        has_metadata_ = nodes.size() == 4;  // two of images, each with one of metadata behind it
         return nodes;
     }
     int open(const std::string& path, int& handle) override {
         if (const int error = fails(); error != 0) return error;
         handle = next_++;
         is_first_[handle] = path == "/dev/video0";
+        is_metadata_[handle] = has_metadata_ && (path.back() == '1' || path.back() == '3');
         ++open_;
         return 0;
     }
     void close(int) override { --open_; }
-    int query_capability(int, std::uint32_t& capabilities) override {
-        capabilities = rarely() ? bytes_.u32() : kV4l2Capture | kV4l2Streaming;
+    int query_capability(int handle, std::uint32_t& capabilities) override {
+        capabilities = kV4l2Streaming | (is_metadata_[handle] ? kV4l2Metadata : kV4l2Capture);
+        if (rarely()) capabilities = bytes_.u32();
         return fails();
     }
     int format_at(int handle, std::uint32_t index, std::uint32_t& code) override {
         constexpr std::uint32_t kCodes[] = {v4l2::kYuyv, v4l2::kGrey, v4l2::kMjpg, v4l2::kUyvy,
                                             v4l2::kRgb3, v4l2::kY8i,  v4l2::kY16};
         code = is_first_[handle] ? v4l2::kZ16 : kCodes[bytes_.u8() % 7];
+        if (is_metadata_[handle]) code = bytes_.u8() % 4 == 0 ? v4l2::kUvcMetadata : v4l2::kD4xxMetadata;
         if (rarely()) code = bytes_.u32();
         return index > 0 && !rarely() ? EINVAL : fails();
     }
@@ -109,6 +118,7 @@ public:
         const std::uint32_t pixel = std::max(v4l2::bytes_per_pixel(format.fourcc), 1U);
         format.bytes_per_line = pixel * format.width + (rarely() ? bytes_.u8() : 0U);
         format.bytes = format.bytes_per_line * format.height;
+        if (is_metadata_[handle]) format.bytes = 256;
         if (rarely()) format.bytes = bytes_.u32();
         if (rarely()) format.bytes_per_line = bytes_.u32();
         if (rarely()) format.width = bytes_.u32();
@@ -128,6 +138,9 @@ public:
         if (const int error = fails(); error != 0) return error;
         auto buffer = std::make_unique<std::vector<std::uint8_t>>(sizes_[handle] + std::size_t{1});
         for (std::size_t i = 0; i < 32 && i < buffer->size(); ++i) (*buffer)[i] = bytes_.u8();
+        // A header with a time, and one block.
+        constexpr std::uint8_t kHeader[] = {246, 0x04};
+        if (is_metadata_[handle] && buffer->size() > 256) std::copy_n(kHeader, 2, buffer->begin() + 10);
         bytes = *buffer;
         mapped_.push_back(std::move(buffer));
         return 0;
@@ -204,6 +217,8 @@ private:
     }
 
     fuzz::Bytes bytes_;
+    bool has_metadata_ = false;
+    std::map<int, bool> is_metadata_;
     int open_ = 0, next_ = 3;
     std::uint32_t next_buffer_ = 0;
     std::int64_t now_ns_ = 1'000'000'000;

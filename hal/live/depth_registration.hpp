@@ -5,7 +5,8 @@
 // are taken to look nearly the same way (pixels stay upright: right up to some degrees about the axis). A lens of the
 // colour camera is looked up in a grid (off by less than 0.1 px). Also scales depth to another size (no pose).
 // Memory: some 30 bytes per column of depth, 8 per pixel if its lens distorts, taken in the constructor; the target
-// belongs to the caller. Cost: 1.3 ms per 640x480 image, 2.5 ms with a lens.
+// belongs to the caller. Cost: 0.9 ms per 640x480 image with AVX2, 1.5 ms without; 2.2 and 2.7 ms
+// with a lens.
 #pragma once
 
 #include <cstdint>

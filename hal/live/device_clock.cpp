@@ -11,7 +11,7 @@ std::int64_t DeviceClock::host_ns(std::int64_t stamp_us, std::int64_t arrival_ns
     const std::int64_t apart_ns = offset_ns - offset_ns_;
     if (!has_offset_ || apart_ns > kRestart_ns || apart_ns < -kRestart_ns) {
         has_offset_ = true;
-        is_host_clock_ = offset_ns >= 0 && offset_ns < kSameClock_ns;
+        is_host_clock_ = !is_apart_ && offset_ns >= 0 && offset_ns < kSameClock_ns;
         window_begin_ns_ = arrival_ns;
         offset_ns_ = next_offset_ns_ = is_host_clock_ ? 0 : offset_ns;
     }

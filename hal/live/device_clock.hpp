@@ -14,6 +14,12 @@ public:
     void reset() noexcept { *this = DeviceClock(); }
     // When the frame was stamped, on the host's clock; never after its arrival.
     [[nodiscard]] std::int64_t host_ns(std::int64_t stamp_us, std::int64_t arrival_ns) noexcept;
+    // The stamps are the device's own clock, however near the host's it began: its drift is followed.
+    void keep_apart() noexcept {
+        if (is_apart_) return;
+        is_apart_ = true;
+        if (is_host_clock_) is_host_clock_ = has_offset_ = false;
+    }
     // Stamps of this clock are the host's monotonic clock.
     [[nodiscard]] bool is_host_clock() const noexcept { return is_host_clock_; }
 
@@ -24,6 +30,7 @@ private:
 
     bool has_offset_ = false;
     bool is_host_clock_ = false;
+    bool is_apart_ = false;
     std::int64_t window_begin_ns_ = 0;
     std::int64_t offset_ns_ = 0;       // smallest of the window before and of this one
     std::int64_t next_offset_ns_ = 0;  // smallest of this one

@@ -20,6 +20,8 @@ struct LiveCounts {
     std::uint64_t images_missing = 0;                   // never came: lost before us
     std::uint64_t images_unusable = 0;                  // came damaged: no poll was told of them
     std::uint64_t dropped = 0;                          // pairs overtaken by newer ones before they were polled
+    std::uint64_t images_exposed = 0;                   // whose exposure the camera told
+    std::uint64_t exposure_sum_us = 0;                  // of those
     std::int64_t reader_cpu_ns = 0;                     // of the thread that reads
     std::int64_t poll_cpu_ns = 0;                       // of poll(), on the caller's thread
 
@@ -30,6 +32,8 @@ struct LiveCounts {
         images_missing += other.images_missing;
         images_unusable += other.images_unusable;
         dropped += other.dropped;
+        images_exposed += other.images_exposed;
+        exposure_sum_us += other.exposure_sum_us;
         reader_cpu_ns += other.reader_cpu_ns;
         poll_cpu_ns += other.poll_cpu_ns;
     }
@@ -46,6 +50,8 @@ public:
     [[nodiscard]] virtual std::string message() const = 0;
     // What is known of a silence, such as which stream it is, or images that cannot be used; empty: nothing.
     [[nodiscard]] virtual std::string silence() const { return {}; }
+    // What a user should know of what has come since it was opened, each sentence once; empty: nothing new.
+    [[nodiscard]] virtual std::string remark() { return {}; }
     // A recording: every frame in order, as fast as it is asked for.
     [[nodiscard]] virtual bool is_file() const { return false; }
     // Once it is open: device, modes, who registers; where its calibration is from; what else a user should know.

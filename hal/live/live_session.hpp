@@ -40,9 +40,10 @@ struct LiveSession {
     LiveCounts counts;             // but for what the pairer counts
     TimeOfDay time_of_day;         // of the thread that polls
 
-    // Images come from now on, so far apart.
-    void begin(std::int64_t period_us, std::int64_t now_ns) {
+    // Pairs come from now on, so far from each other; their images within `apart_us`, if it is not half of that.
+    void begin(std::int64_t period_us, std::int64_t now_ns, std::int64_t apart_us = 0) {
         period_ns_ = period_us * 1000;
+        pairing_us_ = apart_us > 0 ? 2 * apart_us : period_us;
         colour_arrival_ns_ = depth_arrival_ns_ = now_ns;
         pair_anew();
     }
@@ -155,10 +156,10 @@ private:
     }
     void pair_anew() {
         counts.pairing.add(pairer_.counts());
-        pairer_ = Pairer(period_ns_ / 1000);
+        pairer_ = Pairer(pairing_us_);
     }
 
-    std::int64_t period_ns_ = 33'333'000;
+    std::int64_t period_ns_ = 33'333'000, pairing_us_ = 33'333;
     Pairer pairer_{33'333};
     ArrivalForecast forecast_;
     std::int64_t colour_arrival_ns_ = 0, depth_arrival_ns_ = 0;

@@ -58,7 +58,7 @@ void ReconnectingCamera::tell(std::string sentence) {
 }
 
 std::string ReconnectingCamera::take_news() {
-    if (news_.empty()) return {};
+    if (news_.empty()) return options_.remark ? options_.remark() : std::string();
     std::string first = std::move(news_.front());
     news_.erase(news_.begin());
     return first;

@@ -33,6 +33,7 @@ struct ReconnectOptions {
     std::function<void(std::int64_t)> sleep_until_ns;
     std::function<std::string()> source_message;  // why the last open or poll failed
     std::function<std::string()> silence;         // what is known of a silence, such as which stream; may be empty
+    std::function<std::string()> remark;          // what the source has to say otherwise, once each; may be empty
     std::function<bool()> reset;                  // of a stalled device, closed by then; may be empty
     FrameTimes* times = nullptr;                  // the source's, if it has them
     bool is_live = true;                          // frames come by the host's clock

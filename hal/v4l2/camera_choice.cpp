@@ -196,6 +196,17 @@ struct Device {
                                              "; " + kAskWhat + ".");
 }
 
+// uvcvideo registers a node of metadata behind each of images. What it carries is asked when it is opened.
+[[nodiscard]] std::string metadata_path(const std::vector<V4l2Node>& nodes, const AskedNode& images) {
+    if (!is_realsense(images.node)) return {};
+    auto node = std::find_if(nodes.begin(), nodes.end(),
+                             [&images](const V4l2Node& one) { return one.path == images.node.path; });
+    if (node != nodes.end()) ++node;
+    const bool is_beside =
+        node != nodes.end() && node->usb_port == images.node.usb_port && node->interface == images.node.interface;
+    return is_beside ? node->path : std::string();
+}
+
 }  // namespace
 
 AskedNode ask_node(V4l2Link& link, const V4l2Node& node) {
@@ -253,18 +264,24 @@ std::string camera_text(const V4l2Node& node) {
 CameraChoice choose_camera(V4l2Link& link, const std::string& wanted, const Identity& known) {
     const std::vector<V4l2Node> nodes = link.nodes();
     CameraChoice choice;
-    const bool is_infrared = wanted == "ir" || wanted.ends_with(",ir");
+    const std::string word = wanted.substr(wanted.rfind(',') + 1);  // all of it, where there is no comma
+    const bool is_alternating = word == "alternate", is_infrared = word == "ir" || is_alternating;
     if (known.is_known()) {
         choice = choose_known(link, nodes, known);
         choice.is_infrared = known.is_infrared;
+        choice.is_alternating = known.is_alternating;
     } else if (is_infrared) {
-        choice = choose_first(link, nodes, wanted == "ir" ? "" : wanted.substr(0, wanted.size() - 3), true);
+        const std::string serial = word == wanted ? "" : wanted.substr(0, wanted.size() - word.size() - 1);
+        choice = choose_first(link, nodes, serial, true);
         choice.is_infrared = true;
+        choice.is_alternating = is_alternating;
     } else if (wanted.find(',') != std::string::npos || wanted.starts_with("/dev/")) {
         choice = choose_named(link, nodes, wanted);
     } else {
         choice = choose_first(link, nodes, wanted, false);
     }
+    choice.depth_metadata = metadata_path(nodes, choice.depth);
+    choice.colour_metadata = metadata_path(nodes, choice.colour);
     return choice;
 }
 

@@ -31,7 +31,7 @@ struct Identity {
     std::string depth_path, colour_path;
     std::uint8_t depth_interface = 0, colour_interface = 0;
 
-    bool is_infrared = false;
+    bool is_infrared = false, is_alternating = false;
 
     [[nodiscard]] bool is_known() const noexcept { return !depth_path.empty(); }
 };
@@ -40,10 +40,13 @@ struct CameraChoice {
     Status status = Status::kUnavailable;  // kOk: both nodes are there; kUnavailable: not now; kInvalid: never
     std::string message{};                 // why not
     AskedNode depth{}, colour{};
-    bool is_infrared = false;  // a RealSense's left infrared camera stands for colour
+    std::string depth_metadata{}, colour_metadata{};  // the nodes behind them, of a RealSense; empty: none
+    bool is_infrared = false;                         // a RealSense's left infrared camera stands for colour
+    bool is_alternating = false;                      // and the projector is on for every other image
 };
 // `wanted`: empty, a serial number, or "DEPTH_NODE,COLOUR_NODE"; "ir" or "SERIAL,ir": of a RealSense the left infrared
-// camera for colour. `known`: then only that camera.
+// camera for colour; "alternate" or "SERIAL,alternate": likewise, with a projector that takes turns. `known`: then only
+// that camera.
 [[nodiscard]] CameraChoice choose_camera(V4l2Link& link, const std::string& wanted, const Identity& known);
 
 // A sentence about a node that cannot be used, for the user.

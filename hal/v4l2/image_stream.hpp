@@ -11,6 +11,7 @@
 #include <span>
 #include <utility>
 
+#include "hal/v4l2/realsense_metadata.hpp"
 #include "hal/v4l2/stream_modes.hpp"
 #include "hal/v4l2/v4l2_link.hpp"
 
@@ -22,12 +23,14 @@ class ImageStream;
 class Image {
 public:
     Image() = default;
-    Image(Image&& other) noexcept : stream_(std::exchange(other.stream_, nullptr)), buffer_(other.buffer_) {}
+    Image(Image&& other) noexcept
+        : facts(other.facts), stream_(std::exchange(other.stream_, nullptr)), buffer_(other.buffer_) {}
     Image& operator=(Image&& other) noexcept {
         if (this != &other) {
             release();
             stream_ = std::exchange(other.stream_, nullptr);
             buffer_ = other.buffer_;
+            facts = other.facts;
         }
         return *this;
     }
@@ -40,6 +43,8 @@ public:
     [[nodiscard]] const V4l2Buffer& buffer() const noexcept { return buffer_; }
     // Whole, by is_whole() of the stream's format.
     [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept;
+
+    ImageFacts facts;  // what the camera says about it, where somebody has asked
 
 private:
     friend class ImageStream;

@@ -18,8 +18,8 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kType = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 static_assert(kV4l2Capture == V4L2_CAP_VIDEO_CAPTURE && kV4l2Streaming == V4L2_CAP_STREAMING);
+static_assert(kV4l2Metadata == V4L2_CAP_META_CAPTURE);
 
 // Tried again where a signal came between.
 template <typename Argument>
@@ -31,9 +31,25 @@ template <typename Argument>
     return result == 0 ? 0 : errno;
 }
 
-[[nodiscard]] v4l2_buffer buffer_of(std::uint32_t index) noexcept {
+[[nodiscard]] int ask_capabilities(int handle, std::uint32_t& capabilities) noexcept {
+    v4l2_capability answer{};
+    if (const int error = call(handle, VIDIOC_QUERYCAP, answer); error != 0) return error;
+    // Of this node, where the driver tells it apart from the whole device.
+    capabilities = (answer.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? answer.device_caps : answer.capabilities;
+    return 0;
+}
+
+// Of a node's buffers. It is asked each time, which waits for nothing, instead of being remembered for each handle.
+[[nodiscard]] std::uint32_t type_of(int handle) noexcept {
+    std::uint32_t capabilities = 0;
+    static_cast<void>(ask_capabilities(handle, capabilities));
+    const bool is_metadata = (capabilities & kV4l2Metadata) != 0 && (capabilities & kV4l2Capture) == 0;
+    return is_metadata ? V4L2_BUF_TYPE_META_CAPTURE : V4L2_BUF_TYPE_VIDEO_CAPTURE;
+}
+
+[[nodiscard]] v4l2_buffer buffer_of(int handle, std::uint32_t index) noexcept {
     v4l2_buffer buffer{};
-    buffer.type = kType;
+    buffer.type = type_of(handle);
     buffer.memory = V4L2_MEMORY_MMAP;
     buffer.index = index;
     return buffer;
@@ -55,17 +71,13 @@ void KernelV4l2Link::close(int handle) {
 }
 
 int KernelV4l2Link::query_capability(int handle, std::uint32_t& capabilities) {
-    v4l2_capability answer{};
-    if (const int error = call(handle, VIDIOC_QUERYCAP, answer); error != 0) return error;
-    // Of this node, where the driver tells it apart from the whole device.
-    capabilities = (answer.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? answer.device_caps : answer.capabilities;
-    return 0;
+    return ask_capabilities(handle, capabilities);
 }
 
 int KernelV4l2Link::format_at(int handle, std::uint32_t index, std::uint32_t& fourcc) {
     v4l2_fmtdesc answer{};
     answer.index = index;
-    answer.type = kType;
+    answer.type = type_of(handle);
     const int error = call(handle, VIDIOC_ENUM_FMT, answer);
     fourcc = answer.pixelformat;
     return error;
@@ -98,7 +110,13 @@ int KernelV4l2Link::interval_at(int handle, const V4l2Format& format, std::uint3
 
 int KernelV4l2Link::set_format(int handle, V4l2Format& format) {
     v4l2_format answer{};
-    answer.type = kType;
+    answer.type = type_of(handle);
+    if (answer.type == V4L2_BUF_TYPE_META_CAPTURE) {
+        answer.fmt.meta.dataformat = format.fourcc;
+        if (const int error = call(handle, VIDIOC_S_FMT, answer); error != 0) return error;
+        format = {.fourcc = answer.fmt.meta.dataformat, .bytes = answer.fmt.meta.buffersize};
+        return 0;
+    }
     answer.fmt.pix.pixelformat = format.fourcc;
     answer.fmt.pix.width = format.width;
     answer.fmt.pix.height = format.height;
@@ -111,7 +129,7 @@ int KernelV4l2Link::set_format(int handle, V4l2Format& format) {
 
 int KernelV4l2Link::set_interval(int handle, V4l2Interval& interval) {
     v4l2_streamparm answer{};
-    answer.type = kType;
+    answer.type = type_of(handle);
     answer.parm.capture.timeperframe = {interval.numerator, interval.denominator};
     if (const int error = call(handle, VIDIOC_S_PARM, answer); error != 0) return error;
     interval = {answer.parm.capture.timeperframe.numerator, answer.parm.capture.timeperframe.denominator};
@@ -128,7 +146,7 @@ int KernelV4l2Link::set_control(int handle, std::uint32_t control, std::int32_t 
 int KernelV4l2Link::request_buffers(int handle, std::uint32_t& count) {
     v4l2_requestbuffers answer{};
     answer.count = count;
-    answer.type = kType;
+    answer.type = type_of(handle);
     answer.memory = V4L2_MEMORY_MMAP;
     const int error = call(handle, VIDIOC_REQBUFS, answer);
     count = error == 0 ? answer.count : 0;
@@ -136,7 +154,7 @@ int KernelV4l2Link::request_buffers(int handle, std::uint32_t& count) {
 }
 
 int KernelV4l2Link::map(int handle, std::uint32_t index, std::span<const std::uint8_t>& bytes) {
-    v4l2_buffer buffer = buffer_of(index);
+    v4l2_buffer buffer = buffer_of(handle, index);
     if (const int error = call(handle, VIDIOC_QUERYBUF, buffer); error != 0) return error;
     void* const at = ::mmap(nullptr, buffer.length, PROT_READ, MAP_SHARED, handle, static_cast<off_t>(buffer.m.offset));
     if (at == MAP_FAILED) return errno;
@@ -149,12 +167,12 @@ void KernelV4l2Link::unmap(std::span<const std::uint8_t> bytes) {
 }
 
 int KernelV4l2Link::queue(int handle, std::uint32_t index) {
-    v4l2_buffer buffer = buffer_of(index);
+    v4l2_buffer buffer = buffer_of(handle, index);
     return call(handle, VIDIOC_QBUF, buffer);
 }
 
 int KernelV4l2Link::dequeue(int handle, V4l2Buffer& buffer) {
-    v4l2_buffer answer = buffer_of(0);
+    v4l2_buffer answer = buffer_of(handle, 0);
     if (const int error = call(handle, VIDIOC_DQBUF, answer); error != 0) return error;
     buffer.index = answer.index;
     buffer.bytes_used = answer.bytesused;
@@ -166,7 +184,7 @@ int KernelV4l2Link::dequeue(int handle, V4l2Buffer& buffer) {
 }
 
 int KernelV4l2Link::set_streaming(int handle, bool is_on) {
-    int type = static_cast<int>(kType);
+    int type = static_cast<int>(type_of(handle));
     return call(handle, is_on ? VIDIOC_STREAMON : VIDIOC_STREAMOFF, type);
 }
 

@@ -16,6 +16,8 @@ constexpr double kPairingRateMin = 15, kPairingRateMax = 60;
 constexpr double kOtherUnitsPerM = 1000;  // what is sent as Z16 or Y16 is mm, unless the calibration says other
 constexpr int kTriesMax = 32;             // of modes
 constexpr std::uint32_t kUsb2_mbit_per_s = 480;
+// Images/s where every other one is tracked: 30 pictures, each with depth of 17 ms before.
+constexpr double kAlternatingRate = 60;
 
 // Controls of the USB Video Class as V4L2 numbers them (linux/v4l2-controls.h).
 constexpr std::uint32_t kExposureAuto = 0x009a0901;      // 1: manual, 3: by aperture priority
@@ -80,7 +82,8 @@ void take_as_registered(CameraPair& cameras) {
             .colour_path = choice.colour.node.path,
             .depth_interface = node.interface,
             .colour_interface = choice.colour.node.interface,
-            .is_infrared = choice.is_infrared};
+            .is_infrared = choice.is_infrared,
+            .is_alternating = choice.is_alternating};
 }
 
 }  // namespace
@@ -88,6 +91,8 @@ void take_as_registered(CameraPair& cameras) {
 void Opening::close() noexcept {
     colour.stop();
     depth.stop();
+    colour_metadata.stop();
+    depth_metadata.stop();
     for (int* const handle : {&colour_handle_, &depth_handle_}) {
         if (*handle >= 0) link_.close(*handle);
         *handle = -1;
@@ -99,6 +104,7 @@ Status Opening::start_streams(const CameraChoice& choice, const OpeningWishes& w
     const V4l2Node& node = choice.depth.node;
     modes.has_y16_depth = realsense_name(node.vendor_id, node.product_id) == nullptr;
     modes.is_one_view = choice.is_infrared;
+    if (choice.is_alternating) modes.rate_best = kAlternatingRate;
     const std::vector<ModePair> pairs = rank_modes(choice.depth.modes, choice.colour.modes, modes);
     if (pairs.empty()) {
         message = camera_text(node) + ": offers no modes that can be used within " +
@@ -209,14 +215,42 @@ void Opening::set_exposure(const OpeningWishes& wishes, Opened& opened) {
     if (error != 0 && is_fixed) opened.notes.emplace_back("this camera's exposure cannot be fixed.");
 }
 
+// Before anything streams: the camera refuses it then. One that was left taking turns is told to stop.
+Status Opening::set_turns(const CameraChoice& choice, std::string& message) {
+    const V4l2Node& node = choice.depth.node;
+    if (realsense_name(node.vendor_id, node.product_id) == nullptr) return Status::kOk;
+    RealSenseDevice device(link_, depth_handle_);
+    std::string why;
+    const Status status = device.set_alternating(choice.is_alternating, why);
+    if (status == Status::kOk || !choice.is_alternating) return Status::kOk;
+    if (status == Status::kUnavailable) return refuse_calibration(node, status, why, message);
+    message = camera_text(node) + ": its projector cannot take turns with the images: " + why +
+              "; --camera v4l2:ir has it off, --camera v4l2 has colour.";
+    return Status::kInvalid;
+}
+
 // The projector's dots move with the camera: in an image that is tracked they would hold it in its place.
 void Opening::set_emitter(Opened& opened) {
-    std::uint8_t is_on = opened.is_infrared ? 0 : 1;
+    const bool is_off = opened.is_infrared && !opened.is_alternating;
+    std::uint8_t is_on = is_off ? 0 : 1;
     const int error =
         link_.extension(depth_handle_, kRealSenseUnit, kEmitterControl, V4l2Query::kSet, std::span(&is_on, 1));
-    if (error != 0 && opened.is_infrared) {
+    if (error != 0 && is_off) {
         opened.notes.emplace_back("the projector cannot be switched off: its dots move with the camera, poses suffer.");
     }
+}
+
+// After the images' start, which may try several modes: the first images go without.
+void Opening::start_metadata(const CameraChoice& choice, Opened& opened) {
+    int error = depth_metadata.start(choice.depth_metadata);
+    if (error == 0) error = colour_metadata.start(choice.colour_metadata);
+    if (error == 0) return;
+    const std::string& path = depth_metadata.is_on() ? choice.colour_metadata : choice.depth_metadata;
+    depth_metadata.stop();
+    opened.notes.push_back(
+        "the camera's own times cannot be read (" +
+        (error == ENOTSUP ? "the kernel has no node of metadata for it" : path + ": " + std::strerror(error)) +
+        "): images have the times at which the driver got them.");
 }
 
 Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& message) {
@@ -233,10 +267,12 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
             return Status::kUnavailable;
         }
     }
+    STILLMESH_TRY(set_turns(choice, message));
     STILLMESH_TRY(start_streams(choice, wishes, message));
     opened.identity = identity_of(choice);
     opened.description = camera_text(node);
     opened.is_infrared = choice.is_infrared;
+    opened.is_alternating = choice.is_alternating;
     CameraPair& cameras = opened.cameras;
     cameras.depth.width = depth.format().width;
     cameras.depth.height = depth.format().height;
@@ -250,6 +286,12 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     const bool is_taken = wishes.is_registered || (!is_realsense && !wishes.given.separate_depth);
     set_exposure(wishes, opened);
     if (is_realsense) set_emitter(opened);
+    if (is_realsense) start_metadata(choice, opened);
+    if (opened.is_alternating && !depth_metadata.is_on()) {
+        message = opened.description + ": which images have the projector's dots is not known: " + opened.notes.back() +
+                  " Take --camera v4l2:ir, or v4l2.";
+        return Status::kInvalid;
+    }
     const double depth_rate = depth.mode().frames_per_s();
     opened.frames_per_s = colour.mode().frames_per_s();
     if (std::abs(depth_rate - opened.frames_per_s) > 0.5) {
@@ -262,10 +304,18 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     }
     const double rate = std::clamp(std::max(depth_rate, opened.frames_per_s), kPairingRateMin, kPairingRateMax);
     opened.period_us = static_cast<std::int64_t>(1e6 / rate);
+    opened.apart_us = opened.period_us / 2;
+    if (opened.is_alternating) {
+        // Depth of the image before, and half a period more where times are the driver's.
+        opened.apart_us = opened.period_us * 3 / 2;
+        opened.period_us *= 2;
+        opened.frames_per_s /= 2;
+    }
     opened.description += ", " + mode_text(colour.mode()) + ", depth " + mode_text(depth.mode()) +
-                          (opened.is_infrared ? ", in the left infrared camera's view"
-                           : is_taken         ? ", taken as registered"
-                                              : ", registered here");
+                          (opened.is_alternating ? ", in the left infrared camera's view, its projector takes turns"
+                           : opened.is_infrared  ? ", in the left infrared camera's view"
+                           : is_taken            ? ", taken as registered"
+                                                 : ", registered here");
     return Status::kOk;
 }
 

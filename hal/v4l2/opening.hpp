@@ -10,6 +10,7 @@
 #include "hal/v4l2/camera_choice.hpp"
 #include "hal/v4l2/frame_conversion.hpp"
 #include "hal/v4l2/image_stream.hpp"
+#include "hal/v4l2/metadata_stream.hpp"
 
 namespace stillmesh::v4l2 {
 
@@ -29,7 +30,9 @@ struct Opened {
     double frames_per_s = 30;
     double readout_s = -1;
     bool is_infrared = false;         // the left infrared camera stands for colour
-    std::int64_t period_us = 33'333;  // for pairing
+    bool is_alternating = false;      // pictures without the projector go with depth from the images before, with it
+    std::int64_t period_us = 33'333;  // of pairs
+    std::int64_t apart_us = 16'667;   // the two images of a pair at most
     std::string description, calibration_source;
     std::vector<std::string> notes;
 };
@@ -37,7 +40,8 @@ struct Opened {
 // The streams and the handles they run on, closed when it goes out of use.
 class Opening {
 public:
-    explicit Opening(V4l2Link& link) noexcept : depth(link), colour(link), link_(link) {}
+    explicit Opening(V4l2Link& link) noexcept
+        : depth(link), colour(link), depth_metadata(link), colour_metadata(link), link_(link) {}
     ~Opening() { close(); }
     Opening(const Opening&) = delete;
     Opening& operator=(const Opening&) = delete;
@@ -48,6 +52,7 @@ public:
     void close() noexcept;
 
     ImageStream depth, colour;
+    MetadataStream depth_metadata, colour_metadata;  // of a RealSense; off where there is none
 
 private:
     [[nodiscard]] Status start_streams(const CameraChoice& choice, const OpeningWishes& wishes, std::string& message);
@@ -56,7 +61,9 @@ private:
     [[nodiscard]] Status calibrate_other(const OpeningWishes& wishes, Opened& opened, std::string& message);
     [[nodiscard]] Status adopt_given(const OpeningWishes& wishes, Opened& opened, std::string& message);
     void set_exposure(const OpeningWishes& wishes, Opened& opened);
+    [[nodiscard]] Status set_turns(const CameraChoice& choice, std::string& message);
     void set_emitter(Opened& opened);
+    void start_metadata(const CameraChoice& choice, Opened& opened);
 
     V4l2Link& link_;
     int depth_handle_ = -1, colour_handle_ = -1;

@@ -53,6 +53,10 @@ Status RealSenseDevice::read_depth_units(double& depth_units_per_m, std::string&
                [&](auto body) { return parse_depth_units(body, depth_units_per_m, message); });
 }
 
+Status RealSenseDevice::set_alternating(bool is_on, std::string& message) {
+    return ask(Command::kAlternate, is_on ? 1 : 0, message, [](auto) { return Status::kOk; });
+}
+
 Status RealSenseDevice::read_depth(CameraModel& depth, std::string& message) {
     return ask(Command::kCalibration, kDepthTable, message,
                [&](auto body) { return parse_depth_table(body, depth, message); });

@@ -1,6 +1,6 @@
 // A RealSense D4xx that is plugged in, asked through the extension unit of its depth node: serial number, firmware,
-// depth unit, calibration. Cost: a message of 1 kB to and fro for each; a camera that does not answer takes uvcvideo's
-// own 5 s, once.
+// depth unit, calibration; and told whether its projector takes turns with the images. Cost: a message of 1 kB to and
+// fro for each; a camera that does not answer takes uvcvideo's own 5 s, once.
 #pragma once
 
 #include <string>
@@ -24,6 +24,7 @@ public:
     // `message` is the middle of a sentence
     [[nodiscard]] Status read_details(DeviceDetails& details, std::string& message);
     [[nodiscard]] Status read_depth_units(double& depth_units_per_m, std::string& message);
+    [[nodiscard]] Status set_alternating(bool is_on, std::string& message);
     [[nodiscard]] Status read_depth(CameraModel& depth, std::string& message);
     [[nodiscard]] Status read_colour(std::uint16_t product_id, RealSenseCalibration& calibration, std::string& message);
 

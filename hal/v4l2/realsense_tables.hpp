@@ -32,6 +32,7 @@ enum class Command : std::uint32_t {
     kDetails = 0x10,      // serial number, firmware
     kCalibration = 0x15,  // parameter: which table
     kAdvanced = 0x2c,     // parameter: which group of settings
+    kAlternate = 0x77,    // parameter: 1: the projector is on for every other image; only while nothing streams
 };
 inline constexpr std::uint32_t kDepthTable = 25;   // of kCalibration
 inline constexpr std::uint32_t kColourTable = 32;  // of kCalibration

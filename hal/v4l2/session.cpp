@@ -24,7 +24,44 @@ void Session::open() {
         opening.close();
         return;
     }
-    begin(opened.period_us, link->now_ns());
+    const auto period_us = [](const ImageStream& stream) {
+        return static_cast<std::int64_t>(1e6 / stream.mode().frames_per_s());
+    };
+    image_clock_ = ImageClock(period_us(opening.depth), period_us(opening.colour));
+    begin(opened.period_us, link->now_ns(), opened.apart_us);
+}
+
+void Session::account(const ImageFacts& facts) noexcept {
+    if (!opening.depth_metadata.is_on()) return;
+    without_ = facts.device_us ? 0 : without_ + 1;
+    is_without_ = is_without_ || without_ >= kWithoutMax;
+    if (!facts.exposure_us) return;
+    counts.exposure_sum_us += *facts.exposure_us;
+    ++counts.images_exposed;
+}
+
+// Pictures without the dots, depth with them; the depth of just before, so that no picture waits for it. An image of
+// which nothing is known is not used.
+bool Session::is_its_turn(bool is_colour, const ImageFacts& facts) noexcept {
+    if (!facts.is_laser_on) return false;
+    const bool is_on = *facts.is_laser_on;
+    if (!is_colour) {
+        has_depth_ = has_depth_ || is_on;
+        return is_on;
+    }
+    alike_ = is_on == was_laser_on_ ? alike_ + 1 : 0;
+    was_laser_on_ = is_on;
+    is_alike_ = is_alike_ || alike_ >= kAlikeMax;
+    return !is_on && std::exchange(has_depth_, false);
+}
+
+std::string Session::take_remark() {
+    if (is_alike_ && !std::exchange(is_alike_told_, true)) {
+        return "the projector does not take turns with the images, as it was told: take --camera v4l2:ir, or v4l2.";
+    }
+    if (!is_without_ || std::exchange(is_without_told_, true)) return {};
+    return "what the camera says about its images does not come, or damaged: they have the times at which the driver "
+           "got them.";
 }
 
 bool Session::take_in(bool is_colour, int error, Image image, std::int64_t arrival_ns) {
@@ -39,8 +76,12 @@ bool Session::take_in(bool is_colour, int error, Image image, std::int64_t arriv
     }
     const V4l2Buffer& buffer = image.buffer();
     // A driver that stamps with a clock nobody knows says less than the moment it came.
-    const std::int64_t time_us =
+    const std::int64_t driver_us =
         buffer.is_monotonic ? std::clamp<std::int64_t>(buffer.stamp_us, 0, std::int64_t{1} << 52U) : arrival_ns / 1000;
+    account(image.facts);
+    const std::int64_t time_us = image_clock_.stamp_us(is_colour, driver_us, image.facts.device_us);
+    if (image_clock_.is_device_clock()) clock.keep_apart();
+    if (opened.is_alternating && !is_its_turn(is_colour, image.facts)) return true;
     bool is_pair = false;
     static_cast<void>(add(is_colour, std::move(image), time_us, arrival_ns, is_pair));
     return true;
@@ -59,6 +100,8 @@ void Session::read(std::uint32_t timeout_ms) {
             if (!has_more[is_colour]) continue;
             Image image;
             const int taken = (is_colour ? opening.colour : opening.depth).take(image);
+            MetadataStream& metadata = is_colour ? opening.colour_metadata : opening.depth_metadata;
+            if (taken == 0) image.facts = metadata.find(image.buffer().sequence);
             const std::lock_guard lock(mutex);
             has_more[is_colour] = !is_closing && take_in(is_colour, taken, std::move(image), arrival_ns);
         }

@@ -41,10 +41,10 @@ constexpr V4l2Size kDepthBest{848, 480}, kColourBest{640, 480};
     }
 }
 
-// Twice as many pixels, or half, cost as much as ten images/s less than 30; more than 30 are hardly worse.
-[[nodiscard]] double cost(const Mode& mode, const V4l2Size& best, const V4l2Size& first) {
+// Twice as many pixels, or half, cost as much as ten images/s less than the best rate; more are hardly worse.
+[[nodiscard]] double cost(const Mode& mode, const V4l2Size& best, const V4l2Size& first, double rate_best) {
     const double rate = mode.frames_per_s();
-    const double rate_cost = rate < 30 ? 2 * (30 - rate) : (rate - 30) / 10;
+    const double rate_cost = rate < rate_best ? 2 * (rate_best - rate) : (rate - rate_best) / 10;
     const double pixels = static_cast<double>(mode.size.width) * mode.size.height;
     const double size_cost = 20 * std::abs(std::log2(pixels / (static_cast<double>(best.width) * best.height)));
     const bool is_other_size = first.width != 0 && (mode.size.width != first.width || mode.size.height != first.height);
@@ -115,7 +115,7 @@ std::vector<ModePair> rank_modes(const std::vector<Mode>& depth, const std::vect
     std::vector<Ranked> ranked;
     for (const Mode& d : depth) {
         if (d.fourcc != kZ16 && (d.fourcc != kY16 || !wishes.has_y16_depth)) continue;
-        const double depth_cost = cost(d, kDepthBest, wishes.depth_first);
+        const double depth_cost = cost(d, kDepthBest, wishes.depth_first, wishes.rate_best);
         for (const Mode& c : colour) {
             const bool is_grey = engine_format(c.fourcc) == PixelFormat::kGrey8;
             if (!is_colour(c.fourcc) || c.size.width > wishes.width_max || c.size.height > wishes.height_max ||
@@ -126,7 +126,8 @@ std::vector<ModePair> rank_modes(const std::vector<Mode>& depth, const std::vect
             if (wishes.is_one_view && (c.size.width != d.size.width || c.size.height != d.size.height)) continue;
             // Images that find no partner cost the bus and are dropped.
             const double rates_apart = std::abs(d.frames_per_s() - c.frames_per_s()) > 0.5 ? 10 : 0;
-            ranked.push_back({depth_cost + cost(c, kColourBest, wishes.colour_first) + rates_apart, {d, c}});
+            const double colour_cost = cost(c, kColourBest, wishes.colour_first, wishes.rate_best);
+            ranked.push_back({depth_cost + colour_cost + rates_apart, {d, c}});
         }
     }
     std::stable_sort(ranked.begin(), ranked.end(), [](const Ranked& a, const Ranked& b) { return a.cost < b.cost; });

@@ -43,6 +43,7 @@ struct ModeWishes {
     bool has_jpeg = true;                             // this build decodes it
     bool has_infrared_colour = true;                  // grey images will do
     bool is_one_view = false;                         // grey of depth's size: the same camera's, pixel by pixel
+    double rate_best = 30;                            // images/s
     V4l2Size depth_first, colour_first;               // sizes of before; 0: none
 };
 // Best first, at most 4096. Empty: no two modes can be used.

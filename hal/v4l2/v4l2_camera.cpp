@@ -142,6 +142,15 @@ std::string V4l2Camera::silence() const {
     return session_->silent_stream();
 }
 
+std::string V4l2Camera::remark() {
+    if (session_ == nullptr) return {};
+    const std::lock_guard lock(session_->mutex);
+    std::string sentence = session_->take_remark();
+    // Another opening says it again.
+    if (sentence.empty() || sentence == told_) return {};
+    return told_ = std::move(sentence);
+}
+
 std::optional<std::string> V4l2Camera::usb_place() const {
     return identity_.usb_port.empty() ? std::nullopt : std::optional(identity_.usb_port);
 }

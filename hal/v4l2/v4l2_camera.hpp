@@ -2,7 +2,8 @@
 // and others whose depth comes as Z16 or Y16. One thread reads what the driver brings, pairs it by time and puts the
 // newest pair into one fixed slot without copying a pixel; what was there is dropped and counted. A RealSense is asked
 // for its calibration and its depth unit; its depth, of another size, field of view and place than colour, is brought
-// into the colour camera's view here. Every wait is bounded: opening and closing run on a thread that is left behind if
+// into the colour camera's view here; the times of its images are those of its own clock, where its metadata can be
+// read. Every wait is bounded: opening and closing run on a thread that is left behind if
 // it takes too long. Memory: six images of each kind in the kernel, one of each here, taken in open(). Cost: 2.5 to
 // 3.5 ms per frame, in poll(), for depth of 848x480 into colour of 640x480.
 #pragma once
@@ -56,6 +57,7 @@ public:
 
     [[nodiscard]] std::string message() const override { return message_; }
     [[nodiscard]] std::string silence() const override;
+    [[nodiscard]] std::string remark() override;
     [[nodiscard]] std::string device() const override { return device_; }
     [[nodiscard]] std::string calibration_source() const override { return calibration_source_; }
     [[nodiscard]] std::vector<std::string> notes() const override { return notes_; }
@@ -75,6 +77,7 @@ private:
     bool has_calibration_ = false;
     std::string message_, device_, calibration_source_;
     std::vector<std::string> notes_;
+    std::string told_;  // the last remark
     v4l2::Identity identity_;
     V4l2Size depth_first_, colour_first_;  // of the first opening
     std::int64_t due_ns_ = 0;

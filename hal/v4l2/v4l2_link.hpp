@@ -1,9 +1,10 @@
 // The port to the kernel's video devices (V4L2): which nodes there are, what each offers, its buffers, its stream, and
 // the extension units of USB video cameras. What it says is what the driver says: whoever stands above checks it. Every
-// call returns 0 or the errno of its failure; ENODEV: unplugged. Everything above it is tested with an emulated device.
-// Bodies fail a CHECK instead of being pure: see docs/decisions.md (ports without __cxa_pure_virtual).
-// Limits: kWaitMax nodes waited for at a time. Every call is bounded in time: wait() by its timeout, the others by
-// uvcvideo's own (5 s for a camera that does not answer).
+// call returns 0 or the errno of its failure; ENODEV: unplugged. A node of metadata has the same calls: its format has
+// a code and bytes, and no size. Everything above it is tested with an emulated device. Bodies fail a CHECK instead of
+// being pure: see docs/decisions.md (ports without __cxa_pure_virtual). Limits: kWaitMax nodes waited for at a time.
+// Every call is bounded in time: wait() by its timeout, the others by uvcvideo's own (5 s for a camera that does not
+// answer).
 #pragma once
 
 #include <cstddef>
@@ -60,6 +61,7 @@ struct V4l2Ready {
 enum class V4l2Query : std::uint8_t { kSet, kGet };
 
 inline constexpr std::uint32_t kV4l2Capture = 0x1;           // of query_capability: images
+inline constexpr std::uint32_t kV4l2Metadata = 0x00800000;   // or what the camera says about each
 inline constexpr std::uint32_t kV4l2Streaming = 0x04000000;  // and in mapped buffers
 
 class V4l2Link {

@@ -32,6 +32,7 @@ int capture_command(const CaptureArguments& arguments) {
     reconnect.sleep_until_ns = sleep_until_ns;
     reconnect.source_message = [&live] { return live->message(); };
     reconnect.silence = [&live] { return live->silence(); };
+    reconnect.remark = [&live] { return live->remark(); };
     reconnect.reset = [&live] { return reset_live_camera(*live); };
     reconnect.times = live.get();
     reconnect.is_live = !live->is_file();

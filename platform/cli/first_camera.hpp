@@ -31,6 +31,7 @@ public:
 
     [[nodiscard]] std::string message() const override { return message_; }
     [[nodiscard]] std::string silence() const override { return chosen().silence(); }
+    [[nodiscard]] std::string remark() override { return chosen().remark(); }
     [[nodiscard]] std::string device() const override { return chosen().device(); }
     [[nodiscard]] std::string calibration_source() const override { return chosen().calibration_source(); }
     [[nodiscard]] std::vector<std::string> notes() const override { return chosen().notes(); }

@@ -147,9 +147,10 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
     const bool is_auto = options.camera == "auto";
     const bool is_driver = driver == "openni2" || driver == "freenect" || driver == "v4l2" || driver == "ros2";
     if ((!is_driver && !is_auto) || (colon != std::string::npos && device.empty())) {
-        message = "--camera " + options.camera +
-                  ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni, freenect, v4l2, v4l2:SERIAL, "
-                  "v4l2:ir, v4l2:SERIAL,ir, v4l2:DEPTH_NODE,COLOUR_NODE, ros2 or ros2:COLOUR,DEPTH,INFO.";
+        message =
+            "--camera " + options.camera +
+            ": give auto, openni2, openni2:URI, openni2:SERIAL, openni2:FILE.oni, freenect, v4l2, v4l2:SERIAL, "
+            "v4l2:ir, v4l2:alternate, v4l2:SERIAL,ir, v4l2:DEPTH_NODE,COLOUR_NODE, ros2 or ros2:COLOUR,DEPTH,INFO.";
         return nullptr;
     }
     message = why_missing(driver);
@@ -194,6 +195,10 @@ void account_live_camera(const LiveCounts& counts, CameraRecord& record) {
     record.lag_mean_ms = pairing.lag_mean_ms();
     record.lag_min_ms = static_cast<double>(pairing.lag_min_us) * 1e-3;
     record.lag_max_ms = static_cast<double>(pairing.lag_max_us) * 1e-3;
+    if (counts.images_exposed > 0) {
+        record.exposure_mean_ms =
+            static_cast<double>(counts.exposure_sum_us) * 1e-3 / static_cast<double>(counts.images_exposed);
+    }
     if (pairing.pairs > 0) {
         record.layer_cpu_ms =
             static_cast<double>(counts.reader_cpu_ns + counts.poll_cpu_ns) * 1e-6 / static_cast<double>(pairing.pairs);

@@ -11,7 +11,7 @@
 namespace stillmesh {
 
 struct LiveCameraOptions {
-    // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], v4l2[:SERIAL|:ir|:DEPTH,COLOUR],
+    // auto, openni2[:URI|:SERIAL|:FILE.oni], freenect[:NUMBER], v4l2[:SERIAL|:ir|:alternate|:DEPTH,COLOUR],
     // ros2[:COLOUR,DEPTH,INFO]
     std::string camera;
     std::string calibration;            // file or name; empty: the camera's own

@@ -63,7 +63,7 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
     app.add_option(
            "--camera", options.camera,
            "auto (the first that V4L2, OpenNI2 or libfreenect finds), v4l2 (RealSense and its kind), v4l2:SERIAL, "
-           "v4l2:ir (its left infrared camera for colour), "
+           "v4l2:ir (its left infrared camera for colour), v4l2:alternate (with the projector by turns), "
            "v4l2:DEPTH_NODE,COLOUR_NODE, openni2:URI, openni2:SERIAL, openni2:FILE.oni (a recording of OpenNI2), "
            "freenect (a Kinect), or ros2[:COLOUR,DEPTH,INFO] (images of a driver of ROS 2); 'stillmesh cameras' lists "
            "what is "
@@ -231,7 +231,9 @@ int program(int argc, char** argv) {
                      "what 'stillmesh rerun' needs to repeat this run bit for bit")
         ->type_name("FILE")
         ->group("What comes out");
-    run_app->add_option("--record-frames", arguments.record_frames, "the frames, as a folder to replay")
+    run_app
+        ->add_option("--record-frames", arguments.record_frames,
+                     "the frames, as a folder to replay, or a bag FILE.mcap")
         ->type_name("DIR")
         ->group("What comes out");
     run_app
@@ -379,9 +381,10 @@ int program(int argc, char** argv) {
     CLI::App* const capture_app = app.add_subcommand("capture", "record a live camera, to be run later");
     add_camera_options(*capture_app, capture.camera, capture.does_wait, "Camera");
     capture_app->get_option("--camera")->required();
-    capture_app->add_option("--out", capture.out, "folder to make (TUM layout), or FILE.oni")
+    capture_app
+        ->add_option("--out", capture.out, "folder to make (TUM layout), FILE.mcap (a bag of ROS 2), or FILE.oni")
         ->required()
-        ->type_name("DIR|FILE.oni");
+        ->type_name("DIR|FILE.mcap|FILE.oni");
     capture_app->add_option("--calibration", capture.camera.calibration, "camera file or name, kept with the recording")
         ->type_name("FILE|NAME");
     capture_app->add_option("--frames", capture.frames, "stop after so many frames")

@@ -71,6 +71,7 @@ struct Source {
     FrameTimes* times = nullptr;                // frames come by the clock
     std::function<std::string()> news = {};     // what happened to it
     std::function<std::string()> silence = {};  // what is known of it
+    std::function<std::string()> remark = {};   // what the camera has to say otherwise, once each
     std::function<void(RunRecord&)> account = [](RunRecord&) {};
     ViewOfRun* view = nullptr;  // its page, if it is served already
 };
@@ -246,6 +247,7 @@ int keep_alive(const Source& source, bool is_open, std::function<bool()> reset, 
     options.sleep_until_ns = sleep_until_ns;
     options.source_message = source.message;
     options.silence = source.silence;
+    options.remark = source.remark;
     options.reset = std::move(reset);
     options.times = source.times;
     options.is_live = source.times != nullptr;
@@ -379,6 +381,7 @@ int live(const RunArguments& arguments) {
                   .times = camera->is_file() ? nullptr : camera.get(),
                   .news = {},
                   .silence = [&camera] { return camera->silence(); },
+                  .remark = [&camera] { return camera->remark(); },
                   .account = [&camera](RunRecord& r) { account_live_camera(camera->counts(), r.camera); },
                   .view = &view};
     const auto tracked = [&](const Source& open_source, RunRecord& r) {

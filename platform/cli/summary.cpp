@@ -145,9 +145,10 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
         text += fmt::format(
             "              {} pairs, depth {:.1f} ms after colour ({:.1f} to {:.1f}); {} colour and {} depth images "
             "without "
-            "a partner, {} lost before us; {:.2f} ms of CPU per frame\n",
+            "a partner, {} lost before us; {:.2f} ms of CPU per frame",
             camera.pairs, camera.lag_mean_ms, camera.lag_min_ms, camera.lag_max_ms, camera.colour_alone,
             camera.depth_alone, camera.images_missing, camera.layer_cpu_ms);
+        text += camera.exposure_mean_ms > 0 ? fmt::format("; exposed for {:.1f} ms\n", camera.exposure_mean_ms) : "\n";
     }
     if (const CameraRecord& camera = record.camera; camera.unplugs + camera.stalls + camera.frames_refused > 0) {
         text += fmt::format(
@@ -333,6 +334,7 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                                                    {"lag_mean_ms", camera.lag_mean_ms},
                                                    {"lag_min_ms", camera.lag_min_ms},
                                                    {"lag_max_ms", camera.lag_max_ms},
+                                                   {"exposure_mean_ms", camera.exposure_mean_ms},
                                                    {"layer_cpu_ms", camera.layer_cpu_ms}});
     json["life"] = {{"unplugs", camera.unplugs},
                     {"stalls", camera.stalls},

@@ -19,8 +19,8 @@ FrameFolderWriter::~FrameFolderWriter() {
     static_cast<void>(close());
 }
 
-bool FrameFolderWriter::open(const std::string& folder, const CameraInfo& camera, std::string& message) {
-    folder_ = folder;
+bool FrameFolderWriter::make_folder(const CameraInfo& camera, std::string& message) {
+    const std::string& folder = folder_;
     const std::filesystem::path path(folder);
     std::error_code error;
     std::filesystem::create_directories(path, error);
@@ -36,13 +36,17 @@ bool FrameFolderWriter::open(const std::string& folder, const CameraInfo& camera
         message = folder + ": cannot be made: " + error.message() + ".";
         return false;
     }
-    if (!colour_list_.open((path / "rgb.txt").string(), message) ||
-        !depth_list_.open((path / "depth.txt").string(), message) ||
-        !colour_list_.write("# timestamp filename\n", message) ||
-        !depth_list_.write("# timestamp filename\n", message) ||
-        !write_whole_file((path / "camera.toml").string(), calibration_toml(camera), message)) {
-        return false;
-    }
+    return colour_list_.open((path / "rgb.txt").string(), message) &&
+           depth_list_.open((path / "depth.txt").string(), message) &&
+           colour_list_.write("# timestamp filename\n", message) &&
+           depth_list_.write("# timestamp filename\n", message) &&
+           write_whole_file((path / "camera.toml").string(), calibration_toml(camera), message);
+}
+
+bool FrameFolderWriter::open(const std::string& folder, const CameraInfo& camera, std::string& message) {
+    folder_ = folder;
+    if (folder.size() > 5 && folder.ends_with(".mcap")) bag_.emplace();
+    if (!(bag_ ? bag_->open(folder, camera, message) : make_folder(camera, message))) return false;
     const std::size_t pixels = std::size_t{camera.model.width} * camera.model.height;
     for (Slot& slot : ring_.slots()) {
         slot.colour.resize(3 * pixels);
@@ -87,6 +91,14 @@ void FrameFolderWriter::add(const Frame& frame) {
 
 std::string FrameFolderWriter::write(const Slot& slot) {
     const Frame& frame = slot.frame;
+    if (bag_) {
+        Frame packed = frame;
+        packed.colour.data = slot.colour.data();
+        packed.depth.data = slot.depth.data();
+        std::string problem;
+        static_cast<void>(bag_->write(packed, problem));
+        return problem;
+    }
     const std::string colour_time = time_text(frame.time_ns);
     const std::string depth_time = time_text(frame.depth_time_ns);
     const std::string colour = "rgb/" + colour_time + ".png";
@@ -136,10 +148,16 @@ std::string FrameFolderWriter::close() {
     thread_.join();
     colour_list_.close();
     depth_list_.close();
-    if (has_failed_) return error_ + " The frames listed in rgb.txt and depth.txt are whole.";
+    std::string problem;
+    const bool is_closed = !bag_ || bag_->close(problem);
+    if (has_failed_) {
+        return error_ +
+               (bag_ ? " The frames before are whole." : " The frames listed in rgb.txt and depth.txt are whole.");
+    }
+    if (!is_closed) return problem + " It has every frame, and no index.";
     if (missed_ > 0) {
         return fmt::format(
-            "{}: the disk was too slow for the frames: the folder ends after {} frames, {} later ones were "
+            "{}: the disk was too slow for the frames: it ends after {} frames, {} later ones were "
             "tracked without it.",
             folder_, frames_, missed_);
     }

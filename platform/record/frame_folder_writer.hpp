@@ -2,6 +2,7 @@
 // mask/ once a frame has a mask),
 // so that a recording of a simulated or live run can be repeated. Frames are copied into a fixed ring by the engine's
 // thread, which never waits, and written by a thread of its own; a line is added to a list when its picture is whole.
+// A name that ends in .mcap is a bag of ROS 2 (frame_bag.hpp) instead of a folder.
 // There are no holes: when the ring is full, or the disk, it ends there, and says so.
 // Memory: kSlots frames, 8 x 1.2 MB at 640x480 in colour.
 #pragma once
@@ -9,12 +10,14 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "hal/depth_camera.hpp"
 #include "platform/linux/text_output.hpp"
+#include "platform/record/frame_bag.hpp"
 #include "platform/record/slot_ring.hpp"
 
 namespace stillmesh {
@@ -45,6 +48,7 @@ private:
         std::vector<std::uint16_t> depth;
         std::vector<std::uint8_t> mask;  // empty: it has none
     };
+    [[nodiscard]] bool make_folder(const CameraInfo& camera, std::string& message);
     void write_all();
     // Empty, or why it failed.
     [[nodiscard]] std::string write(const Slot& slot);
@@ -52,6 +56,7 @@ private:
     std::string folder_;
     SlotRing<Slot> ring_;
     LineFile colour_list_, depth_list_;
+    std::optional<FrameBag> bag_;  // instead of the lists and pictures
     std::jthread thread_;
     std::string error_;  // of the thread, before has_failed_
     std::atomic<bool> has_failed_ = false;

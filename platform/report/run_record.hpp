@@ -74,6 +74,7 @@ struct CameraRecord {
     std::uint64_t pairs = 0, colour_alone = 0, depth_alone = 0;
     std::uint64_t images_missing = 0;                        // lost before us: gaps in the driver's numbers
     double lag_mean_ms = 0, lag_min_ms = 0, lag_max_ms = 0;  // depth after colour
+    double exposure_mean_ms = 0;                             // as the camera says; 0: it does not
     std::uint64_t unplugs = 0, stalls = 0, returns = 0;
     std::uint64_t frames_refused = 0;  // wrong size, format or time
     std::uint64_t clock_restarts = 0;

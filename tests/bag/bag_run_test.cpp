@@ -114,6 +114,44 @@ TEST(BagProgram, EveryCommandTakesABag) {
     EXPECT_NE(half.code, 2) << half.text;
 }
 
+// Promise: frames recorded into a bag play as the same frames in a folder do, grey and colour, in mm and in 1/5000 m; a
+// bag whose writer was killed, cut off anywhere behind its first frame, plays the frames it has whole; one that is
+// there already is left alone.
+TEST(BagProgram, RecordsABag) {
+    for (const auto& [is_rgb, units] : {std::pair(false, 1000U), std::pair(true, 5000U)}) {
+        RoomOptions options;
+        options.is_rgb = is_rgb;
+        options.units_per_m = units;
+        const Room room(options);
+        const std::string bag = room.path("frames.mcap");
+        const std::string play = "run --json --replay ";
+        const Answer folder =
+            stillmesh_says(play + room.folder() + " --record-frames " + room.path("frames"), "2>/dev/null");
+        ASSERT_EQ(stillmesh_says(play + room.folder() + " --record-frames " + bag).code, 0);
+        const std::string hash = word_after(folder.text, "state_hash");
+        ASSERT_EQ(hash.size(), 16U) << folder.text;
+        const Answer from_frames = stillmesh_says(play + room.path("frames"));
+        EXPECT_EQ(word_after(from_frames.text, "state_hash"), hash) << from_frames.text;
+        const Answer from_bag = stillmesh_says(play + bag);
+        EXPECT_EQ(from_bag.code, 0) << from_bag.text;
+        EXPECT_EQ(word_after(from_bag.text, "state_hash"), hash) << from_bag.text;
+        EXPECT_EQ(word_after(from_bag.text, "frames"), "8");
+        const Answer refused = stillmesh_says(play + room.folder() + " --record-frames " + bag);
+        EXPECT_EQ(refused.code, 2) << refused.text;
+        EXPECT_TRUE(refused.says("give another name")) << refused.text;
+        const std::uintmax_t bytes = std::filesystem::file_size(bag);
+        // In the seventh frame, in the fourth, and in the index.
+        for (const auto& [left, whole] : {std::pair(bytes * 7 / 8 - 40'000, "6"), std::pair(bytes / 2 - 40'000, "3"),
+                                          std::pair(bytes - 100, "8")}) {
+            const std::string torn = room.path("torn.mcap");
+            std::filesystem::copy_file(bag, torn, std::filesystem::copy_options::overwrite_existing);
+            std::filesystem::resize_file(torn, left);
+            const Answer answer = stillmesh_says(play + torn);
+            EXPECT_EQ(word_after(answer.text, "frames"), whole) << left << " of " << bytes << answer.text;
+        }
+    }
+}
+
 // Promise: options of the other kind of recording are refused with 2 and a sentence, and so is a bag that is none.
 TEST(BagProgram, RefusesWithASentence) {
     const Room room;

@@ -58,5 +58,22 @@ TEST(ArrivalForecast, LatenessIsNotPassedOn) {
     EXPECT_EQ(forecast.next_ns(kPeriod_ns), taken_ns + 7'000'000);
 }
 
+// Promise: a device's own clock that begins as the host's does is not taken for it once that is said: after two hours,
+// 60 ppm slower, a frame's time is still that of its way.
+TEST(DeviceClock, ItsOwnClockIsFollowed) {
+    DeviceClock clock;
+    EXPECT_EQ(clock.host_ns(1'000'000, 1'003'000'000), 1'000'000'000);
+    EXPECT_TRUE(clock.is_host_clock());
+    clock.keep_apart();
+    std::int64_t host_ns = 0, arrival_ns = 0;
+    for (std::int64_t i = 1; i < 216'000; ++i) {
+        arrival_ns = 1'003'000'000 + i * 33'335'000;
+        host_ns = clock.host_ns(1'000'000 + i * 33'333, arrival_ns);
+    }
+    EXPECT_FALSE(clock.is_host_clock());
+    EXPECT_LE(arrival_ns - host_ns, 2'000'000);
+    EXPECT_GE(arrival_ns - host_ns, 0);
+}
+
 }  // namespace
 }  // namespace stillmesh

@@ -358,6 +358,28 @@ TEST_F(LiveProgram, RecordingsAreTrackedAgain) {
     EXPECT_EQ(json_of(replay)["frames"], 20);
 }
 
+#ifdef STILLMESH_HAS_BAGS
+// Promise: a capture into a bag that is killed, without any time to end, leaves a bag of whole frames that plays.
+TEST_F(LiveProgram, AKilledCaptureLeavesABag) {
+    rig.camera().is_plugged = 1;
+    const std::string bag = scratch.path("desk.mcap");
+    Program capture = start("capture --camera auto --out " + bag);
+    const auto bytes = [&bag] {
+        std::error_code error;
+        const std::uintmax_t size = std::filesystem::file_size(bag, error);
+        return error ? 0 : size;
+    };
+    ASSERT_TRUE(within(30'000, [&] { return bytes() > 10'000'000; })) << capture.err();
+    capture.signal(SIGKILL);
+    static_cast<void>(capture.wait(20'000));
+    rig.camera().is_plugged = 0;
+    Program replay = start("run --json --replay " + bag);
+    const int code = replay.wait(60'000);
+    EXPECT_TRUE(code == 0 || code == 1) << replay.err();
+    EXPECT_GE(json_of(replay)["frames"], 4) << replay.err();
+}
+#endif
+
 // Promise: injected faults change with their seed and not otherwise; the run goes on through all of them and says what
 // they were. Wrong names of cameras are refused with the right ones.
 TEST_F(LiveProgram, InjectedFaultsAndWrongNames) {

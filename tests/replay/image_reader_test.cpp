@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
+#include <cstdlib>
 #include <cstring>
 
 #include "engine/base/random.hpp"
@@ -113,6 +115,73 @@ TEST(ImageReader, ReadsWhatPeopleHave) {
         EXPECT_EQ(read_image(file, header, pixels, message), Status::kCorrupt) << written.what;
         EXPECT_EQ(message.find(file), 0U) << message;
     }
+}
+
+// A PNG whose pixel n is the entry n (of as many as fit into the bits) of a palette, and what it looks like.
+[[nodiscard]] Bytes encode_palette(std::uint8_t bits, std::uint32_t entries, bool is_clear, Bytes& looks) {
+    spng_plte palette{};
+    palette.n_entries = entries;
+    for (std::uint32_t i = 0; i < entries; ++i) {
+        palette.entries[i].red = static_cast<std::uint8_t>(255 - 31 * i);
+        palette.entries[i].green = static_cast<std::uint8_t>(17 * i);
+        palette.entries[i].blue = static_cast<std::uint8_t>(90 + i);
+    }
+    Bytes packed(2 * ((4U * bits + 7) / 8), 0);
+    looks.clear();
+    for (std::uint32_t n = 0; n < 8; ++n) {
+        const std::uint32_t index = n % (1U << bits), bit = n % 4 * bits;
+        packed[n / 4 * (packed.size() / 2) + bit / 8] |= static_cast<std::uint8_t>(index << (8 - bits - bit % 8));
+        const spng_plte_entry& entry = palette.entries[index];
+        looks.insert(looks.end(), {entry.red, entry.green, entry.blue});
+    }
+    spng_ctx* const context = spng_ctx_new(SPNG_CTX_ENCODER);
+    spng_ihdr ihdr{};
+    ihdr.width = 4;
+    ihdr.height = 2;
+    ihdr.color_type = SPNG_COLOR_TYPE_INDEXED;
+    ihdr.bit_depth = bits;
+    spng_trns clear{};
+    clear.n_type3_entries = 1;  // the first is transparent
+    EXPECT_EQ(spng_set_option(context, SPNG_ENCODE_TO_BUFFER, 1), 0);
+    EXPECT_EQ(spng_set_ihdr(context, &ihdr), 0);
+    EXPECT_EQ(spng_set_plte(context, &palette), 0);
+    EXPECT_EQ(is_clear ? spng_set_trns(context, &clear) : 0, 0);
+    EXPECT_EQ(spng_encode_image(context, packed.data(), packed.size(), SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE), 0);
+    std::size_t size = 0;
+    int error = 0;
+    auto* const bytes = static_cast<std::uint8_t*>(spng_get_png_buffer(context, &size, &error));
+    Bytes file(bytes, bytes + size);
+    std::free(bytes);
+    spng_ctx_free(context);
+    return file;
+}
+
+// Promise: a PNG with a palette of 1, 2, 4 or 8 bits is colour: each pixel is its entry, a transparent one too; an
+// index that the palette does not have never gives another pixel's bytes.
+TEST(ImageReader, Palettes) {
+    test::TemporaryFolder folder;
+    const std::string file = folder.path() + "/image.png";
+    for (const std::uint8_t bits : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{4}, std::uint8_t{8}}) {
+        for (const bool is_clear : {false, true}) {
+            Bytes looks;
+            test::write_bytes(file, encode_palette(bits, std::min(8U, 1U << bits), is_clear, looks));
+            ImageHeader header;
+            std::string message;
+            ASSERT_EQ(read_image_header(file, header, message), Status::kOk) << message;
+            EXPECT_EQ(header.kind, ImageKind::kRgb8);
+            Bytes pixels(24);
+            ASSERT_EQ(read_image(file, header, pixels, message), Status::kOk) << message;
+            EXPECT_EQ(pixels, looks) << int{bits} << is_clear;
+        }
+    }
+    Bytes looks;
+    test::write_bytes(file, encode_palette(8, 4, false, looks));  // its entries from the fifth on are black
+    ImageHeader header;
+    std::string message;
+    ASSERT_EQ(read_image_header(file, header, message), Status::kOk) << message;
+    Bytes pixels(24, 77);
+    const Status status = read_image(file, header, pixels, message);
+    EXPECT_TRUE(status == Status::kCorrupt || pixels == looks) << status_name(status);
 }
 
 // Promise: JPEG is read where the build has it, and named with two ways out where it has not; a cut one is never taken

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <thread>
+
+#include "hal/v4l2/realsense_metadata.hpp"
 
 namespace stillmesh::test {
 namespace {
@@ -45,19 +48,25 @@ EmulatedDevice::EmulatedDevice() {
          {kZ16, 848, 480, {90, 60, 30, 15, 6}},
          {kZ16, 640, 480, {90, 60, 30, 15, 6}},
          {kZ16, 424, 240, {30}}});
-    add(0, false, {});
-    add(1, true, {{kGrey, 640, 480, {30}}, {kY8i, 640, 480, {30}}, {kUyvy, 640, 480, {30}}, {kY16, 1280, 800, {25}}});
-    add(1, false, {});
+    add(0, false, {{kD4xxMetadata, 0, 0, {}}});
+    add(1, true,
+        {{kGrey, 640, 480, {90, 60, 30, 15}},
+         {kY8i, 640, 480, {30}},
+         {kUyvy, 640, 480, {30}},
+         {kY16, 1280, 800, {25}}});
+    add(1, false, {{kD4xxMetadata, 0, 0, {}}});
     add(3, true,
         {{kYuyv, 1280, 720, {30, 15}},
          {kYuyv, 640, 480, {60, 30, 15}},
          {kYuyv, 424, 240, {60, 30}},
          {fourcc("????"), 640, 480, {30}}});
-    add(3, false, {});
+    add(3, false, {{kUvcMetadata, 0, 0, {}}, {kD4xxMetadata, 0, 0, {}}});
     plug();
     answers[0x10] = answer(0x10, details());
     answers[25 * 256 + 0x15] = answer(0x15, depth_table());
     answers[32 * 256 + 0x15] = answer(0x15, colour_table());
+    answers[0x77] = answer(0x77, {});
+    answers[256 + 0x77] = answer(0x77, {});
     answers[9 * 256 + 0x2c] = answer(0x2c, depth_unit(1000));
 }
 
@@ -181,7 +190,7 @@ int EmulatedDevice::set_format(int handle, V4l2Format& format) {
     }
     const std::uint32_t pixel = bytes_per_pixel(format.fourcc);
     format.bytes_per_line = pixel * format.width;
-    format.bytes = (pixel == 0 ? 2 : pixel) * format.width * format.height;
+    format.bytes = format.width == 0 ? 1024 : (pixel == 0 ? 2 : pixel) * format.width * format.height;
     open.format = format;
     return 0;
 }
@@ -256,7 +265,8 @@ std::int64_t EmulatedDevice::period_ns(const Open& open) const {
 }
 
 std::int64_t EmulatedDevice::time_of(const Open& open, std::int64_t number) const {
-    return number * period_ns(open) + std::int64_t{devices[open.node].delay_us} * 1000;
+    const Node& node = devices[open.node];
+    return number * period_ns(open) + (std::int64_t{node.delay_us} + std::int64_t{node.way_us} * (number % 3)) * 1000;
 }
 
 void EmulatedDevice::give(Open& open, std::int64_t number, std::int64_t time_ns) {
@@ -269,12 +279,17 @@ void EmulatedDevice::give(Open& open, std::int64_t number, std::int64_t time_ns)
     Bytes& bytes = open.buffers[index];
     const auto shown = static_cast<std::uint32_t>(number);
     const std::uint32_t pixel = bytes_per_pixel(open.format.fourcc);
-    for (std::uint32_t y = 0; y < open.format.height && pixel != 0; ++y) {
+    const bool is_dotted = open.node == 2 && is_lit(number);
+    const bool is_unlit = is_alternating && !is_lit(number);
+    if (paint) paint(open.node, shown, is_lit(number), bytes);
+    for (std::uint32_t y = 0; y < open.format.height && pixel != 0 && !paint; ++y) {
         std::uint8_t* const row = bytes.data() + std::size_t{y} * open.format.bytes_per_line;
         for (std::uint32_t x = 0; x < open.format.width * pixel; ++x) {
-            const std::uint16_t depth = depth_pixel(shown, x / 2, y);
+            std::uint16_t depth = depth_pixel(shown, x / 2, y);
+            if (is_unlit && x + y > 1) depth = static_cast<std::uint16_t>(depth + kUnlit);
             row[x] = open.format.fourcc == kZ16 ? static_cast<std::uint8_t>(depth >> (8 * (x % 2)))
                                                 : colour_byte(shown, x, y);
+            if (is_dotted) row[x] = static_cast<std::uint8_t>(255 - row[x]);
         }
     }
     V4l2Buffer buffer;
@@ -289,11 +304,48 @@ void EmulatedDevice::give(Open& open, std::int64_t number, std::int64_t time_ns)
     if (strikes(node.overlong)) buffer.bytes_used += 1000;
     if (strikes(node.misnumbered)) buffer.index = 77;
     open.done.push_back(buffer);
+    describe(open.node, number, buffer);
+}
+
+// As uvcvideo: into a buffer of the node behind, with the image's number.
+void EmulatedDevice::describe(std::size_t node, std::int64_t number, const V4l2Buffer& image) {
+    Node& said = devices[node + 1];
+    for (auto& [handle, open] : handles_) {
+        if (open.node != node + 1 || !open.is_on || said.is_silent || open.queued.empty()) continue;
+        V4l2Buffer buffer = image;
+        buffer.index = open.queued.front();
+        open.queued.pop_front();
+        open.is_queued[buffer.index] = false;
+        const std::int64_t taken_us = image.stamp_us - std::int64_t{devices[node].way_us} * (number % 3);
+        MetadataNumbers numbers;
+        numbers.time_us =
+            clock_us + numbers.optical_us +
+            static_cast<std::uint32_t>(std::llround(static_cast<double>(taken_us) * (1 + 1e-6 * clock_ppm)));
+        numbers.is_laser_on = is_lit(number);
+        Bytes bytes = metadata(numbers);
+        if (open.format.fourcc == kUvcMetadata) bytes.resize(22);
+        if (said.spoiled > 0) {
+            --said.spoiled;
+            for (std::uint32_t i = 0; i < 3; ++i) {
+                spoils_ = spoils_ * 1'664'525U + 1'013'904'223U;
+                bytes[10 + (spoils_ >> 8U) % (bytes.size() - 10)] ^= static_cast<std::uint8_t>(1U << (spoils_ >> 29U));
+            }
+            if (spoils_ % 4 == 0) bytes.resize(spoils_ / 4 % bytes.size());
+        }
+        if (said.cut_off > 0) {
+            --said.cut_off;
+            bytes.pop_back();
+        }
+        std::copy(bytes.begin(), bytes.end(), open.buffers[buffer.index].begin());
+        buffer.bytes_used = static_cast<std::uint32_t>(bytes.size());
+        buffer.is_broken = false;
+        open.done.push_back(buffer);
+    }
 }
 
 void EmulatedDevice::produce(Open& open) {
     const Node& node = devices[open.node];
-    if (!open.is_on) return;
+    if (!open.is_on || open.format.width == 0) return;
     for (; time_of(open, open.next_number) <= now_ns(); ++open.next_number) {
         if (!is_plugged_ || node.is_silent) continue;
         give(open, open.next_number, time_of(open, open.next_number));
@@ -316,14 +368,14 @@ int EmulatedDevice::set_streaming(int handle, bool is_on) {
     const std::lock_guard lock(mutex_);
     if (const int error = enter(handle, "set_streaming"); error != 0) return error;
     Open& open = of(handle);
-    if (is_on) {
+    if (is_on && open.format.width != 0) {
         double sum = 0;
         for (const auto& [other, it] : handles_) {
             if (it.is_on || other == handle) sum += 1e9 * it.format.bytes / static_cast<double>(period_ns(it));
         }
         if (sum > bytes_per_s_max) return ENOSPC;
         open.next_number = (now_ns() - std::int64_t{devices[open.node].delay_us} * 1000) / period_ns(open) + 1;
-    } else {
+    } else if (!is_on) {
         open.queued.clear();
         open.done.clear();
         open.is_queued.assign(open.buffers.size(), false);
@@ -397,6 +449,12 @@ int EmulatedDevice::extension(int handle, std::uint8_t unit, std::uint8_t contro
         open.asked.assign(data.begin(), data.end());
         const bool is_command = data[0] == 20 && data[1] == 0 && data[2] == 0xab && data[3] == 0xcd;
         if (!is_command) complain("a command that is none");
+        if (data[4] == 0x77) {
+            for (const auto& [other, it] : handles_) {
+                if (it.is_on && it.life == life_) complain("the projector's turns were set while images stream");
+            }
+            if (answers.contains(data[8] * 256U + 0x77U)) is_alternating = data[8] == 1;
+        }
         return 0;
     }
     if (open.asked.empty()) return EIO;

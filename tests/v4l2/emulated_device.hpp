@@ -26,6 +26,8 @@ struct EmulatedMode {
 // What an image shows: its number and where the pixel is.
 [[nodiscard]] std::uint16_t depth_pixel(std::uint32_t number, std::uint32_t x, std::uint32_t y);
 // Of the byte at x of row y of a colour image as it is transferred.
+// An infrared image with the projector's dots is the negative of one without; depth without them is kUnlit larger.
+inline constexpr std::uint16_t kUnlit = 4000;
 [[nodiscard]] std::uint8_t colour_byte(std::uint32_t number, std::uint32_t x, std::uint32_t y);
 
 class EmulatedDevice final : public V4l2Link {
@@ -41,12 +43,14 @@ public:
         std::uint32_t buffers_max = 32;
         std::uint32_t period_ms = 0;    // instead of the mode's; 0: the mode's
         std::uint32_t delay_us = 0;     // of its images behind the clock's beat
+        std::uint32_t way_us = 0;       // none to two times so long they are on their way
         std::uint32_t broken = 0;       // so many next images are damaged: the driver says so
         std::uint32_t cut_off = 0;      // or shorter than they are
         std::uint32_t overlong = 0;     // or longer than their buffer
         std::uint32_t misnumbered = 0;  // or in buffers that do not exist
         bool is_stamped = true;         // by the monotonic clock
         bool has_failed = false;        // the driver's queue is broken
+        std::uint32_t spoiled = 0;      // of metadata: so many next ones have a few wrong bits
     };
 
     EmulatedDevice();
@@ -58,10 +62,14 @@ public:
     // What each call returns instead of being done, by its name; 0: it is done.
     std::function<int(const char* call)> fault;
     double bytes_per_s_max = 1e12;  // of the bus: else ENOSPC
+    double clock_ppm = 0;           // how much faster the camera's clock goes
+    std::uint32_t clock_us = 0;     // what it shows at the host's zero
     bool is_real_time = false;
     [[nodiscard]] Node& depth() { return devices[0]; }
     [[nodiscard]] Node& infrared() { return devices[2]; }
     [[nodiscard]] Node& colour() { return devices[4]; }
+    // What the camera says of the images of a node.
+    [[nodiscard]] Node& metadata_of(Node& node) { return (&node)[1]; }
     void unplug();
     // Back, with nodes that are called otherwise where `first_number` is another.
     void plug(int first_number = 0);
@@ -78,7 +86,11 @@ public:
     }
     std::map<std::uint32_t, std::int32_t> controls;  // that were set
     int emitter = -1;                                // as it was set; -1: not yet
-    std::string misuse;                              // the first wrong call; empty: none
+    bool is_alternating = false;                     // the projector is on for images with odd numbers
+    bool does_alternate = true;                      // and does as it was told
+    // What an image shows, instead of its number; `is_lit`: the projector is on.
+    std::function<void(std::size_t node, std::uint32_t number, bool is_lit, Bytes& bytes)> paint;
+    std::string misuse;  // the first wrong call; empty: none
 
     [[nodiscard]] std::vector<V4l2Node> nodes() override;
     [[nodiscard]] int open(const std::string& path, int& handle) override;
@@ -125,6 +137,10 @@ private:
     [[nodiscard]] std::int64_t time_of(const Open& open, std::int64_t number) const;
     [[nodiscard]] std::int64_t period_ns(const Open& open) const;
     void produce(Open& open);
+    [[nodiscard]] bool is_lit(std::int64_t number) const {
+        return emitter == 1 && !(is_alternating && does_alternate && number % 2 == 0);
+    }
+    void describe(std::size_t node, std::int64_t number, const V4l2Buffer& image);
     void give(Open& open, std::int64_t number, std::int64_t time_ns);
     void complain(const char* what) {
         if (misuse.empty()) misuse = what;
@@ -132,6 +148,7 @@ private:
     [[nodiscard]] const EmulatedMode* mode_of(const Node& node, const V4l2Format& format) const;
     [[nodiscard]] std::int64_t next_image_ns(std::span<const int> handles);
 
+    std::uint32_t spoils_ = 0;  // until now: each time other bits
     mutable std::recursive_mutex mutex_;
     std::int64_t now_ns_ = 1'000'000'000'000;
     bool is_plugged_ = true;

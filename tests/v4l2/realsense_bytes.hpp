@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
 #include <string>
 #include <vector>
 
@@ -107,11 +108,37 @@ struct ColourNumbers {
     return body;
 }
 
+// A buffer of V4L2_META_FMT_D4XX: what the driver writes, the payload header, capture timing, depth control,
+// configuration.
+struct MetadataNumbers {
+    std::uint32_t time_us = 0;  // in the header: the end of what was exposed
+    std::uint32_t optical_us = 4000, exposure_us = 8000;
+    bool is_laser_on = true;
+    std::uint32_t version = 3;  // of depth control
+};
+[[nodiscard]] inline Bytes metadata(const MetadataNumbers& numbers) {
+    Bytes bytes(10 + 12 + 40 + 60 + 40, 0);
+    bytes[10] = static_cast<std::uint8_t>(bytes.size() - 10);
+    bytes[11] = 0x8c;  // end of header, clock, time
+    put_u32(bytes, 12, numbers.time_us);
+    const auto put_all = [&bytes](std::size_t at, std::initializer_list<std::uint32_t> values) {
+        for (const std::uint32_t value : values) {
+            put_u32(bytes, at, value);
+            at += 4;
+        }
+    };
+    put_all(22, {0x80000001, 40, 1, 0x3f, 77, numbers.optical_us, 9000, numbers.exposure_us, 33'333, 20'000});
+    put_all(62, {0x80000000, 60, numbers.version, numbers.version < 2 ? 0x7fU : 0x1ffU, 16, numbers.exposure_us, 150, 1,
+                 0, 0, 847, 0, 479, 0, (numbers.version < 3 ? 0U : 0x01680000U) | (numbers.is_laser_on ? 1U : 0U)});
+    put_all(122, {0x80000002, 40, 3, 0x7ff, 0x1c, 5});
+    return bytes;
+}
+
 // 1024 bytes: the code of the command, the body, its length at the end.
 [[nodiscard]] inline Bytes answer(std::uint32_t code, const Bytes& body) {
     Bytes message(1024, 0);
     put_u32(message, 0, code);
-    std::memcpy(&message[4], body.data(), body.size());
+    if (!body.empty()) std::memcpy(&message[4], body.data(), body.size());
     put_u32(message, 1020, static_cast<std::uint32_t>(body.size()));
     return message;
 }

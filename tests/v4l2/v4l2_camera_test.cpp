@@ -432,6 +432,75 @@ TEST(V4l2Camera, Infrared) {
     EXPECT_NE(without.camera->message().find("has no infrared images"), std::string::npos) << without.camera->message();
 }
 
+// Promise: with a projector that takes turns, every picture is one without dots, of 30 a second, with depth of the
+// image just before, which had them; also when it is opened again; whoever opens the camera otherwise next ends the
+// turns.
+TEST(V4l2Camera, TheProjectorTakesTurns) {
+    for (const char* const name : {"alternate", "012345,alternate"}) {
+        Rig rig({.device = name});
+        ASSERT_EQ(rig.camera->open(), Status::kOk) << rig.camera->message();
+        EXPECT_NE(rig.camera->device().find("GREY 640x480@60, depth Z16 640x480@60, in the left infrared camera's "
+                                            "view, its projector takes turns"),
+                  std::string::npos)
+            << rig.camera->device();
+        EXPECT_TRUE(rig.device->is_alternating);
+        EXPECT_EQ(rig.device->emitter, 1);
+        EXPECT_EQ(rig.camera->info().frames_per_s, 30);
+        Frame frame;
+        for (int opening = 0; opening < 2; ++opening) {
+            ASSERT_EQ(rig.next(frame), Status::kOk);
+            std::int64_t last_ns = frame.time_ns;
+            for (int i = 0; i < 10; ++i) {
+                ASSERT_EQ(rig.next(frame), Status::kOk);
+                const std::uint32_t number = depth_number(frame);
+                EXPECT_EQ(number % 2, 1U) << "depth without the projector";
+                expect_image(frame, number);
+                EXPECT_EQ(frame.colour.row(9)[7], test::colour_byte(number + 1, 7, 9)) << "dots, or another instant";
+                EXPECT_NEAR(static_cast<double>(frame.time_ns - frame.depth_time_ns), 1e9 / 60, 2'000);
+                EXPECT_NEAR(static_cast<double>(frame.time_ns - last_ns), 1e9 / 30, 2'000);
+                last_ns = frame.time_ns;
+            }
+            rig.device->unplug();
+            EXPECT_EQ(rig.next(frame), Status::kUnavailable);
+            rig.device->plug(3);
+            ASSERT_EQ(rig.camera->open(), Status::kOk) << rig.camera->message();
+        }
+        EXPECT_EQ(rig.camera->remark(), "");
+        rig.camera->close();
+        V4l2Options options;
+        options.has_thread = false;
+        V4l2Camera other(options, rig.device);
+        ASSERT_EQ(other.open(), Status::kOk) << other.message();
+        EXPECT_FALSE(rig.device->is_alternating);
+    }
+}
+
+// Promise: a camera that refuses to take turns, or whose metadata cannot be read, is refused with the reason and with
+// what will do; one that does not do as it was told says so, once, and no picture with dots is given out.
+TEST(V4l2Camera, ATurnThatIsNotTaken) {
+    struct Case {
+        void (*spoil)(EmulatedDevice&);
+        const char* words;
+    };
+    for (const Case& c :
+         {Case{[](EmulatedDevice& d) { d.answers.erase(256 + 0x77); }, "cannot take turns with the images"},
+          Case{[](EmulatedDevice& d) { d.metadata_of(d.infrared()).open_error = EACCES; },
+               "which images have the projector's dots is not known"}}) {
+        Rig rig({.device = "alternate"});
+        c.spoil(*rig.device);
+        EXPECT_EQ(rig.camera->open(), Status::kInvalid);
+        EXPECT_NE(rig.camera->message().find(c.words), std::string::npos) << rig.camera->message();
+        EXPECT_NE(rig.camera->message().find("--camera v4l2:ir"), std::string::npos);
+    }
+    Rig rig({.device = "alternate"});
+    rig.device->does_alternate = false;
+    ASSERT_EQ(rig.camera->open(), Status::kOk);
+    Frame frame;
+    EXPECT_EQ(rig.next(frame), Status::kTimedOut);
+    EXPECT_NE(rig.camera->remark().find("does not take turns"), std::string::npos);
+    EXPECT_EQ(rig.camera->remark(), "");
+}
+
 // Promise: it is said which stream is silent; the camera behind ReconnectingCamera is then reset and opened again, and
 // goes on.
 TEST(V4l2Camera, AStallIsReset) {

@@ -1,0 +1,97 @@
+#include "hal/v4l2/metadata_stream.hpp"
+
+#include <algorithm>
+#include <cerrno>
+
+namespace stillmesh::v4l2 {
+namespace {
+
+constexpr std::uint32_t kFormatsMax = 16;
+constexpr std::uint32_t kBytesMin = 64, kBytesMax = 1 << 20;
+
+}  // namespace
+
+int MetadataStream::set_format() {
+    std::uint32_t best = 0;
+    for (std::uint32_t i = 0; i < kFormatsMax; ++i) {
+        std::uint32_t code = 0;
+        if (link_.format_at(handle_, i, code) != 0) break;
+        if (code == kD4xxMetadata || (code == kUvcMetadata && best == 0)) best = code;
+    }
+    if (best == 0) return ENOTSUP;
+    format_ = {.fourcc = best};
+    if (const int error = link_.set_format(handle_, format_); error != 0) return error;
+    return format_.fourcc == best && format_.bytes >= kBytesMin && format_.bytes <= kBytesMax ? 0 : ERANGE;
+}
+
+int MetadataStream::map_buffers() {
+    std::uint32_t count = kBuffers;
+    if (const int error = link_.request_buffers(handle_, count); error != 0) return error;
+    buffer_count_ = std::min(count, kBuffers);
+    if (buffer_count_ == 0) return ERANGE;
+    for (std::uint32_t i = 0; i < buffer_count_; ++i) {
+        if (const int error = link_.map(handle_, i, buffers_[i]); error != 0) return error;
+        if (const int error = link_.queue(handle_, i); error != 0) return error;
+    }
+    return link_.set_streaming(handle_, true);
+}
+
+int MetadataStream::start(const std::string& path) {
+    stop();
+    if (path.empty()) return ENOTSUP;
+    int handle = -1;
+    if (const int error = link_.open(path, handle); error != 0) return error;
+    handle_ = handle;
+    std::uint32_t capabilities = 0;
+    int error = link_.query_capability(handle_, capabilities);
+    if (error == 0 && (capabilities & kV4l2Metadata) == 0) error = ENOTSUP;
+    if (error == 0) error = set_format();
+    if (error == 0) error = map_buffers();
+    is_on_ = error == 0;
+    if (error != 0) stop();
+    return error;
+}
+
+void MetadataStream::stop() noexcept {
+    if (handle_ < 0) return;
+    if (is_on_) static_cast<void>(link_.set_streaming(handle_, false));
+    is_on_ = false;
+    for (auto& buffer : buffers_) {
+        if (!buffer.empty()) link_.unmap(buffer);
+        buffer = {};
+    }
+    std::uint32_t none = 0;
+    if (buffer_count_ > 0) static_cast<void>(link_.request_buffers(handle_, none));
+    buffer_count_ = 0;
+    link_.close(handle_);
+    handle_ = -1;
+    read_ = {};
+}
+
+void MetadataStream::read_all() noexcept {
+    // So many that none is left behind, and an end where a driver never runs out of errors.
+    for (std::uint32_t i = 0; i < 2 * kBuffers; ++i) {
+        V4l2Buffer buffer;
+        const int error = link_.dequeue(handle_, buffer);
+        if (error == EAGAIN || error == ENODEV) return;
+        if (error != 0 || buffer.index >= buffer_count_) continue;
+        const std::span<const std::uint8_t> bytes = buffers_[buffer.index];
+        Read& read = read_[buffer.sequence % kBuffers];
+        read = {.sequence = buffer.sequence, .is_there = true, .facts = {}};
+        const bool is_whole = !buffer.is_broken && buffer.bytes_used <= bytes.size();
+        if (is_whole) static_cast<void>(parse_metadata(bytes.first(buffer.bytes_used), read.facts));
+        // What cannot be given back is lost; without buffers there is no more of it, and images go on.
+        static_cast<void>(link_.queue(handle_, buffer.index));
+    }
+}
+
+ImageFacts MetadataStream::find(std::uint32_t sequence) noexcept {
+    if (!is_on_) return {};
+    read_all();
+    Read& read = read_[sequence % kBuffers];
+    if (!read.is_there || read.sequence != sequence) return {};
+    read.is_there = false;
+    return read.facts;
+}
+
+}  // namespace stillmesh::v4l2

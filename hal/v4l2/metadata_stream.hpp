@@ -1,0 +1,56 @@
+// What a camera says about its images, from the metadata node beside their video node: found by the image's number,
+// which the driver gives to both. The driver has filled it before it gives the image out, so that nothing is waited
+// for. It is no more than help: whatever fails here leaves the images as they are, without it. Memory: kBuffers buffers
+// of 1 or 10 kB in the kernel. Cost: three calls of the driver per image.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "hal/v4l2/realsense_metadata.hpp"
+#include "hal/v4l2/v4l2_link.hpp"
+
+namespace stillmesh::v4l2 {
+
+class MetadataStream {
+public:
+    // More than an ImageStream has: each is given back as soon as it is read.
+    static constexpr std::uint32_t kBuffers = 8;
+
+    explicit MetadataStream(V4l2Link& link) noexcept : link_(link) {}
+    ~MetadataStream() { stop(); }
+    MetadataStream(const MetadataStream&) = delete;
+    MetadataStream& operator=(const MetadataStream&) = delete;
+
+    // 0, or the errno of what failed. ENOTSUP: no node of metadata, or none that is understood.
+    [[nodiscard]] int start(const std::string& path);
+    void stop() noexcept;
+    [[nodiscard]] bool is_on() const noexcept { return is_on_; }
+
+    // Of the image with that number. Empty: none came, or it was damaged.
+    [[nodiscard]] ImageFacts find(std::uint32_t sequence) noexcept;
+
+private:
+    struct Read {
+        std::uint32_t sequence = 0;
+        bool is_there = false;
+        ImageFacts facts;
+    };
+
+    [[nodiscard]] int set_format();
+    [[nodiscard]] int map_buffers();
+    void read_all() noexcept;
+
+    V4l2Link& link_;
+    int handle_ = -1;
+    bool is_on_ = false;
+    V4l2Format format_;
+    std::array<std::span<const std::uint8_t>, kBuffers> buffers_{};
+    std::uint32_t buffer_count_ = 0;
+    std::array<Read, kBuffers> read_{};  // the last, by sequence
+};
+
+}  // namespace stillmesh::v4l2
