@@ -143,8 +143,8 @@ std::string map_sentence(const std::string& file, const MapFileProblem& p) {
         case MapFault::kNone: return {};
         case MapFault::kNoMap: return file + ": is no map of Stillmesh.";
         case MapFault::kOtherVersion:
-            return fmt::format("{}: is a map of version {:.0f}; this program reads version {:.0f}.", file, p.value,
-                               p.limit);
+            return fmt::format("{}: is a map of version {:.0f}; this program reads versions {} to {:.0f}.", file,
+                               p.value, kMapVersion, p.limit);
         case MapFault::kCutOff:
             return fmt::format("{}: is cut off: {:.0f} bytes of {:.0f} are there.", file, p.value, p.limit);
         case MapFault::kTooLong:
