@@ -31,14 +31,8 @@ bool GridOutputs::open(const GridOutputOptions& options, const Limits& limits, s
             limits.keyframes_max);
         return false;
     }
-    if (options.robot_m <= options.obstacle_m) {
-        message = fmt::format("--robot-height {:g}: is not above --obstacle-height {:g}; give a larger one.",
-                              options.robot_m, options.obstacle_m);
-        return false;
-    }
     GridOptions grid;
-    grid.obstacle_m = options.obstacle_m;
-    grid.robot_m = options.robot_m;
+    if (!grid_options_of(options, grid, message)) return false;
     if (!job_.open(limits, grid, message)) return false;
     options_ = options;
     grid_ = options.grid;
@@ -93,16 +87,6 @@ std::string GridOutputs::take_news() {
     return std::exchange(news_, {});
 }
 
-std::string GridOutputs::why_no_grid() const {
-    if (job_.looks().empty()) {
-        return "nothing was kept of what was seen; that begins a second after the start, with frames of a sure pose";
-    }
-    if (!job_.floor().is_known) {
-        return "no floor was seen for certain; let the camera look down at some of it, held upright";
-    }
-    return "nothing was seen within reach of it";
-}
-
 void GridOutputs::write_all(const Engine& engine) {
     if (!options_.is_any()) return;
     join();
@@ -118,7 +102,7 @@ void GridOutputs::write_all(const Engine& engine) {
     record.floor_share = job_.floor().share;
     std::string message;
     if (!grid_.empty() && !job_.has_grid()) {
-        problems_.push_back("--grid " + grid_ + ": was not written: " + why_no_grid() + ".");
+        problems_.push_back("--grid " + grid_ + ": was not written: " + why_no_grid(job_) + ".");
     } else if (!grid_.empty() && write_grid(job_, grid_, message)) {
         record.grid = grid_ + ".yaml";
         record.width = job_.grid().width();
@@ -135,7 +119,7 @@ void GridOutputs::write_all(const Engine& engine) {
             problems_.push_back(message);
         }
         if (options_.is_level && !record.is_level) {
-            problems_.push_back("--cloud " + cloud_ + ": is not level: " + why_no_grid() + ".");
+            problems_.push_back("--cloud " + cloud_ + ": is not level: " + why_no_grid(job_) + ".");
         }
     }
     written_.push_back(record);

@@ -11,19 +11,11 @@
 #include <thread>
 
 #include "engine/engine.hpp"
+#include "platform/cli/grid_options.hpp"
 #include "platform/grid/grid_job.hpp"
 #include "platform/report/run_record.hpp"
 
 namespace stillmesh {
-
-struct GridOutputOptions {
-    std::string grid;       // NAME of NAME.yaml and NAME.pgm; empty: none
-    std::string cloud;      // file; empty: none
-    bool is_level = false;  // the cloud: z up, floor at 0
-    double obstacle_m = GridOptions{}.obstacle_m;
-    double robot_m = GridOptions{}.robot_m;
-    [[nodiscard]] bool is_any() const { return !grid.empty() || !cloud.empty(); }
-};
 
 class GridOutputs {
 public:
@@ -46,7 +38,6 @@ private:
         if (thread_.joinable()) thread_.join();
     }
     void fail(const std::string& problem);
-    [[nodiscard]] std::string why_no_grid() const;
 
     GridOutputOptions options_;
     std::string grid_, cloud_;  // of the map at hand

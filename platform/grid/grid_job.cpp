@@ -18,10 +18,10 @@ bool GridJob::open(const Limits& limits, const GridOptions& options, std::string
     return true;
 }
 
-void GridJob::begin(const Engine& engine) {
+void GridJob::begin(const DepthSource& images) {
     looks_.clear();
     for (std::uint32_t index = 0; index < images_max_; ++index) {
-        const DepthImage image = engine.depth_image(index);
+        const DepthImage image = images.depth_image(index);
         if (image.columns > 0) looks_.push_back({image.frame, index, image.map_from_camera});
     }
     std::sort(looks_.begin(), looks_.end(), [](const Look& a, const Look& b) { return a.frame < b.frame; });
@@ -32,9 +32,9 @@ void GridJob::begin(const Engine& engine) {
     pass_ = Pass::kFloor;
 }
 
-bool GridJob::step(const Engine& engine) {
+bool GridJob::step(const DepthSource& images) {
     if (pass_ == Pass::kDone) return false;
-    const DepthImage image = next_ < looks_.size() ? engine.depth_image(looks_[next_].index) : DepthImage{};
+    const DepthImage image = next_ < looks_.size() ? images.depth_image(looks_[next_].index) : DepthImage{};
     if (image.columns > 0 && image.frame == looks_[next_].frame) {
         const RigidTransform& map_from_camera = looks_[next_].map_from_camera;
         if (pass_ == Pass::kFloor) {

@@ -1,14 +1,15 @@
 // Floor, grid and cloud of a map as it is when the job begins, in slices between frames: the depth images and where
-// they lie are listed once, each slice looks at one of them. One that is gone by then is left out. It reads the engine
-// and changes nothing in it. Limits: depth_images_max images. Memory: open() takes it all, no heap after that. Cost: a
-// slice is one depth image, some .2 ms (docs/grid.md).
+// they lie are listed once, each slice looks at one of them. One that is gone by then is left out. It reads an engine
+// (or a map file) and changes nothing in it. Limits: depth_images_max images. Memory: open() takes it all, no heap
+// after that. Cost: a slice is one depth image, some .2 ms (docs/grid.md).
 #pragma once
 
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include "engine/engine.hpp"
+#include "engine/limits.hpp"
+#include "platform/grid/depth_source.hpp"
 #include "platform/grid/floor_finder.hpp"
 #include "platform/grid/occupancy_grid.hpp"
 #include "platform/linux/memory_block.hpp"
@@ -20,9 +21,9 @@ public:
     // False: no memory; `message` says so.
     [[nodiscard]] bool open(const Limits& limits, const GridOptions& options, std::string& message);
 
-    void begin(const Engine& engine);
+    void begin(const DepthSource& images);
     // False: it is done. `has_grid()` and `floor()` are valid then.
-    bool step(const Engine& engine);
+    bool step(const DepthSource& images);
     [[nodiscard]] bool is_working() const { return pass_ != Pass::kDone; }
 
     [[nodiscard]] const Floor& floor() const { return finder_.floor(); }
@@ -31,7 +32,7 @@ public:
     // What it is made of, oldest first; a pose is that of when the job began.
     struct Look {
         std::uint64_t frame = 0;
-        std::uint32_t index = 0;  // of Engine::depth_image()
+        std::uint32_t index = 0;  // of the source's depth_image()
         RigidTransform map_from_camera;
     };
     [[nodiscard]] const std::vector<Look>& looks() const { return looks_; }
