@@ -292,6 +292,9 @@ Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProb
                                 use == MapUse::kLocalise);
     return Status::kOk;
 }
+void Engine::set_map_use(MapUse use) noexcept {
+    state_of(this).world.is_frozen = use == MapUse::kLocalise;
+}
 Progress Engine::step_store(std::uint32_t units) noexcept {
     EngineState& state = state_of(this);
     if (!has_store(state)) return Progress::kIdle;
