@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,17 +17,23 @@
 
 namespace stillmesh {
 
+// A level frame with the origin and the x of another, as they lie on the floor.
+[[nodiscard]] RigidTransform aligned_level(const RigidTransform& level_from_map, const RigidTransform& frame_from_map);
+
 class GridJob {
 public:
     // False: no memory; `message` says so.
     [[nodiscard]] bool open(const Limits& limits, const GridOptions& options, std::string& message);
 
+    // From the next begin() on: the level frame is turned and moved along the floor, until its origin lies under that
+    // of this frame and its x is that one's, instead of the first camera's.
+    void align_with(const RigidTransform& frame_from_map) { frame_from_map_ = frame_from_map; }
     void begin(const DepthSource& images);
     // False: it is done. `has_grid()` and `floor()` are valid then.
     bool step(const DepthSource& images);
     [[nodiscard]] bool is_working() const { return pass_ != Pass::kDone; }
 
-    [[nodiscard]] const Floor& floor() const { return finder_.floor(); }
+    [[nodiscard]] const Floor& floor() const { return floor_; }
     [[nodiscard]] bool has_grid() const { return has_grid_; }
     [[nodiscard]] const OccupancyGrid& grid() const { return grid_; }
     // What it is made of, oldest first; a pose is that of when the job began.
@@ -48,6 +55,8 @@ private:
     MemoryBlock block_;
     OccupancyGrid grid_;
     FloorFinder finder_;
+    std::optional<RigidTransform> frame_from_map_;
+    Floor floor_;
     std::vector<Look> looks_;
     std::uint32_t images_max_ = 0;
     std::size_t next_ = 0;
