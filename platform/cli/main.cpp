@@ -465,7 +465,7 @@ int program(int argc, char** argv) {
     map_info->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
     map_info->add_flag("--json", is_map_json, "as JSON");
     CLI::App* const map_out =
-        map_command->add_subcommand("export", "its points and keyframes, a grid to drive in, a cloud");
+        map_command->add_subcommand("export", "its points and keyframes, a grid to drive in, a cloud, an OctoMap");
     map_out->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
     map_out->add_option("--ply", map_export.ply, "points, for MeshLab, CloudCompare, Blender")->type_name("FILE");
     map_out->add_option("--pcd", map_export.pcd, "points, for the Point Cloud Library")->type_name("FILE");
@@ -473,6 +473,8 @@ int program(int argc, char** argv) {
     map_out->add_option("--json", map_export.json, "all of it")->type_name("FILE");
     map_out->add_flag("--moving", map_export.has_moving, "points that turned out to move as well");
     add_grid_options(*map_out, map_export.grid, "", "");
+    map_out->add_option("--octomap", map_export.octomap, "what was seen empty and occupied, in cubes: an OctoMap, .bt")
+        ->type_name("FILE");
     map_out->footer(
         "Coordinates: m, in the frame of the first camera, x right, y down, z forward; a grid's are level.\n"
         "Exit codes: 0 done; 1 could not be made or written; 2 no map, or bad usage.");

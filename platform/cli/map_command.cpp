@@ -218,9 +218,10 @@ int map_export_command(const MapExport& options) {
     for (const Output& output : outputs) {
         if (!output.path.empty()) destinations.push_back({output.option, output.path, DestinationKind::kWhole});
     }
-    add_grid_destinations(options.grid, destinations);
+    add_grid_destinations(options.grid, options.octomap, destinations);
     if (destinations.empty()) {
-        return refuse("map export: name what to write: --ply, --pcd, --tum, --json or --cloud FILE, or --grid NAME.");
+        return refuse(
+            "map export: name what to write: --ply, --pcd, --tum, --json, --cloud or --octomap FILE, or --grid NAME.");
     }
     const Origin origins[] = {{"the map", options.file}};
     if (const std::string problem = check_destinations(destinations, origins); !problem.empty()) {
@@ -230,7 +231,8 @@ int map_export_command(const MapExport& options) {
     std::string message;
     if (read_map_content(options.file, map, message) != Status::kOk) return refuse(message);
     int code = kExitDone;
-    if (options.grid.is_any()) code = write_grid_of(map, options.file, options.grid);
+    if (options.grid.is_any() || !options.octomap.empty())
+        code = write_grid_of(map, options.file, options.grid, options.octomap);
     if (code == kExitUsage) return code;
     for (const Output& output : outputs) {
         if (output.path.empty()) continue;

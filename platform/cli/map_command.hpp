@@ -14,6 +14,7 @@ struct MapExport {
     std::string json;         // camera, keyframes, points; "-" is standard output
     bool has_moving = false;  // points that have lost their weight as well
     GridOutputOptions grid;   // and cloud
+    std::string octomap;      // cubes
 };
 
 // Both return the program's exit code: 0; 1 could not make or write it; 2 no map, or bad usage.

@@ -4,24 +4,28 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/grid/grid_files.hpp"
 #include "platform/grid/grid_job.hpp"
+#include "platform/grid/octomap_file.hpp"
 #include "platform/linux/text_output.hpp"
 
 namespace stillmesh {
 
-void add_grid_destinations(const GridOutputOptions& options, std::vector<Destination>& destinations) {
+void add_grid_destinations(const GridOutputOptions& options, const std::string& octomap,
+                           std::vector<Destination>& destinations) {
     if (!options.grid.empty()) {
         destinations.push_back({"--grid", options.grid + ".yaml", DestinationKind::kWhole});
         destinations.push_back({"--grid", options.grid + ".pgm", DestinationKind::kWhole});
     }
     if (!options.cloud.empty()) destinations.push_back({"--cloud", options.cloud, DestinationKind::kWhole});
+    if (!octomap.empty()) destinations.push_back({"--octomap", octomap, DestinationKind::kWhole});
 }
 
-int write_grid_of(const SavedMap& map, const std::string& name, const GridOutputOptions& options) {
+int write_grid_of(const SavedMap& map, const std::string& name, const GridOutputOptions& options,
+                  const std::string& octomap) {
     if (map.depth.empty()) {
-        return refuse(
-            name +
-            ": holds no depth images to make a grid or a cloud of; 'stillmesh run' keeps some from its second "
-            "second on, where limits.depth_images_max is not 0.");
+        return refuse(name +
+                      ": holds no depth images to make a grid, a cloud or an OctoMap of; 'stillmesh run' keeps some "
+                      "from its second "
+                      "second on, where limits.depth_images_max is not 0.");
     }
     GridOptions grid;
     std::string message;
@@ -44,8 +48,14 @@ int write_grid_of(const SavedMap& map, const std::string& name, const GridOutput
         complain(message);
         is_done = false;
     }
-    if (options.cloud.empty()) return is_done ? kExitDone : kExitFailed;
+    if (!octomap.empty() && !write_octomap(map, job, octomap, message)) {
+        complain(message);
+        is_done = false;
+    } else if (!octomap.empty() && !job.floor().is_known) {
+        lacks("--octomap " + octomap + ": is not level: ");
+    }
     const bool is_level = options.is_level && job.floor().is_known;
+    if (options.cloud.empty()) return is_done ? kExitDone : kExitFailed;
     if (!write_whole_file(options.cloud, cloud_ply(map, job, is_level), message)) {
         complain(message);
         is_done = false;

@@ -97,6 +97,7 @@ TEST(GridProgram, ComesOutOfAMap) {
         stillmesh_says("map export " + bare + " --ply " + folder.path("n.ply") + " --grid " + folder.path("none"));
     EXPECT_EQ(none.code, 2) << none.text;
     EXPECT_NE(none.text.find("bare.map: holds no depth images"), std::string::npos) << none.text;
+    EXPECT_EQ(stillmesh_says("map export " + bare + " --octomap " + folder.path("none.bt")).code, 2);
     EXPECT_FALSE(std::filesystem::exists(folder.path("none.yaml")));
     EXPECT_FALSE(std::filesystem::exists(folder.path("n.ply")));
     EXPECT_EQ(stillmesh_says("map export " + map + " --grid " + out + " --robot-height .2 --obstacle-height .5").code,
