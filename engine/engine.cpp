@@ -273,7 +273,8 @@ Status Engine::begin_map_copy(std::span<std::byte> workspace, std::uint8_t extra
 Progress Engine::step_map_copy(std::uint32_t units) noexcept {
     EngineState& state = state_of(this);
     WorkBudget budget(units);
-    return state.map_copy.step(state.world.map, {state.world.clock.frame, state.world.clock.time_ns}, budget);
+    return state.map_copy.step(state.world.map, state.world.depth_images,
+                               {state.world.clock.frame, state.world.clock.time_ns}, budget);
 }
 Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProblem& problem,
                         std::uint8_t extractor) noexcept {
@@ -284,11 +285,15 @@ Status Engine::load_map(std::span<const std::byte> file, MapUse use, MapFileProb
     STILLMESH_TRY(check_map_file(file, state.world.limits, origin, state.world.map, info, problem));
     reset();
     restore_map(file, info, state.world.map);
+    restore_depth_images(file, info, state.world.map, state.world.depth_images);
     // Regions kept after the map was saved have later names.
     const StoreContent content = has_store(state) ? state.pager[0].content() : StoreContent{};
     state.tracking.begin_in_map(std::max(info.frames, content.ids_end), std::max(info.time_ns, content.time_ns),
                                 use == MapUse::kLocalise);
     return Status::kOk;
+}
+void Engine::set_map_use(MapUse use) noexcept {
+    state_of(this).world.is_frozen = use == MapUse::kLocalise;
 }
 Progress Engine::step_store(std::uint32_t units) noexcept {
     EngineState& state = state_of(this);

@@ -131,6 +131,9 @@ public:
     //   kOk    kNotFound, kEnd, kInvalid, kCorrupt, kFull (larger than the limits)  `problem` says what is wrong
     [[nodiscard]] Status load_map(std::span<const std::byte> file, MapUse use, MapFileProblem& problem,
                                   std::uint8_t extractor = 0) noexcept;
+    // Whether the map is added to from the next frame on, or stays as it is apart from marks of use; what mapping has
+    // begun is finished. Until the next load_map, or reset, after which a map is added to.
+    void set_map_use(MapUse use) noexcept;
     // Gives the store what it has not been given of the map yet, for so many units; at the end of a run.
     //   kIdle  nothing is left, or there is no store    kWorking  more is waiting, for units or for room in the store
     Progress step_store(std::uint32_t units) noexcept;

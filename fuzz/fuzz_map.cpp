@@ -1,5 +1,6 @@
 // A map file, any bytes: refused with a reason and the engine as it was, or taken whole: then all that a map keeps
 // incrementally is right, it is written back to the same bytes, and tracking goes on in it, whatever is in it.
+#include <algorithm>
 #include <cstddef>
 #include <cstring>
 #include <span>
@@ -62,7 +63,7 @@ const std::vector<Kept>& frames() {
         for (std::uint32_t i = 0; i < kFramesBefore; ++i, ++scene.x) {
             out.push_back({fuzz::empty_picture<std::uint8_t>(camera.width, camera.height, 1),
                            fuzz::empty_picture<std::uint16_t>(camera.width, camera.height, 1),
-                           std::int64_t{i} * 33'000'000});
+                           std::int64_t{i} * 110'000'000});  // depth images begin after a second
             scene.draw(out.back().colour, out.back().depth, 1);
         }
         return out;
@@ -89,7 +90,8 @@ const std::vector<std::byte>& good() {
         std::vector<std::byte> out = fuzz::map_of(engine());
         MapFileInfo info;
         MapFileProblem problem;
-        fuzz::expect(read_map_header(out, info, problem) == Status::kOk && info.keyframes >= 3 && info.points >= 20,
+        fuzz::expect(read_map_header(out, info, problem) == Status::kOk && info.keyframes >= 3 && info.points >= 20 &&
+                         info.depth_images >= 2,
                      "a good file has something to break");
         return out;
     }();
@@ -125,15 +127,24 @@ void mend(std::vector<std::byte>& file) {
 }
 
 // Its content is written back: the hash in the header is information, not checked, and a file that lies about it is
-// corrected. So is the pose of a keyframe in its parent, which readers pass over.
+// corrected. So are the pose of a keyframe in its parent and the rays of depth images, which readers pass over.
 void expect_written_back(const std::vector<std::byte>& file) {
     const std::vector<std::byte> again = fuzz::map_of(engine());
-    fuzz::expect(again.size() == file.size(), "a map is written back to as many bytes");
-    MapFileInfo info;
+    MapFileInfo info, said;
     MapFileProblem problem;
     fuzz::expect(read_map_header(again, info, problem) == Status::kOk, "what was written is a map");
+    fuzz::expect(read_map_header(file, said, problem) == Status::kOk, "what was taken is one");
+    fuzz::expect(info.depth_images == std::min(said.depth_images, fuzz::kSmallLimits.depth_images_max),
+                 "as many depth images as there is room for");
+    if (info.depth_images < said.depth_images) return;
+    fuzz::expect(again.size() == file.size(), "a map is written back to as many bytes");
     std::vector<std::byte> wanted = file;
     std::memcpy(wanted.data() + 72, again.data() + 72, 8);
+    if (info.depth_images > 0) {
+        const auto rays = static_cast<std::uint32_t>(map_records::Section::kRays);
+        const auto at = static_cast<std::size_t>(map_records::records_at(info, rays));
+        std::memcpy(wanted.data() + at, again.data() + at, map_records::section_bytes(info, rays));
+    }
     const auto keyframes = static_cast<std::uint32_t>(map_records::Section::kKeyframes);
     for (std::uint32_t k = 0; k < info.keyframes; ++k) {
         const auto at = static_cast<std::size_t>(map_records::records_at(info, keyframes)) +
@@ -203,10 +214,11 @@ fuzz::Piece make_edit(Random& random) {
     MapFileProblem problem;
     fuzz::expect(read_map_header(good(), info, problem) == Status::kOk, "a good file");
     std::uint64_t at = random.below(kMapHeaderBytes);
-    const std::uint32_t section = random.below(map_records::kSections + 1);
-    if (section < map_records::kSections) {
+    const std::uint32_t sections = map_records::sections_of(info);
+    const std::uint32_t section = random.below(sections + 1);
+    if (section < sections) {
         const auto records = map_records::records_of(info, section);
-        const auto size = static_cast<std::uint32_t>(map_records::kRecordBytes[section]);
+        const auto size = static_cast<std::uint32_t>(map_records::record_bytes(info, section));
         at = map_records::records_at(info, section);
         at = random.below(16) == 0 ? at - 1 - random.below(map_records::kSectionHeadBytes)
                                    : at + std::uint64_t{random.below(records)} * size + random.below(size);

@@ -18,7 +18,7 @@
 namespace stillmesh::fuzz {
 
 // Pictures of 80x64 px have 48x32 in which corners may lie; full pools happen within eight frames.
-inline constexpr Limits kSmallLimits = {80, 64, 2, 60, 4, 120, 12, 90, 230, 60};
+inline constexpr Limits kSmallLimits = {80, 64, 2, 60, 4, 120, 12, 90, 230, 60, 3};
 
 // One byte too many is seen.
 class Block {

@@ -1,6 +1,6 @@
-// A map that fills every pool of Limits::room(), 256 keyframes of 1000 features and 20 000 points, made up: copied in
-// slices, hashed and written to a file, read, checked and restored. Prints the shortest of some rounds, the longest
-// slice (processor time), and whether the hash came back.
+// A map that fills every pool of Limits::room(), 256 keyframes of 1000 features, 20 000 points and 256 depth images,
+// made up: copied in slices, hashed and written to a file, read, checked and restored. Prints the shortest of some
+// rounds, the longest slice (processor time), and whether the hash came back.
 //   bench_maps [FILE [ROUNDS]]
 #include <time.h>
 
@@ -62,15 +62,18 @@ void fill(Map& map, const Limits& limits, const CameraModel& camera) {
 }
 
 struct Room {
-    explicit Room(const Limits& limits) {
+    Room(const Limits& limits, const CameraModel& camera) {
         ArenaPlan plan;
         Map::plan(plan, limits);
+        DepthImages::plan(plan, limits);
         if (!block.allocate(plan.used_bytes())) std::abort();
         Arena arena(block.bytes());
         map.create(arena, limits);
+        images.create(arena, limits, camera);
     }
     MemoryBlock block;
     Map map;
+    DepthImages images;
 };
 
 int measure(const std::string& file, int rounds) {
@@ -79,9 +82,13 @@ int measure(const std::string& file, int rounds) {
     origin.camera = {640, 480, 525, 525, 319.5, 239.5, 0, 0, 0, 0, 0};
     origin.pyramid_levels = 8;
     origin.scale_factor = 1.2;
-    Room from(limits);
-    Room to(limits);
+    Room from(limits, origin.camera);
+    Room to(limits, origin.camera);
     fill(from.map, limits, origin.camera);
+    for (std::uint32_t i = 0; i < limits.depth_images_max; ++i) {
+        const DepthImages::Owner owner = {from.map.keyframes().handle_of(i), {}, i, false};
+        for (std::uint16_t& mm : from.images.put(i, owner)) mm = 2000;
+    }
     MemoryBlock workspace;
     if (!workspace.allocate(map_copy_bytes(limits))) return 1;
     double copy = 1e9, slice = 1e9, hash = 1e9, write = 1e9, read = 1e9, check = 1e9, restore = 1e9, load = 1e9,
@@ -97,7 +104,7 @@ int measure(const std::string& file, int rounds) {
         for (Progress progress = Progress::kWorking; progress == Progress::kWorking;) {
             WorkBudget budget(200);
             const std::int64_t slice_begin = own_ns();
-            progress = copier.step(from.map, {10000, 1'000'000'000}, budget);
+            progress = copier.step(from.map, from.images, {10000, 1'000'000'000}, budget);
             longest = std::max(longest, ms_since(slice_begin));
         }
         copy = std::min(copy, ms_since(begin));
@@ -135,6 +142,7 @@ int measure(const std::string& file, int rounds) {
         check = std::min(check, ms_since(begin));
         begin = own_ns();
         restore_map(bytes, info, to.map);
+        restore_depth_images(bytes, info, to.map, to.images);
         restore = std::min(restore, ms_since(begin));
         load = std::min(load, ms_since(load_begin));
         wall = std::min(wall, static_cast<double>(monotonic_ns() - wall_begin) * 1e-6);

@@ -6,20 +6,25 @@
 
 namespace stillmesh {
 
+DepthLayout depth_layout(const CameraModel& camera) noexcept {
+    const std::uint32_t cell_px = std::max((camera.width + kDepthColumnsMax - 1) / kDepthColumnsMax,
+                                           (camera.height + kDepthRowsMax - 1) / kDepthRowsMax);
+    if (cell_px == 0) return {};
+    return {camera.width / cell_px, camera.height / cell_px, cell_px};
+}
+
 void DepthImages::create(Arena& arena, const Limits& limits, const CameraModel& camera) noexcept {
     if (limits.depth_images_max == 0) return;
     owners_ = arena.array<Owner>(limits.depth_images_max);
     depth_mm_ = arena.array<std::uint16_t>(std::size_t{limits.depth_images_max} * kDepthCellsMax);
     rays_ = arena.array<float>(std::size_t{2} * kDepthCellsMax);
-    cell_px_ = std::max((camera.width + kDepthColumnsMax - 1) / kDepthColumnsMax,
-                        (camera.height + kDepthRowsMax - 1) / kDepthRowsMax);
-    columns_ = camera.width / cell_px_;
-    rows_ = camera.height / cell_px_;
-    const double middle = 0.5 * (cell_px_ - 1);
-    for (std::uint32_t row = 0; row < rows_; ++row) {
-        for (std::uint32_t column = 0; column < columns_; ++column) {
-            const Vector2 ray = undistort_to_normalised(camera, {column * cell_px_ + middle, row * cell_px_ + middle});
-            const std::size_t cell = std::size_t{row} * columns_ + column;
+    layout_ = depth_layout(camera);
+    const auto [columns, rows, cell_px] = layout_;
+    const double middle = 0.5 * (cell_px - 1);
+    for (std::uint32_t row = 0; row < rows; ++row) {
+        for (std::uint32_t column = 0; column < columns; ++column) {
+            const Vector2 ray = undistort_to_normalised(camera, {column * cell_px + middle, row * cell_px + middle});
+            const std::size_t cell = std::size_t{row} * columns + column;
             rays_[2 * cell] = static_cast<float>(ray.x());
             rays_[2 * cell + 1] = static_cast<float>(ray.y());
         }
@@ -50,9 +55,14 @@ std::span<std::uint16_t> DepthImages::add(const Owner& owner, const Pool<Keyfram
     // What takes the place of a keyframe's own image is its own from then on.
     const bool is_free = keyframes.find(owners_[place].keyframe) == nullptr;
     const bool is_later = owner.is_later && (is_free || owners_[place].is_later);
-    owners_[place] = owner;
-    owners_[place].is_later = is_later;
-    return depth_mm_.subspan(place * kDepthCellsMax, cells());
+    Owner kept = owner;
+    kept.is_later = is_later;
+    return put(static_cast<std::uint32_t>(place), kept);
+}
+
+std::span<std::uint16_t> DepthImages::put(std::uint32_t index, const Owner& owner) noexcept {
+    owners_[index] = owner;
+    return depth_mm_.subspan(std::size_t{index} * kDepthCellsMax, cells());
 }
 
 DepthImage DepthImages::at(std::uint32_t index, const Pool<Keyframe>& keyframes) const noexcept {
@@ -60,12 +70,8 @@ DepthImage DepthImages::at(std::uint32_t index, const Pool<Keyframe>& keyframes)
     const Owner& owner = owners_[index];
     const Keyframe* const keyframe = keyframes.find(owner.keyframe);
     if (keyframe == nullptr) return {};
-    return {columns_,
-            rows_,
-            depth_mm_.subspan(std::size_t{index} * kDepthCellsMax, cells()),
-            rays_.first(2 * cells()),
-            owner.frame,
-            transform_of(keyframe->world_from_camera * owner.keyframe_from_camera)};
+    return {columns(), rows(),      depth_mm(index),
+            rays(),    owner.frame, transform_of(keyframe->world_from_camera * owner.keyframe_from_camera)};
 }
 
 }  // namespace stillmesh

@@ -22,6 +22,12 @@ namespace stillmesh {
 inline constexpr std::uint32_t kDepthColumnsMax = 80, kDepthRowsMax = 60;
 inline constexpr std::uint32_t kDepthCellsMax = kDepthColumnsMax * kDepthRowsMax;
 
+// Cells of an image: a cell is a square of cell_px pixels of the picture, all of them within it.
+struct DepthLayout {
+    std::uint32_t columns = 0, rows = 0, cell_px = 1;
+};
+[[nodiscard]] DepthLayout depth_layout(const CameraModel& camera) noexcept;
+
 class DepthImages {
 public:
     // What an image is of.
@@ -42,23 +48,32 @@ public:
     void reset() noexcept;
 
     [[nodiscard]] bool is_on() const noexcept { return !owners_.empty(); }
-    // Cells of an image: a cell is a square of cell_px() pixels of the picture, all of them within it.
-    [[nodiscard]] std::uint32_t columns() const noexcept { return columns_; }
-    [[nodiscard]] std::uint32_t rows() const noexcept { return rows_; }
-    [[nodiscard]] std::uint32_t cell_px() const noexcept { return cell_px_; }
+    [[nodiscard]] std::uint32_t columns() const noexcept { return layout_.columns; }
+    [[nodiscard]] std::uint32_t rows() const noexcept { return layout_.rows; }
+    [[nodiscard]] std::uint32_t cell_px() const noexcept { return layout_.cell_px; }
     // A new image, to be written row by row, as DepthImage has it. Only while is_on().
     [[nodiscard]] std::span<std::uint16_t> add(const Owner& owner, const Pool<Keyframe>& keyframes) noexcept;
     // Without cells: none has this index, or its keyframe is gone.
     [[nodiscard]] DepthImage at(std::uint32_t index, const Pool<Keyframe>& keyframes) const noexcept;
 
+    // --- for a map that is saved or loaded (engine/record)
+    // What lies at each index; of a keyframe that is gone: nothing.
+    [[nodiscard]] std::span<const Owner> owners() const noexcept { return owners_; }
+    [[nodiscard]] std::span<const std::uint16_t> depth_mm(std::uint32_t index) const noexcept {
+        return depth_mm_.subspan(std::size_t{index} * kDepthCellsMax, cells());
+    }
+    [[nodiscard]] std::span<const float> rays() const noexcept { return rays_.first(2 * cells()); }
+    // The image at this index, to be written, whatever was there.
+    [[nodiscard]] std::span<std::uint16_t> put(std::uint32_t index, const Owner& owner) noexcept;
+
 private:
-    [[nodiscard]] std::size_t cells() const noexcept { return std::size_t{columns_} * rows_; }
+    [[nodiscard]] std::size_t cells() const noexcept { return std::size_t{layout_.columns} * layout_.rows; }
     [[nodiscard]] std::size_t place_for(const Owner& owner, const Pool<Keyframe>& keyframes) const noexcept;
 
     std::span<Owner> owners_;
     std::span<std::uint16_t> depth_mm_;  // kDepthCellsMax per image
     std::span<float> rays_;              // x/z and y/z of the middle of each cell
-    std::uint32_t columns_ = 0, rows_ = 0, cell_px_ = 1;
+    DepthLayout layout_;
 };
 
 }  // namespace stillmesh

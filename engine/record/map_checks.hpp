@@ -13,6 +13,7 @@ inline constexpr std::uint64_t kFramesMax = std::uint64_t{1}
 inline constexpr double kFar_m = 1e6;
 inline constexpr double kFast_s = 1e3;  // m/s, rad/s
 inline constexpr double kReadoutMax_s = 1.0;
+inline constexpr float kRayMax = 1e4F;  // on the plane z = 1
 
 // Where times, frames and levels of a map end.
 struct MapBounds {
@@ -63,11 +64,10 @@ inline bool is_point(const MapPoint& p, const MapBounds& bounds) noexcept {
 
 inline bool is_feature(const Observation& o, const MapBounds& bounds, std::uint32_t width,
                        std::uint32_t height) noexcept {
-    constexpr float kMax = 1e4F;
     return is_in(o.x, 0.0F, static_cast<float>(width)) && is_in(o.y, 0.0F, static_cast<float>(height)) &&
-           is_in(o.normalised_x, -kMax, kMax) && is_in(o.normalised_y, -kMax, kMax) && is_in(o.z_m, -kMax, kMax) &&
-           is_in(o.var_z, -1.0F, static_cast<float>(kFar_m)) && is_in(o.angle_rad, -3.15F, 3.15F) &&
-           o.level < bounds.pyramid_levels && o.averaged != 0;
+           is_in(o.normalised_x, -kRayMax, kRayMax) && is_in(o.normalised_y, -kRayMax, kRayMax) &&
+           is_in(o.z_m, -1e4F, 1e4F) && is_in(o.var_z, -1.0F, static_cast<float>(kFar_m)) &&
+           is_in(o.angle_rad, -3.15F, 3.15F) && o.level < bounds.pyramid_levels && o.averaged != 0;
 }
 
 }  // namespace stillmesh::map_checks

@@ -6,6 +6,9 @@
 namespace stillmesh {
 namespace {
 
+// Of 1280 bytes, as 16 features have them.
+constexpr std::uint32_t kImageUnits = 8, kRaysUnits = 30;
+
 using namespace map_copy_detail;
 using namespace map_records;
 
@@ -38,6 +41,11 @@ std::size_t parts_of(std::byte* begin, const Limits& limits, Parts& parts) noexc
     parts.points = places.array<MapPoint>(limits.map_points_max);
     parts.observations = places.array<Observation>(features);
     parts.descriptors = places.array<Descriptor>(features);
+    const std::size_t images = limits.depth_images_max;
+    parts.owners = places.array<DepthImages::Owner>(images);
+    parts.images = places.array<std::uint32_t>(images);
+    parts.depth_mm = places.array<std::uint16_t>(images * kDepthCellsMax);
+    parts.rays = places.array<float>(images == 0 ? 0 : std::size_t{2} * kDepthCellsMax);
     return places.used();
 }
 
@@ -83,13 +91,29 @@ std::size_t write_record(const Parts& parts, std::uint32_t section, std::uint32_
             }
             break;
         }
+        case Section::kDepth: {
+            const DepthImages::Owner& owner = parts.owners[parts.images[record]];
+            depth_fields(writer, owner, place_of(parts, owner.keyframe));
+            break;
+        }
+        case Section::kRays:
+            writer.fields(parts.rays[std::size_t{2} * record], parts.rays[std::size_t{2} * record + 1]);
+            break;
+        case Section::kCells: {
+            const MapFileInfo& info = parts.head->info;
+            const std::size_t at = std::size_t{parts.images[record / info.depth_rows]} * kDepthCellsMax +
+                                   std::size_t{record % info.depth_rows} * info.depth_columns;
+            writer.fields(parts.depth_mm.subspan(at, info.depth_columns));
+            break;
+        }
     }
     STILLMESH_CHECK(writer.is_ok());
     return writer.position();
 }
 
 constexpr bool is_by_feature(std::uint32_t section) noexcept {
-    return section >= static_cast<std::uint32_t>(Section::kFeatures);
+    return section == static_cast<std::uint32_t>(Section::kFeatures) ||
+           section == static_cast<std::uint32_t>(Section::kLinks);
 }
 
 // The record at the cursor, into `out`, and on to the next; its size, 0: there was none left.
@@ -107,7 +131,7 @@ std::size_t write_next(const Parts& parts, std::uint32_t section, MapFileWriter:
 
 void write_header(const MapFileInfo& info, std::span<std::byte> out) noexcept {
     ByteWriter writer(out);
-    writer.fields(kMapMagic, kMapVersion, static_cast<std::uint32_t>(kMapHeaderBytes));
+    writer.fields(kMapMagic, info.version(), static_cast<std::uint32_t>(kMapHeaderBytes));
     header_fields(writer, info);
     writer.u32(crc32(writer.written()));
     STILLMESH_CHECK(writer.position() == kMapHeaderBytes);
@@ -135,15 +159,23 @@ Status MapCopy::begin(std::span<std::byte> workspace, const Limits& limits, cons
     head.info.extractor = origin.extractor;
     head.info.lens_crc = lens_crc_of(origin.camera);
     for (StagedKeyframe& staged : parts_.keyframes) staged.handle = {};
+    for (DepthImages::Owner& owner : parts_.owners) owner = {};
     stage_ = Stage::kFeatures;
     cursor_ = 0;
     return Status::kOk;
 }
 
-bool MapCopy::is_staged(const Map& map, std::uint32_t slot) const noexcept {
+bool MapCopy::is_due(const Map& map, std::uint32_t slot) const noexcept {
+    if (!map.keyframes().is_taken(slot)) return false;
     const StagedKeyframe& staged = parts_.keyframes[slot];
-    return staged.handle == map.keyframes().handle_of(slot) &&
-           staged.observations_changed == map.keyframes().at(slot).observations_changed;
+    return staged.handle != map.keyframes().handle_of(slot) ||
+           staged.observations_changed != map.keyframes().at(slot).observations_changed;
+}
+
+bool MapCopy::is_due(const Map& map, const DepthImages& images, std::uint32_t index) const noexcept {
+    const DepthImages::Owner& owner = images.owners()[index];
+    if (map.keyframes().find(owner.keyframe) == nullptr) return false;
+    return parts_.owners[index].keyframe != owner.keyframe || parts_.owners[index].frame != owner.frame;
 }
 
 // Not const: the parts that it writes are behind spans.
@@ -161,17 +193,35 @@ std::uint32_t MapCopy::stage(const Map& map, std::uint32_t slot) noexcept {
     return staged.features / 16 + 1;
 }
 
-Progress MapCopy::step(const Map& map, const MapMoment& moment, WorkBudget& budget) noexcept {
+// NOLINTNEXTLINE(readability-make-member-function-const)
+std::uint32_t MapCopy::stage(const DepthImages& images, std::uint32_t index) noexcept {
+    parts_.owners[index] = images.owners()[index];
+    const std::span<const std::uint16_t> depth_mm = images.depth_mm(index);
+    const auto at = static_cast<std::ptrdiff_t>(std::size_t{index} * kDepthCellsMax);
+    std::copy(depth_mm.begin(), depth_mm.end(), parts_.depth_mm.begin() + at);
+    return kImageUnits;
+}
+
+Progress MapCopy::step(const Map& map, const DepthImages& images, const MapMoment& moment,
+                       WorkBudget& budget) noexcept {
     if (stage_ == Stage::kIdle) return Progress::kIdle;
     while (!budget.is_spent()) {
         if (stage_ == Stage::kFeatures) {
             if (cursor_ == map.keyframes().slots_count()) {
-                stage_ = Stage::kInstant;
+                stage_ = Stage::kImages;
+                cursor_ = 0;
                 continue;
             }
             const std::uint32_t slot = cursor_++;
-            if (map.keyframes().is_taken(slot) && !is_staged(map, slot)) budget.spend(stage(map, slot));
-        } else if (take_instant(map, moment, budget)) {
+            if (is_due(map, slot)) budget.spend(stage(map, slot));
+        } else if (stage_ == Stage::kImages) {
+            if (cursor_ == images.owners().size()) {
+                stage_ = Stage::kInstant;
+                continue;
+            }
+            const std::uint32_t index = cursor_++;
+            if (is_due(map, images, index)) budget.spend(stage(images, index));
+        } else if (take_instant(map, images, moment, budget)) {
             stage_ = Stage::kIdle;
             return Progress::kDone;
         } else {
@@ -182,23 +232,44 @@ Progress MapCopy::step(const Map& map, const MapMoment& moment, WorkBudget& budg
     return Progress::kWorking;
 }
 
-bool MapCopy::take_instant(const Map& map, const MapMoment& moment, WorkBudget& budget) noexcept {
-    const Pool<Keyframe>& keyframes = map.keyframes();
+bool MapCopy::take_instant(const Map& map, const DepthImages& images, const MapMoment& moment,
+                           WorkBudget& budget) noexcept {
+    const std::uint32_t slots = map.keyframes().slots_count();
     std::uint32_t late = 0;
-    for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot)
-        late += keyframes.is_taken(slot) && !is_staged(map, slot) ? 1U : 0U;
-    budget.spend(keyframes.slots_count() / 16 + 1);
+    for (std::uint32_t slot = 0; slot < slots; ++slot) late += is_due(map, slot) ? 1U : 0U;
+    const auto places = static_cast<std::uint32_t>(images.owners().size());
+    for (std::uint32_t index = 0; index < places; ++index) late += is_due(map, images, index) ? 1U : 0U;
+    budget.spend((slots + places) / 16 + 1);
     if (late > kLateMax) return false;
     MapFileInfo& info = parts_.head->info;
-    info.keyframes = info.points = info.features = info.features_of_keyframe = 0;
     info.frames = moment.frames;
     info.time_ns = moment.time_ns;
     parts_.head->readout_s = map.readout_s();
+    take_keyframes(map, budget);
+    const Pool<MapPoint>& points = map.points();
+    info.points = 0;
+    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+        PointPlace& place = parts_.places[slot];
+        place = {};
+        if (!points.is_taken(slot)) continue;
+        parts_.points[info.points++] = points.at(slot);
+        place = {points.handle_of(slot).generation, info.points};
+    }
+    budget.spend(points.slots_count() / 16);
+    take_images(map, images, budget);
+    info.size_bytes = file_bytes(info);
+    return true;
+}
+
+void MapCopy::take_keyframes(const Map& map, WorkBudget& budget) noexcept {
+    const Pool<Keyframe>& keyframes = map.keyframes();
+    MapFileInfo& info = parts_.head->info;
+    info.keyframes = info.features = info.features_of_keyframe = 0;
     for (std::uint32_t slot = 0; slot < keyframes.slots_count(); ++slot) {
         StagedKeyframe& staged = parts_.keyframes[slot];
         staged.place_plus_one = 0;
         if (!keyframes.is_taken(slot)) continue;
-        if (!is_staged(map, slot)) budget.spend(stage(map, slot));
+        if (is_due(map, slot)) budget.spend(stage(map, slot));
         parts_.order[info.keyframes++] = slot;
         staged.place_plus_one = info.keyframes;
         info.features += staged.features;
@@ -210,17 +281,23 @@ bool MapCopy::take_instant(const Map& map, const MapMoment& moment, WorkBudget& 
         keyframe_fields(writer, keyframe, place_of(parts_, keyframe.parent));
         STILLMESH_CHECK(writer.is_ok());
     }
-    const Pool<MapPoint>& points = map.points();
-    for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
-        PointPlace& place = parts_.places[slot];
-        place = {};
-        if (!points.is_taken(slot)) continue;
-        parts_.points[info.points++] = points.at(slot);
-        place = {points.handle_of(slot).generation, info.points};
+    budget.spend(keyframes.slots_count() / 16);
+}
+
+void MapCopy::take_images(const Map& map, const DepthImages& images, WorkBudget& budget) noexcept {
+    MapFileInfo& info = parts_.head->info;
+    info.depth_images = 0;
+    for (std::uint32_t index = 0; index < images.owners().size(); ++index) {
+        if (map.keyframes().find(images.owners()[index].keyframe) == nullptr) continue;
+        if (is_due(map, images, index)) budget.spend(stage(images, index));
+        parts_.images[info.depth_images++] = index;
     }
-    budget.spend(points.slots_count() / 16 + keyframes.slots_count() / 16);
-    info.size_bytes = records_at(info, kSections);
-    return true;
+    const bool has_some = info.depth_images > 0;
+    info.depth_columns = static_cast<std::uint16_t>(has_some ? images.columns() : 0);
+    info.depth_rows = static_cast<std::uint16_t>(has_some ? images.rows() : 0);
+    if (!has_some) return;
+    std::copy(images.rays().begin(), images.rays().end(), parts_.rays.begin());
+    budget.spend(kRaysUnits);
 }
 
 // --- the file --------------------------------------------------------------------------------------------------------
@@ -235,7 +312,7 @@ std::uint64_t MapFileWriter::hash() const noexcept {
     StateHash hash;
     std::array<std::byte, kMapPieceBytesMin> buffer{};
     const std::span<std::byte> out(buffer);
-    for (std::uint32_t section = 0; section < kSections; ++section) {
+    for (std::uint32_t section = 0; section < kHashedSections; ++section) {
         Cursor at;
         while (const std::size_t size = write_next(parts, section, at, out)) add_record(hash, section, out.first(size));
     }
@@ -273,7 +350,7 @@ std::size_t MapFileWriter::next(std::span<std::byte> out) noexcept {
                 ByteWriter writer(rest);
                 writer.u32(crc_.value());
                 used += writer.position();
-                part_ = ++section_ == kSections ? Part::kDone : Part::kBegin;
+                part_ = ++section_ == sections_of(info_) ? Part::kDone : Part::kBegin;
                 continue;
             }
             case Part::kDone: break;

@@ -4,8 +4,10 @@
 // processor. Writing: Engine::begin_map_copy and step_map_copy fill a workspace of map_copy_bytes(limits) between
 // frames, in slices; from then on the workspace is the caller's, and MapFileWriter turns it into bytes on any thread,
 // piece by piece. Reading: Engine::load_map checks all of a file before it touches anything. Limits: those of the
-// engine. Cost: one pass over the map to copy it, one to hash and one to write it; about 68 bytes a feature, 184 a
-// point.
+// engine. Depth images (engine/map/depth_images.hpp) are a part that a file may have: one without them loads anywhere,
+// and of one that has more than limits.depth_images_max those of the keyframes' own moments are taken rather than later
+// ones, of each the newest; the rest is left in the file. Cost: one pass over the map to copy it, one to hash and one
+// to write it; about 68 bytes a feature, 184 a point, 9.5 KiB a depth image.
 #pragma once
 
 #include <array>
@@ -22,7 +24,8 @@
 namespace stillmesh {
 
 inline constexpr std::array<char, 8> kMapMagic = {'S', 'T', 'I', 'L', 'L', 'M', 'A', 'P'};
-inline constexpr std::uint32_t kMapVersion = 2;
+inline constexpr std::uint32_t kMapVersion = 2;  // without depth images
+inline constexpr std::uint32_t kMapVersionWithDepth = 3;
 inline constexpr std::size_t kMapHeaderBytes = 96;
 // MapFileWriter::next wants at least this much room.
 inline constexpr std::size_t kMapPieceBytesMin = 512;
@@ -40,13 +43,19 @@ struct MapFileInfo {
     std::uint8_t extractor = 0;  // 0: the engine's own, 1: cv::ORB; others are for whoever brings one
     std::int64_t time_ns = 0;    // of the last frame
     std::uint64_t frames = 0;    // tracked so far
-    std::uint64_t hash = 0;      // of the content
+    std::uint64_t hash = 0;      // of the content, without depth images
+    std::uint32_t depth_images = 0;
+    std::uint16_t depth_columns = 0, depth_rows = 0;  // of each; 0 where there is none
+
+    [[nodiscard]] std::uint32_t version() const noexcept {
+        return depth_images == 0 ? kMapVersion : kMapVersionWithDepth;
+    }
 };
 
 enum class MapFault : std::uint8_t {
     kNone = 0,
     kNoMap,           // other letters at its begin, or nothing
-    kOtherVersion,    // value: its version, limit: ours
+    kOtherVersion,    // value: its version, limit: our last (the first is kMapVersion)
     kCutOff,          // value: its bytes, limit: what there should be
     kTooLong,         // likewise
     kDamaged,         // `part` has a wrong CRC or header

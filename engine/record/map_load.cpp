@@ -34,8 +34,9 @@ struct MapFile {
     // The n-th record of a section, from the byte `at` of it on.
     [[nodiscard]] ByteReader record(Section section, std::uint32_t index, std::size_t at = 0) const noexcept {
         const auto s = static_cast<std::uint32_t>(section);
-        const std::size_t begin = static_cast<std::size_t>(records_at(info, s)) + index * kRecordBytes[s];
-        return ByteReader(bytes.subspan(begin + at, kRecordBytes[s] - at));
+        const std::size_t begin =
+            static_cast<std::size_t>(records_at(info, s)) + std::size_t{index} * record_bytes(info, s);
+        return ByteReader(bytes.subspan(begin + at, record_bytes(info, s) - at));
     }
     [[nodiscard]] Keyframe keyframe(std::uint32_t index, std::uint32_t& parent_plus_one) const noexcept {
         ByteReader reader = record(Section::kKeyframes, index);
@@ -64,6 +65,21 @@ struct MapFile {
         feature_fields(reader, observation, descriptor);
         return reader.is_ok();
     }
+    // Likewise.
+    [[nodiscard]] bool depth(std::uint32_t index, DepthImages::Owner& owner,
+                             std::uint32_t& keyframe_plus_one) const noexcept {
+        ByteReader reader = record(Section::kDepth, index);
+        depth_fields(reader, owner, keyframe_plus_one);
+        return reader.is_ok();
+    }
+    [[nodiscard]] std::uint64_t depth_frame(std::uint32_t index) const noexcept {
+        return record(Section::kDepth, index, kDepthFrameAt).u64();
+    }
+    // What a depth image is worth where there is no room for all: what a keyframe saw itself, then what is new.
+    [[nodiscard]] std::uint64_t depth_worth(std::uint32_t index) const noexcept {
+        const bool is_later = record(Section::kDepth, index, kDepthLaterAt).u8() != 0;
+        return depth_frame(index) + (is_later ? 0U : 2 * kFramesMax);
+    }
     [[nodiscard]] CameraModel camera(double& readout_s) const noexcept {
         ByteReader reader = record(Section::kCamera, 0);
         CameraModel camera;
@@ -74,8 +90,8 @@ struct MapFile {
 };
 
 Status check_sections(const MapFile& file, MapFileProblem& problem) noexcept {
-    for (std::uint32_t s = 0; s < kSections; ++s) {
-        const auto begin = static_cast<std::size_t>(records_at(file.info, s)) - kSectionHeadBytes;
+    for (std::uint32_t s = 0; s < sections_of(file.info); ++s) {
+        const auto begin = static_cast<std::size_t>(section_at(file.info, s));
         const std::size_t size = kSectionHeadBytes + static_cast<std::size_t>(section_bytes(file.info, s));
         ByteReader reader(file.bytes.subspan(begin, size));
         std::array<char, 4> tag{};
@@ -201,6 +217,48 @@ const char* check_records(const MapFile& file, std::span<std::uint64_t> marks) n
     return nullptr;
 }
 
+// What is wrong with the depth images, for a picture of this layout; nullptr: nothing. Any cell can be.
+const char* check_depth(const MapFile& file, const DepthLayout& layout) noexcept {
+    const MapFileInfo& info = file.info;
+    if (info.depth_images == 0) return nullptr;
+    if (info.depth_columns != layout.columns || info.depth_rows != layout.rows) return "the size of the depth images";
+    for (std::uint32_t i = 0; i < info.depth_images; ++i) {
+        DepthImages::Owner owner;
+        std::uint32_t keyframe = 0;
+        if (!file.depth(i, owner, keyframe) || !is_pose(owner.keyframe_from_camera) || owner.frame >= info.frames ||
+            !is_in(keyframe, 1U, info.keyframes)) {
+            return "a depth image";
+        }
+        for (std::uint32_t other = 0; other < i; ++other) {
+            if (file.depth_frame(other) == owner.frame) return "two depth images of one frame";
+        }
+    }
+    for (std::uint32_t i = 0; i < records_of(info, static_cast<std::uint32_t>(Section::kRays)); ++i) {
+        ByteReader ray = file.record(Section::kRays, i);
+        if (!is_in(ray.f32(), -kRayMax, kRayMax) || !is_in(ray.f32(), -kRayMax, kRayMax)) return "a ray";
+    }
+    return nullptr;
+}
+
+// Whether there is room for it among `places`: fewer than that are worth more.
+bool is_kept(const MapFile& file, std::uint32_t index, std::size_t places) noexcept {
+    if (file.info.depth_images <= places) return true;
+    const std::uint64_t worth = file.depth_worth(index);
+    std::size_t better = 0;
+    for (std::uint32_t other = 0; other < file.info.depth_images; ++other)
+        better += file.depth_worth(other) > worth ? 1U : 0U;
+    return better < places;
+}
+
+// Counts and sizes that a header of its version can have.
+bool is_possible(const MapFileInfo& info, std::uint32_t version) noexcept {
+    if (version != info.version() || info.depth_images > kDepthImagesMax) return false;
+    const bool has_size = is_in<std::uint32_t>(info.depth_columns, 1, kDepthColumnsMax) &&
+                          is_in<std::uint32_t>(info.depth_rows, 1, kDepthRowsMax);
+    const bool has_none = info.depth_columns == 0 && info.depth_rows == 0;
+    return (info.depth_images > 0 ? has_size : has_none) && info.size_bytes == file_bytes(info);
+}
+
 }  // namespace
 
 Status read_map_header(std::span<const std::byte> bytes, MapFileInfo& info, MapFileProblem& problem) noexcept {
@@ -208,8 +266,8 @@ Status read_map_header(std::span<const std::byte> bytes, MapFileInfo& info, MapF
     ByteReader reader(bytes);
     static_cast<void>(reader.bytes(kMapMagic.size()));
     const std::uint32_t version = reader.u32();
-    if (reader.is_ok() && version != kMapVersion)
-        return fail(problem, MapFault::kOtherVersion, "", version, kMapVersion);
+    if (reader.is_ok() && version != kMapVersion && version != kMapVersionWithDepth)
+        return fail(problem, MapFault::kOtherVersion, "", version, kMapVersionWithDepth);
     if (bytes.size() < kMapHeaderBytes) {
         return fail(problem, MapFault::kCutOff, "", static_cast<double>(bytes.size()),
                     static_cast<double>(kMapHeaderBytes));
@@ -219,7 +277,7 @@ Status read_map_header(std::span<const std::byte> bytes, MapFileInfo& info, MapF
         return fail(problem, MapFault::kDamaged, "header");
     const std::uint32_t header_bytes = reader.u32();
     header_fields(reader, info);
-    if (!reader.is_ok() || header_bytes != kMapHeaderBytes || info.size_bytes != records_at(info, kSections) ||
+    if (!reader.is_ok() || header_bytes != kMapHeaderBytes || !is_possible(info, version) ||
         !is_in(info.time_ns, std::int64_t{0}, kTimeMax_ns) || info.frames > kFramesMax) {
         return fail(problem, MapFault::kImpossible, "the header");
     }
@@ -251,7 +309,8 @@ Status check_map_file(std::span<const std::byte> bytes, const Limits& limits, co
     if (info.scale_factor != origin.scale_factor)
         return fail(problem, MapFault::kOtherFeatures, "features.scale_factor", info.scale_factor, origin.scale_factor);
     STILLMESH_TRY(check_camera(file, origin.camera, problem));
-    const char* const fault = info.keyframes == 0 ? "a map without keyframes" : check_records(file, map.scratch());
+    const char* fault = info.keyframes == 0 ? "a map without keyframes" : check_records(file, map.scratch());
+    if (fault == nullptr) fault = check_depth(file, depth_layout(origin.camera));
     return fault == nullptr ? Status::kOk : fail(problem, MapFault::kImpossible, fault);
 }
 
@@ -296,6 +355,26 @@ void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map&
     static_cast<void>(file.camera(readout_s));
     map.begin_with_readout(readout_s);
     map.note_change(info.hash);
+}
+
+void restore_depth_images(std::span<const std::byte> bytes, const MapFileInfo& info, const Map& map,
+                          DepthImages& images) noexcept {
+    const MapFile file{bytes, info};
+    images.reset();
+    std::uint32_t place = 0;
+    for (std::uint32_t i = 0; i < info.depth_images; ++i) {
+        if (!is_kept(file, i, images.owners().size())) continue;
+        DepthImages::Owner owner;
+        std::uint32_t keyframe = 0;
+        STILLMESH_CHECK(file.depth(i, owner, keyframe));
+        owner.keyframe = map.keyframes().handle_of(keyframe - 1);
+        std::span<std::uint16_t> depth_mm = images.put(place++, owner);
+        for (std::uint32_t row = 0; row < info.depth_rows; ++row) {
+            ByteReader cells = file.record(Section::kCells, i * info.depth_rows + row);
+            for (std::uint16_t& mm : depth_mm.first(info.depth_columns)) mm = cells.u16();
+            depth_mm = depth_mm.subspan(info.depth_columns);
+        }
+    }
 }
 
 }  // namespace stillmesh

@@ -1,9 +1,11 @@
-// A map file back into a map: all of it is checked first, and nothing is touched unless all of it is right.
-// Cost: two passes over the file. Limit: the engine's limits, compared before anything is counted by.
+// A map file back into a map: all of it is checked first, and nothing is touched unless all of it is right. Depth
+// images beyond the limits are left out (map_file.hpp says which). Cost: two passes over the file. Limit: the engine's
+// limits, compared before anything is counted by.
 #pragma once
 
 #include <span>
 
+#include "engine/map/depth_images.hpp"
 #include "engine/map/map.hpp"
 #include "engine/record/map_copy.hpp"
 #include "engine/record/map_file.hpp"
@@ -16,5 +18,8 @@ namespace stillmesh {
                                     Map& map, MapFileInfo& info, MapFileProblem& problem) noexcept;
 // The map that a checked file holds, in place of what was there. The n-th of its keyframes and points gets slot n.
 void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map& map) noexcept;
+// Its depth images, for a map that was just restored, in place of what was there.
+void restore_depth_images(std::span<const std::byte> bytes, const MapFileInfo& info, const Map& map,
+                          DepthImages& images) noexcept;
 
 }  // namespace stillmesh

@@ -67,6 +67,13 @@ sm_status sm_load_map(sm_engine* engine, const void* bytes, std::size_t size, st
     return guarded(problem, [&] { return say_fault(status, fault, problem); });
 }
 
+sm_status sm_set_map_use(sm_engine* engine, std::int32_t use, sm_problem* problem) {
+    MapUse how{};
+    if (engine == nullptr || !use_of(use, how)) return say(problem, SM_INVALID, "engine is NULL, or use is none.");
+    engine->engine->set_map_use(how);
+    return say_ok(problem);
+}
+
 sm_status sm_read_map_header(const void* bytes, std::size_t size, sm_map_info* info, sm_problem* problem) {
     if (bytes == nullptr) return say(problem, SM_INVALID, "bytes are NULL.");
     MapFileInfo in;

@@ -394,6 +394,8 @@ SM_API sm_status sm_save_map(sm_engine* engine, const char* file, sm_problem* pr
 SM_API sm_status sm_load_map_file(sm_engine* engine, const char* file, int32_t use, sm_problem* problem);
 /* The same from bytes, without allocating. */
 SM_API sm_status sm_load_map(sm_engine* engine, const void* bytes, size_t size, int32_t use, sm_problem* problem);
+/* How the map that is there is used from the next frame on, until the next sm_load_map or sm_reset. */
+SM_API sm_status sm_set_map_use(sm_engine* engine, int32_t use, sm_problem* problem);
 SM_API sm_status sm_read_map_header(const void* bytes, size_t size, sm_map_info* info, sm_problem* problem);
 
 /* The same as sm_save_map in slices between frames, without allocating: begin, step until SM_DONE, then the writer, on

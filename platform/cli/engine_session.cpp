@@ -203,6 +203,10 @@ public:
         return points == nullptr || points->open(limits_, message);
     }
 
+    void show_grid(GridShelf* shelf) override {
+        grid_.show_on(shelf);
+    }
+
     // Calls no heap unless the frame is refused.
     Status submit(const Frame& frame, SessionFrame& out, std::string& message) override {
         spent_ns_ = {};
@@ -334,6 +338,21 @@ public:
         grid_.begin_new_map(*engine_);
         engine_->reset();
         return sentence;
+    }
+
+    std::string save_map() override {
+        if (!map_saver_->is_open()) return "the map is not saved, since there is no --map-out to write it to";
+        if (engine_->statistics().keyframes.size == 0) return "the map is not saved, since there is none yet";
+        map_saver_->save_soon();
+        return "the map is saved to " + map_out_;
+    }
+    std::string localise_only(bool is_wanted) override {
+        if (writer_ != nullptr || store_.is_open()) {
+            return std::string("the map is used as before, for the sake of ") +
+                   (writer_ != nullptr ? "--record" : "--map-store");
+        }
+        engine_->set_map_use(is_wanted ? MapUse::kLocalise : MapUse::kContinue);
+        return is_wanted ? "from here on the map stays as it is" : "from here on the map is added to";
     }
 
     std::string news() override {

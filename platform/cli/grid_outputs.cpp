@@ -14,6 +14,7 @@ namespace stillmesh {
 namespace {
 
 constexpr std::int64_t kBehindFrame_ns = 1'000'000;
+constexpr std::int64_t kShownEvery_ns = 5'000'000'000;  // what is shown costs a costmap's reader much more than us
 
 [[nodiscard]] std::string numbered(const std::string& name, int number, const char* end) {
     return fmt::format("{}.{}{}", name, number, end);
@@ -31,36 +32,65 @@ bool GridOutputs::open(const GridOutputOptions& options, const Limits& limits, s
             limits.keyframes_max);
         return false;
     }
-    if (options.robot_m <= options.obstacle_m) {
-        message = fmt::format("--robot-height {:g}: is not above --obstacle-height {:g}; give a larger one.",
-                              options.robot_m, options.obstacle_m);
-        return false;
-    }
     GridOptions grid;
-    grid.obstacle_m = options.obstacle_m;
-    grid.robot_m = options.robot_m;
+    if (!grid_options_of(options, grid, message)) return false;
     if (!job_.open(limits, grid, message)) return false;
     options_ = options;
     grid_ = options.grid;
     cloud_ = options.cloud;
-    every_ns_ = options.grid.empty() ? 0 : every_ns;
+    file_.every_ns = options.grid.empty() ? 0 : every_ns;
     return true;
 }
 
+void GridOutputs::show_on(GridShelf* shelf) {
+    if (shelf == nullptr || grid_.empty()) return;
+    shelf_ = shelf;
+    shelf_->open(GridOptions{}.cells_max);
+    shown_.every_ns = kShownEvery_ns;
+    job_.align_with(shelf_->frame_from_map());
+}
+
 void GridOutputs::work(const Engine& engine, std::int64_t now_ns, std::optional<std::int64_t> until_ns) {
-    if (every_ns_ <= 0 || is_writing_) return;
-    if (next_ns_ == 0) next_ns_ = now_ns + every_ns_;
-    if (!job_.is_working()) {
-        if (now_ns < next_ns_) return;
-        next_ns_ = now_ns + every_ns_;
+    if (!job_.is_working() && !is_shown_) {
+        is_for_file_ = !is_writing_ && file_.is_due(now_ns);
+        is_shown_ = shown_.is_due(now_ns);
+        if (!is_for_file_ && !is_shown_) return;
         job_.begin(engine);
+        rows_shown_ = 0;
     }
     // At least one slice, or a board that is never ahead of its frames would never have a grid.
     const std::int64_t end_ns = std::min(now_ns + kBehindFrame_ns, until_ns.value_or(now_ns + kBehindFrame_ns));
-    while (job_.step(engine)) {
+    while (job_.step(engine) || (is_shown_ && job_.has_grid() && show_rows())) {
         if (monotonic_ns() >= end_ns) return;
     }
-    if (job_.has_grid()) save_aside();  // without a floor the end of the run says so
+    is_shown_ = false;
+    if (is_for_file_ && job_.has_grid()) save_aside();  // without a floor the end of the run says so
+}
+
+bool GridOutputs::show_rows() {
+    constexpr std::uint32_t kCellsAtOnce = 8192;
+    const OccupancyGrid& grid = job_.grid();
+    ShownGrid& draft = shelf_->draft();
+    if (rows_shown_ == 0) {
+        draft.width = grid.width();
+        draft.height = grid.height();
+        draft.resolution_m = grid.options().resolution_m;
+        const RigidTransform level_from_grid{{0, 0, 0, 1}, {grid.origin_x(), grid.origin_y(), 0}};
+        draft.map_from_grid = compose(inverse_of(job_.floor().level_from_map), level_from_grid);
+        draft.cells.clear();
+    }
+    const std::uint32_t end = std::min(grid.height(), rows_shown_ + 1 + kCellsAtOnce / grid.width());
+    for (; rows_shown_ < end; ++rows_shown_) {
+        for (std::uint32_t column = 0; column < grid.width(); ++column) {
+            const GridCell cell = grid.at(column, rows_shown_);
+            draft.cells.push_back(cell == GridCell::kFree       ? ShownGrid::kFree
+                                  : cell == GridCell::kOccupied ? ShownGrid::kOccupied
+                                                                : ShownGrid::kUnknown);
+        }
+    }
+    if (rows_shown_ < grid.height()) return true;
+    shelf_->hand_over();
+    return false;
 }
 
 void GridOutputs::save_aside() {
@@ -93,20 +123,11 @@ std::string GridOutputs::take_news() {
     return std::exchange(news_, {});
 }
 
-std::string GridOutputs::why_no_grid() const {
-    if (job_.looks().empty()) {
-        return "nothing was kept of what was seen; that begins a second after the start, with frames of a sure pose";
-    }
-    if (!job_.floor().is_known) {
-        return "no floor was seen for certain; let the camera look down at some of it, held upright";
-    }
-    return "nothing was seen within reach of it";
-}
-
 void GridOutputs::write_all(const Engine& engine) {
     if (!options_.is_any()) return;
     join();
     const std::int64_t begin_ns = monotonic_ns();
+    is_shown_ = is_for_file_ = false;  // what was begun between frames ends here
     job_.begin(engine);
     while (job_.step(engine)) {
     }
@@ -118,7 +139,7 @@ void GridOutputs::write_all(const Engine& engine) {
     record.floor_share = job_.floor().share;
     std::string message;
     if (!grid_.empty() && !job_.has_grid()) {
-        problems_.push_back("--grid " + grid_ + ": was not written: " + why_no_grid() + ".");
+        problems_.push_back("--grid " + grid_ + ": was not written: " + why_no_grid(job_) + ".");
     } else if (!grid_.empty() && write_grid(job_, grid_, message)) {
         record.grid = grid_ + ".yaml";
         record.width = job_.grid().width();
@@ -135,7 +156,7 @@ void GridOutputs::write_all(const Engine& engine) {
             problems_.push_back(message);
         }
         if (options_.is_level && !record.is_level) {
-            problems_.push_back("--cloud " + cloud_ + ": is not level: " + why_no_grid() + ".");
+            problems_.push_back("--cloud " + cloud_ + ": is not level: " + why_no_grid(job_) + ".");
         }
     }
     written_.push_back(record);

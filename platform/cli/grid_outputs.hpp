@@ -11,25 +11,20 @@
 #include <thread>
 
 #include "engine/engine.hpp"
+#include "platform/cli/grid_options.hpp"
 #include "platform/grid/grid_job.hpp"
 #include "platform/report/run_record.hpp"
+#include "platform/ros2/shown_grid.hpp"
 
 namespace stillmesh {
-
-struct GridOutputOptions {
-    std::string grid;       // NAME of NAME.yaml and NAME.pgm; empty: none
-    std::string cloud;      // file; empty: none
-    bool is_level = false;  // the cloud: z up, floor at 0
-    double obstacle_m = GridOptions{}.obstacle_m;
-    double robot_m = GridOptions{}.robot_m;
-    [[nodiscard]] bool is_any() const { return !grid.empty() || !cloud.empty(); }
-};
 
 class GridOutputs {
 public:
     // Nothing is asked for: true, and no call does anything. False: `message`.
     [[nodiscard]] bool open(const GridOutputOptions& options, const Limits& limits, std::int64_t every_ns,
                             std::string& message);
+    // Every few seconds a grid is put there as well, and has the axes that are asked for. nullptr: nobody wants it.
+    void show_on(GridShelf* shelf);
     // Behind a frame, at `now_ns` of monotonic_ns; the next is due at `until_ns`, if that is known.
     void work(const Engine& engine, std::int64_t now_ns, std::optional<std::int64_t> until_ns);
     // What the user should hear of now; empty: nothing.
@@ -40,17 +35,33 @@ public:
     void finish(const Engine& engine, RunRecord& record);
 
 private:
+    // What is due every so often, of monotonic_ns; 0: never.
+    struct Due {
+        std::int64_t every_ns = 0, next_ns = 0;
+        [[nodiscard]] bool is_due(std::int64_t now_ns) {
+            if (every_ns <= 0) return false;
+            if (next_ns == 0) next_ns = now_ns + every_ns;
+            if (now_ns < next_ns) return false;
+            next_ns = now_ns + every_ns;
+            return true;
+        }
+    };
+
+    // Some rows of the grid that was made, to be shown. False: it was the last.
+    bool show_rows();
     void save_aside();
     void write_all(const Engine& engine);
     void join() {
         if (thread_.joinable()) thread_.join();
     }
     void fail(const std::string& problem);
-    [[nodiscard]] std::string why_no_grid() const;
 
     GridOutputOptions options_;
     std::string grid_, cloud_;  // of the map at hand
-    std::int64_t every_ns_ = 0, next_ns_ = 0;
+    Due file_, shown_;
+    bool is_for_file_ = false, is_shown_ = false;  // the job at hand
+    std::uint32_t rows_shown_ = 0;
+    GridShelf* shelf_ = nullptr;
     GridJob job_;
     std::atomic<bool> is_writing_ = false;
     std::mutex mutex_;  // over the two behind it

@@ -13,6 +13,7 @@
 #include "platform/cli/capture_command.hpp"
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/grid_options.hpp"
 #include "platform/cli/map_command.hpp"
 #include "platform/cli/prior_options.hpp"
 #include "platform/cli/publish_options.hpp"
@@ -80,34 +81,6 @@ void add_camera_options(CLI::App& app, LiveCameraOptions& options, bool& does_wa
         ->check(CLI::IsMember({"auto", "here", "none"}).description(""))
         ->type_name("NAME")
         ->group(group);
-}
-
-void add_grid_options(CLI::App& app, GridOutputOptions& options) {
-    constexpr const char* kGroup = "Map";
-    app.add_option(
-           "--grid", options.grid,
-           "where a robot can drive, for Nav2: NAME.yaml and NAME.pgm, without people, when the run ends and as "
-           "--map-every says (docs/grid.md)")
-        ->type_name("NAME")
-        ->group(kGroup);
-    app.add_option("--cloud", options.cloud, "what the keyframes saw, when the run ends: a PLY file of points")
-        ->type_name("FILE")
-        ->group(kGroup);
-    app.add_option_function<std::string>(
-           "--level", [&options](const std::string& by) { options.is_level = by == "floor"; },
-           "of the cloud: off (default: as the map lies), or floor: z up, the floor at 0; a grid always is")
-        ->check(CLI::IsMember({"off", "floor"}).description(""))
-        ->type_name("NAME")
-        ->group(kGroup);
-    app.add_option("--obstacle-height", options.obstacle_m,
-                   "of a grid: what is higher above the floor is in the way; 0.08")
-        ->check(CLI::Range(0.02, 1.0).description(""))
-        ->type_name("M")
-        ->group(kGroup);
-    app.add_option("--robot-height", options.robot_m, "of a grid: what begins higher above the floor is not; 1.2")
-        ->check(CLI::Range(0.1, 3.0).description(""))
-        ->type_name("M")
-        ->group(kGroup);
 }
 
 void add_depth_units_option(CLI::App& app, double& depth_units_per_m, const char* group) {
@@ -252,7 +225,7 @@ int program(int argc, char** argv) {
                      "runs too")
         ->type_name("DIR")
         ->group("Map");
-    add_grid_options(*run_app, arguments.session.grid);
+    add_grid_options(*run_app, arguments.session.grid, ", when the run ends and as --map-every says", "Map");
     run_app->add_option("--map-every", arguments.session.map_every_s, "and while it runs, as often")
         ->check(CLI::Range(0.1, 1e6).description(""))
         ->type_name("SECONDS")
@@ -486,23 +459,28 @@ int program(int argc, char** argv) {
         ->type_name("FILE");
     info_command->add_flag("--json", is_info_json, "as JSON");
 
-    CLI::App* const map_command = app.add_subcommand("map", "what a map file holds, and its points for other programs");
+    CLI::App* const map_command =
+        app.add_subcommand("map", "what a map file holds, and points, grid and cloud of it for other programs");
     map_command->require_subcommand(1);
     MapExport map_export;
     bool is_map_json = false;
     CLI::App* const map_info = map_command->add_subcommand("info", "how large it is, what was seen, which camera");
     map_info->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
     map_info->add_flag("--json", is_map_json, "as JSON");
-    CLI::App* const map_out = map_command->add_subcommand("export", "its points and keyframes");
+    CLI::App* const map_out =
+        map_command->add_subcommand("export", "its points and keyframes, a grid to drive in, a cloud, an OctoMap");
     map_out->add_option("file", map_export.file, "a map")->required()->type_name("FILE");
     map_out->add_option("--ply", map_export.ply, "points, for MeshLab, CloudCompare, Blender")->type_name("FILE");
     map_out->add_option("--pcd", map_export.pcd, "points, for the Point Cloud Library")->type_name("FILE");
     map_out->add_option("--tum", map_export.tum, "keyframes' poses, TUM format")->type_name("FILE");
     map_out->add_option("--json", map_export.json, "all of it")->type_name("FILE");
     map_out->add_flag("--moving", map_export.has_moving, "points that turned out to move as well");
+    add_grid_options(*map_out, map_export.grid, "", "");
+    map_out->add_option("--octomap", map_export.octomap, "what was seen empty and occupied, in cubes: an OctoMap, .bt")
+        ->type_name("FILE");
     map_out->footer(
-        "Coordinates: m, in the frame of the first camera, x right, y down, z forward.\n"
-        "Exit codes: 0 done; 1 could not be written; 2 no map, or bad usage.");
+        "Coordinates: m, in the frame of the first camera, x right, y down, z forward; a grid's are level.\n"
+        "Exit codes: 0 done; 1 could not be made or written; 2 no map, or bad usage.");
 
     ReportArguments compared;
     CLI::App* const report_app = add_report_command(app, compared);

@@ -13,6 +13,7 @@
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/destinations.hpp"
 #include "platform/cli/exit_code.hpp"
+#include "platform/cli/map_grid.hpp"
 #include "platform/linux/text_output.hpp"
 #include "platform/record/map_content.hpp"
 
@@ -63,12 +64,13 @@ struct Facts {
     const MapFileInfo& info = map.info;
     return {{"file", file},
             {"bytes", info.size_bytes},
-            {"version", kMapVersion},
+            {"version", info.version()},
             {"hash", fmt::format("{:016x}", info.hash)},
             {"keyframes", info.keyframes},
             {"points", info.points},
             {"points_moving", facts.moving},
             {"features", info.features},
+            {"depth_images", info.depth_images},
             {"observers_mean", facts.observers},
             {"frames", info.frames},
             {"seconds", static_cast<double>(info.time_ns) * 1e-9},
@@ -179,22 +181,25 @@ int map_info_command(const std::string& file, bool is_json) {
     if (is_json) return answer(info_json(file, map).dump(2) + "\n");
     const Facts facts = facts_of(map);
     const MapFileInfo& info = map.info;
-    return answer(fmt::format(
-        "map           {}, {:.1f} MiB, version {}\n"
-        "content       {} keyframes, {} points ({} of them moving), {} features; a point is in {:.1f} keyframes\n"
-        "seen          {} frames over {:.0f} s, {:.1f} m of way from keyframe to keyframe\n"
-        "extent        {:.2f} m right, {:.2f} m down, {:.2f} m ahead, of points that stand still\n"
-        "camera        {}x{}, focal lengths {:.1f} and {:.1f} px, readout {:.1f} ms\n"
-        "features      {}, {} levels {:g} apart\n"
-        "hash          {:016x}\n",
-        printable(file), static_cast<double>(info.size_bytes) / 1048576.0, kMapVersion, info.keyframes, info.points,
-        facts.moving, info.features, facts.observers, info.frames, static_cast<double>(info.time_ns) * 1e-9,
-        facts.way_m, facts.high[0] - facts.low[0], facts.high[1] - facts.low[1], facts.high[2] - facts.low[2],
-        map.camera.width, map.camera.height, map.camera.fx, map.camera.fy, 1e3 * map.readout_s,
-        info.extractor == 0   ? "the engine's own"
-        : info.extractor == 1 ? "cv::ORB"
-                              : "of another extractor",
-        info.pyramid_levels, info.scale_factor, info.hash));
+    return answer(
+        fmt::format("map           {}, {:.1f} MiB, version {}\n"
+                    "content       {} keyframes, {} points ({} of them moving), {} features; a point is in {:.1f} "
+                    "keyframes; {} depth "
+                    "images\n"
+                    "seen          {} frames over {:.0f} s, {:.1f} m of way from keyframe to keyframe\n"
+                    "extent        {:.2f} m right, {:.2f} m down, {:.2f} m ahead, of points that stand still\n"
+                    "camera        {}x{}, focal lengths {:.1f} and {:.1f} px, readout {:.1f} ms\n"
+                    "features      {}, {} levels {:g} apart\n"
+                    "hash          {:016x}\n",
+                    printable(file), static_cast<double>(info.size_bytes) / 1048576.0, info.version(), info.keyframes,
+                    info.points, facts.moving, info.features, facts.observers, info.depth_images, info.frames,
+                    static_cast<double>(info.time_ns) * 1e-9, facts.way_m, facts.high[0] - facts.low[0],
+                    facts.high[1] - facts.low[1], facts.high[2] - facts.low[2], map.camera.width, map.camera.height,
+                    map.camera.fx, map.camera.fy, 1e3 * map.readout_s,
+                    info.extractor == 0   ? "the engine's own"
+                    : info.extractor == 1 ? "cv::ORB"
+                                          : "of another extractor",
+                    info.pyramid_levels, info.scale_factor, info.hash));
 }
 
 int map_export_command(const MapExport& options) {
@@ -213,7 +218,11 @@ int map_export_command(const MapExport& options) {
     for (const Output& output : outputs) {
         if (!output.path.empty()) destinations.push_back({output.option, output.path, DestinationKind::kWhole});
     }
-    if (destinations.empty()) return refuse("map export: name what to write: --ply, --pcd, --tum or --json FILE.");
+    add_grid_destinations(options.grid, options.octomap, destinations);
+    if (destinations.empty()) {
+        return refuse(
+            "map export: name what to write: --ply, --pcd, --tum, --json, --cloud or --octomap FILE, or --grid NAME.");
+    }
     const Origin origins[] = {{"the map", options.file}};
     if (const std::string problem = check_destinations(destinations, origins); !problem.empty()) {
         return refuse(problem);
@@ -221,6 +230,10 @@ int map_export_command(const MapExport& options) {
     SavedMap map;
     std::string message;
     if (read_map_content(options.file, map, message) != Status::kOk) return refuse(message);
+    int code = kExitDone;
+    if (options.grid.is_any() || !options.octomap.empty())
+        code = write_grid_of(map, options.file, options.grid, options.octomap);
+    if (code == kExitUsage) return code;
     for (const Output& output : outputs) {
         if (output.path.empty()) continue;
         if (!write_whole_file(output.path, output.text(map), message)) {
@@ -228,7 +241,7 @@ int map_export_command(const MapExport& options) {
             return kExitFailed;
         }
     }
-    return kExitDone;
+    return code;
 }
 
 }  // namespace stillmesh

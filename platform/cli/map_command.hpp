@@ -3,6 +3,8 @@
 
 #include <string>
 
+#include "platform/cli/grid_options.hpp"
+
 namespace stillmesh {
 
 struct MapExport {
@@ -11,9 +13,11 @@ struct MapExport {
     std::string tum;          // keyframes' poses
     std::string json;         // camera, keyframes, points; "-" is standard output
     bool has_moving = false;  // points that have lost their weight as well
+    GridOutputOptions grid;   // and cloud
+    std::string octomap;      // cubes
 };
 
-// Both return the program's exit code: 0; 1 could not write; 2 no map, or bad usage.
+// Both return the program's exit code: 0; 1 could not make or write it; 2 no map, or bad usage.
 [[nodiscard]] int map_info_command(const std::string& file, bool is_json);
 [[nodiscard]] int map_export_command(const MapExport& options);
 

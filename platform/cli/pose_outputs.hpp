@@ -14,6 +14,7 @@
 #include "platform/poses/pose_line.hpp"
 #include "platform/report/run_record.hpp"
 #include "platform/ros2/ros_publisher.hpp"
+#include "platform/ros2/ros_wishes.hpp"
 
 namespace stillmesh {
 
@@ -34,10 +35,16 @@ public:
         return true;
     }
     [[nodiscard]] bool publish(const RosOptions& ros, const MavlinkOptions& mavlink, std::string& message) {
-        return mavlink_.open(mavlink, message) && (!ros.is_on || ros_.open(ros, message));
+        has_wishes_ = ros.is_on;
+        return mavlink_.open(mavlink, message) &&
+               (!ros.is_on || (ros_.open(ros, message) && wishes_.open(ros.name_space, message)));
     }
     // Where somebody wants the map's points; nullptr: nobody does.
     [[nodiscard]] MapPoints* points() { return ros_.points(); }
+    // What ROS 2 wants of the run; nullptr: nobody asks there.
+    [[nodiscard]] ViewCommands* wishes() { return has_wishes_ ? &wishes_.commands() : nullptr; }
+    // And a grid of it; likewise.
+    [[nodiscard]] GridShelf* grid() { return ros_.grid(); }
     // Number `frame` of the run, in its `map`. Here as in event(): what to say when the first line was lost somewhere.
     [[nodiscard]] std::string pose(std::uint64_t frame, std::size_t map, const SessionFrame& out) {
         const bool is_camera_fault = out.state != out.estimate.state;  // the camera check does not trust it
@@ -92,6 +99,8 @@ private:
 
     std::vector<std::unique_ptr<LineOutput>> outputs_;
     RosPublisher ros_;
+    RosWishes wishes_;
+    bool has_wishes_ = false;
     MavlinkOutput mavlink_;
     PoseLines lines_;
     std::string line_;  // keeps its memory from frame to frame

@@ -5,7 +5,10 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <utility>
 
+#include "platform/cli/session.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/view/view_feed.hpp"
 
@@ -13,8 +16,9 @@ namespace stillmesh {
 
 class RunControl {
 public:
-    // `feed`: null for none.
-    RunControl(ViewFeed* feed, const ViewControls& controls) : feed_(feed), controls_(controls) {
+    // `feed`, `wishes` (those of ROS 2): null for none.
+    RunControl(ViewFeed* feed, const ViewControls& controls, ViewCommands* wishes = nullptr)
+        : feed_(feed), wishes_(wishes), controls_(controls) {
         if (feed_ == nullptr) return;
         feed_->commands().allow(controls);
         say();
@@ -22,7 +26,7 @@ public:
 
     // At the head of the loop, before a frame is fetched. True: not yet; it has waited a moment, look again.
     [[nodiscard]] bool holds() {
-        if (feed_ == nullptr) return false;
+        if (feed_ == nullptr && wishes_ == nullptr) return false;
         take();
         if (!standing_.is_paused || steps_ > 0) return false;
         rest();
@@ -48,6 +52,17 @@ public:
         if (steps_ > 0) --steps_;
     }
     [[nodiscard]] bool is_saving() const { return standing_.is_saving; }
+    // Behind a frame: does what else was wanted of the map, and says what came of it; empty: nothing was wanted.
+    [[nodiscard]] std::string carry_out(TrackingSession& session) {
+        std::string said;
+        if (std::exchange(wants_save_, false)) said = session.save_map();
+        if (const auto only = std::exchange(localise_only_, std::nullopt)) {
+            said += (said.empty() ? "" : "; ") + session.localise_only(*only);
+        }
+        return said;
+    }
+    // Who wanted something last.
+    [[nodiscard]] const char* wisher() const { return is_by_ros_ ? "by ROS 2" : "on the page"; }
     // Once for each time that it was wanted.
     [[nodiscard]] bool takes_reset() {
         const bool wants = wants_reset_;
@@ -62,11 +77,14 @@ private:
     void say() { feed_->commands().stand(standing_); }
     void take() {
         bool is_any = false;
-        while (const std::optional<ViewCommand> command = feed_->commands().take()) {
-            is_any = true;
-            obey(*command);
+        for (ViewCommands* const queue : {feed_ != nullptr ? &feed_->commands() : nullptr, wishes_}) {
+            while (const auto command = queue != nullptr ? queue->take() : std::nullopt) {
+                is_any = true;
+                is_by_ros_ = queue == wishes_;
+                obey(*command);
+            }
         }
-        if (is_any) say();
+        if (is_any && feed_ != nullptr) say();
     }
     void obey(const ViewCommand& command) {
         const bool is_of_time = command.verb == ViewVerb::kPause || command.verb == ViewVerb::kResume ||
@@ -85,14 +103,18 @@ private:
                 if (controls_.can_save) standing_.is_saving = command.value != 0;
                 break;
             case ViewVerb::kReset: wants_reset_ = wants_reset_ || controls_.can_reset; break;
+            case ViewVerb::kSaveMap: wants_save_ = true; break;
+            case ViewVerb::kLocaliseOnly: localise_only_ = command.value != 0; break;
         }
     }
 
     ViewFeed* feed_;
+    ViewCommands* wishes_;
     ViewControls controls_;
     ViewStanding standing_;
     std::uint32_t steps_ = 0;
-    bool wants_reset_ = false;
+    bool wants_reset_ = false, wants_save_ = false, is_by_ros_ = false;
+    std::optional<bool> localise_only_;
     bool has_base_ = false;
     std::int64_t base_time_ns_ = 0, base_ns_ = 0;
 };

@@ -80,6 +80,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         !session.show_points(poses.points(), message)) {
         return give_up(kExitUsage);
     }
+    session.show_grid(poses.grid());
     if (!options.trajectory.empty() && !trajectory.open(options.trajectory, message)) return give_up(kExitUsage);
     if (!options.state_hashes.empty() && !hashes.open(options.state_hashes, message)) return give_up(kExitUsage);
     if (!session.begin(message)) return give_up(kExitUsage);
@@ -105,7 +106,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         view.event(sentence);
     };
     put(trajectory, kHeader);
-    RunControl control(options.view, options.controls);
+    RunControl control(options.view, options.controls, poses.wishes());
     bool was_saving = true;
     std::string line;  // keeps its memory from frame to frame
     LossWatch loss(options, session);
@@ -243,12 +244,14 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
                     out.dynamic_features, out.state, out.unsure});
         loss.frame(frame, out.state, watch.fault());
+        if (const std::string done = control.carry_out(session); !done.empty()) tell("as ROS 2 asked: " + done + ".");
         const bool is_wished = control.takes_reset();
         const bool is_lost_long = options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns;
         if (is_wished || (is_lost_long && loss.is_good_picture())) {
             if (const std::string begun = session.begin_new_map(); !begun.empty()) {
                 const std::string lost = loss.begin_anew();
-                const std::string wished = fmt::format("second {:.1f}: wished on the page", loss.second(frame.time_ns));
+                const std::string wished =
+                    fmt::format("second {:.1f}: wished {}", loss.second(frame.time_ns), control.wisher());
                 const std::string sentence = (is_wished ? wished : lost) + ": " + begun + ".";
                 tell(fmt::format("map {}: {}", maps.count() + 1, sentence));
                 maps.begin_another(record, given.size());

@@ -13,6 +13,7 @@
 #include "engine/frame/frame.hpp"
 #include "platform/report/run_record.hpp"
 #include "platform/ros2/map_points.hpp"
+#include "platform/ros2/shown_grid.hpp"
 
 namespace stillmesh {
 
@@ -54,6 +55,8 @@ public:
         static_cast<void>(message);
         return true;
     }
+    // The grid, if one is made at all, is put there too, every few seconds. nullptr: nobody asks.
+    virtual void show_grid(GridShelf* shelf) { static_cast<void>(shelf); }
     // kOk: `out` is filled. Else the frame was refused and `message` says why.
     [[nodiscard]] virtual Status submit(const Frame& frame, SessionFrame& out, std::string& message) = 0;
     // Background work behind the frame: until a time of monotonic_ns, or, without one, as much as the configuration
@@ -82,6 +85,13 @@ public:
     // Lays the map aside, written where maps are written to, and begins another. Empty: there is none yet, nothing was
     // done; else what to say.
     [[nodiscard]] virtual std::string begin_new_map() { return {}; }
+    // Between frames: the map is written where maps are written to, as soon as it can be. What to say of it.
+    [[nodiscard]] virtual std::string save_map() { return {}; }
+    // From the next frame on the map stays as it is, or is added to again. Likewise.
+    [[nodiscard]] virtual std::string localise_only(bool is_wanted) {
+        static_cast<void>(is_wanted);
+        return {};
+    }
     // What should outlive the program is saved, without asking for memory: there is none.
     virtual void rescue() {}
     // The last frame's mesh and times, the pools, and as many keyframes as there is room for. Changes nothing, calls no

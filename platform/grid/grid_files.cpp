@@ -41,11 +41,11 @@ std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::
         level.rotation_xyzw[2], level.rotation_xyzw[3]);
 }
 
-std::string cloud_ply(const Engine& engine, const GridJob& job, bool is_level) {
+std::string cloud_ply(const DepthSource& images, const GridJob& job, bool is_level) {
     std::string points;
     std::size_t count = 0;
     for (const GridJob::Look& look : job.looks()) {
-        const DepthImage depth = engine.depth_image(look.index);
+        const DepthImage depth = images.depth_image(look.index);
         const RigidTransform level = compose(job.floor().level_from_map, look.map_from_camera);
         for (std::size_t i = 0; i < depth.depth_mm.size(); ++i) {
             if (!depth.is_still(i)) continue;
@@ -67,6 +67,16 @@ std::string cloud_ply(const Engine& engine, const GridJob& job, bool is_level) {
                "y\nproperty float z\nend_header\n",
                is_level ? "m; z up, floor at 0" : "m; the first camera: x right, y down, z forward", count) +
            points;
+}
+
+std::string why_no_grid(const GridJob& job) {
+    if (job.looks().empty()) {
+        return "nothing was kept of what was seen; that begins a second after the start, with frames of a sure pose";
+    }
+    if (!job.floor().is_known) {
+        return "no floor was seen for certain; let the camera look down at some of it, held upright";
+    }
+    return "nothing was seen within reach of it";
 }
 
 bool write_grid(const GridJob& job, const std::string& name, std::string& message) {

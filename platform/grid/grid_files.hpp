@@ -4,7 +4,6 @@
 
 #include <string>
 
-#include "engine/engine.hpp"
 #include "platform/grid/grid_job.hpp"
 
 namespace stillmesh {
@@ -14,9 +13,11 @@ namespace stillmesh {
 // `picture`: its file's name, in the same folder.
 [[nodiscard]] std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::string& picture);
 // All that keyframes see, but what a grid knows to have gone. `is_level`: z up, floor at 0; else as the map lies.
-[[nodiscard]] std::string cloud_ply(const Engine& engine, const GridJob& job, bool is_level);
+[[nodiscard]] std::string cloud_ply(const DepthSource& images, const GridJob& job, bool is_level);
 
 // NAME.pgm, then NAME.yaml. False: `message`.
 [[nodiscard]] bool write_grid(const GridJob& job, const std::string& name, std::string& message);
+// The part of a sentence that says why a job that is done has none.
+[[nodiscard]] std::string why_no_grid(const GridJob& job);
 
 }  // namespace stillmesh

@@ -53,7 +53,8 @@ OccupancyGrid::Eye OccupancyGrid::eye_of(const RigidTransform& level_from_camera
     return eye;
 }
 
-OccupancyGrid::Point OccupancyGrid::point_of(const DepthImage& depth, std::size_t cell, const Eye& eye) noexcept {
+inline OccupancyGrid::Point OccupancyGrid::point_of(const DepthImage& depth, std::size_t cell,
+                                                    const Eye& eye) noexcept {
     const float z = static_cast<float>(depth.depth_mm[cell] & DepthImage::kDepth) * 1e-3F;
     const float x = depth.rays[2 * cell] * z, y = depth.rays[2 * cell + 1] * z;
     const float(&r)[9] = eye.r;
@@ -101,7 +102,7 @@ void OccupancyGrid::lay_out() noexcept {
     std::fill_n(cells_.begin(), std::size_t{width_} * height_, Cell{});
 }
 
-OccupancyGrid::Cell* OccupancyGrid::cell_at(float x, float y) noexcept {
+inline OccupancyGrid::Cell* OccupancyGrid::cell_at(float x, float y) noexcept {
     const float column = (x - static_cast<float>(origin_x_)) * cells_per_m_;
     const float row = (y - static_cast<float>(origin_y_)) * cells_per_m_;
     if (!(column >= 0 && row >= 0 && column < static_cast<float>(width_) && row < static_cast<float>(height_))) {
@@ -111,7 +112,7 @@ OccupancyGrid::Cell* OccupancyGrid::cell_at(float x, float y) noexcept {
 }
 
 // 0: the floor; -1: none.
-int OccupancyGrid::layer_of(float z) const noexcept {
+inline int OccupancyGrid::layer_of(float z) const noexcept {
     if (z < -kFloorDeep_m || z >= high_m_) return -1;
     return z < low_m_ ? 0 : std::min(1 + static_cast<int>((z - low_m_) * layers_per_m_), kLayers - 1);
 }
@@ -221,7 +222,7 @@ void OccupancyGrid::look_through(const Point& eye, const Point& end) noexcept {
     }
 }
 
-void OccupancyGrid::renew(Cell& cell) const noexcept {
+inline void OccupancyGrid::renew(Cell& cell) const noexcept {
     if (cell.look == look_) return;
     count(cell);
     cell.look = look_;

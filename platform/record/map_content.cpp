@@ -17,8 +17,9 @@ namespace {
 
 constexpr std::size_t kBytesMax = std::size_t{1} << 30U;  // more than any limits ask for
 constexpr std::size_t kSectionHead = 16;
-constexpr std::array<const char*, 5> kSections = {"CAMR", "KEYF", "PNTS", "FEAT", "LINK"};
-constexpr std::array<std::size_t, 5> kRecordBytes = {88, 328, 184, 64, 4};
+constexpr std::size_t kSectionsMax = 8, kSectionsWithoutDepth = 5;
+constexpr std::array<const char*, kSectionsMax> kSections = {"CAMR", "KEYF", "PNTS", "FEAT",
+                                                             "LINK", "DPTH", "RAYS", "CELL"};
 
 class ContentReader {
 public:
@@ -34,10 +35,20 @@ public:
             return Status::kCorrupt;
         }
         std::size_t at = kMapHeaderBytes;
-        const std::array<std::uint32_t, 5> counts = {1, content_.info.keyframes, content_.info.points,
-                                                     content_.info.features, content_.info.features};
-        for (std::size_t section = 0; section < kSections.size(); ++section) {
-            const std::size_t size = counts[section] * kRecordBytes[section];
+        const MapFileInfo& info = content_.info;
+        const std::uint32_t columns = info.depth_columns, rows = info.depth_rows;
+        const std::array<std::uint32_t, kSectionsMax> counts = {1,
+                                                                info.keyframes,
+                                                                info.points,
+                                                                info.features,
+                                                                info.features,
+                                                                info.depth_images,
+                                                                columns * rows,
+                                                                info.depth_images * rows};
+        const std::array<std::size_t, kSectionsMax> record_bytes = {88, 328, 184, 64, 4, 112, 8, 2 * columns};
+        const std::size_t sections = info.depth_images == 0 ? kSectionsWithoutDepth : kSectionsMax;
+        for (std::size_t section = 0; section < sections; ++section) {
+            const std::size_t size = counts[section] * record_bytes[section];
             if (bytes_.size() - at < kSectionHead + size + 4) return damaged(section, problem);
             const auto whole = bytes_.subspan(at, kSectionHead + size);
             ByteReader crc(bytes_.subspan(at + kSectionHead + size, 4));
@@ -72,7 +83,23 @@ private:
             return std::all_of(content_.points.begin(), content_.points.end(),
                                [&](SavedPoint& point) { return take_point(in, point); });
         }
-        return section == 3 || take_links(in);
+        if (section == 4) return take_links(in);
+        if (section == 5) {
+            content_.depth.resize(content_.info.depth_images);
+            return std::all_of(content_.depth.begin(), content_.depth.end(),
+                               [&](SavedDepth& depth) { return take_depth(in, depth); });
+        }
+        if (section == 6) {
+            content_.rays.resize(in.remaining() / sizeof(float));
+            in.fields(content_.rays);
+            return std::all_of(content_.rays.begin(), content_.rays.end(),
+                               [](float ray) { return std::isfinite(ray); });
+        }
+        if (section == 7) {
+            content_.depth_mm.resize(in.remaining() / sizeof(std::uint16_t));
+            in.fields(content_.depth_mm);
+        }
+        return true;
     }
     [[nodiscard]] bool take_camera(ByteReader& in) {
         CameraModel& m = content_.camera;
@@ -80,18 +107,33 @@ private:
         return in.is_ok() && m.fx > 0 && m.fy > 0;
     }
     [[nodiscard]] bool take_keyframe(ByteReader& in, SavedKeyframe& keyframe) const {
-        RotationMatrix rotation{};
-        in.fields(rotation, keyframe.pose.t);
+        if (!take_pose(in, keyframe.pose.t, keyframe.pose.q)) return false;
         static_cast<void>(in.bytes(96 + 48 + 48 + 8));
         in.fields(keyframe.parent, keyframe.features, keyframe.pose.time_ns, keyframe.frame);
         static_cast<void>(in.bytes(8));
+        return in.is_ok() && keyframe.parent <= content_.info.keyframes;
+    }
+    [[nodiscard]] static bool take_pose(ByteReader& in, std::span<double, 3> t, std::span<double, 4> xyzw) {
+        RotationMatrix rotation{};
+        in.fields(rotation, t);
         double q[4] = {};
         write_quaternion(rotation, q);
-        std::copy_n(q, 4, keyframe.pose.q.begin());
+        std::copy_n(q, 4, xyzw.begin());
         const auto is_finite = [](double value) { return std::isfinite(value); };
         return in.is_ok() && std::all_of(rotation.begin(), rotation.end(), is_finite) &&
-               std::all_of(keyframe.pose.t.begin(), keyframe.pose.t.end(), is_finite) &&
-               keyframe.parent <= content_.info.keyframes;
+               std::all_of(t.begin(), t.end(), is_finite);
+    }
+    [[nodiscard]] bool take_depth(ByteReader& in, SavedDepth& depth) const {
+        RigidTransform keyframe_from_camera, map_from_keyframe;
+        if (!take_pose(in, keyframe_from_camera.translation_m, keyframe_from_camera.rotation_xyzw)) return false;
+        in.fields(depth.frame, depth.keyframe);
+        static_cast<void>(in.bytes(4));
+        if (!in.is_ok() || depth.keyframe == 0 || depth.keyframe > content_.keyframes.size()) return false;
+        const TrajectoryPose& keyframe = content_.keyframes[depth.keyframe - 1].pose;
+        std::copy(keyframe.t.begin(), keyframe.t.end(), map_from_keyframe.translation_m);
+        std::copy(keyframe.q.begin(), keyframe.q.end(), map_from_keyframe.rotation_xyzw);
+        depth.map_from_camera = compose(map_from_keyframe, keyframe_from_camera);
+        return true;
     }
     [[nodiscard]] static bool take_point(ByteReader& in, SavedPoint& point) {
         in.fields(point.x, point.y, point.z);
@@ -125,6 +167,17 @@ private:
 };
 
 }  // namespace
+
+DepthImage SavedMap::depth_image(std::size_t index) const {
+    if (index >= depth.size()) return {};
+    const std::size_t cells = std::size_t{info.depth_columns} * info.depth_rows;
+    return {info.depth_columns,
+            info.depth_rows,
+            std::span(depth_mm).subspan(index * cells, cells),
+            rays,
+            depth[index].frame,
+            depth[index].map_from_camera};
+}
 
 Status parse_map_content(std::span<const std::byte> bytes, const std::string& file, SavedMap& content,
                          std::string& message) {

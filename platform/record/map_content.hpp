@@ -1,6 +1,6 @@
 // What is in a map file, for people and other programs: the camera, where keyframes stand and who follows whom, the
-// points and how sure they are. Read by docs/SPEC-map.md, checksums and all; descriptors and features are passed over.
-// Memory: the file, and 80 bytes a point. Any bytes are safe.
+// points and how sure they are, its depth images. Read by docs/SPEC-map.md, checksums and all; descriptors and features
+// are passed over. Memory: the file, 80 bytes a point, 9.5 KiB a depth image. Any bytes are safe.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "engine/base/status.hpp"
+#include "engine/outputs.hpp"
 #include "engine/record/map_file.hpp"
 #include "platform/evaluation/trajectory.hpp"
 
@@ -30,12 +31,23 @@ struct SavedPoint {
     std::uint32_t seen = 0;       // frames that matched it
     bool is_moving = false;       // it has lost its weight
 };
+struct SavedDepth {
+    std::uint64_t frame = 0;
+    std::uint32_t keyframe = 0;  // that it hangs on: its place among them, from 1
+    RigidTransform map_from_camera;
+};
 struct SavedMap {
     MapFileInfo info;
     CameraModel camera;  // of a lens other than Brown's only the numbers that Brown's has
     double readout_s = 0;
     std::vector<SavedKeyframe> keyframes;
     std::vector<SavedPoint> points;
+    std::vector<SavedDepth> depth;
+    std::vector<float> rays;  // of all depth images
+    std::vector<std::uint16_t> depth_mm;
+
+    // As Engine::depth_image(): without cells where there is none; borrowed from this.
+    [[nodiscard]] DepthImage depth_image(std::size_t index) const;
 };
 
 // kUnavailable: cannot be read.    kInvalid: no map, or damaged: `message` says what.

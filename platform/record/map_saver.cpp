@@ -46,10 +46,11 @@ bool MapSaver::open(const std::string& file, const Limits& limits, std::uint8_t 
 }
 
 void MapSaver::work(Engine& engine, std::int64_t now_ns, std::uint32_t units) {
-    if (every_ns_ <= 0 || is_writing_) return;
+    if (is_writing_) return;
     if (next_ns_ == 0) next_ns_ = now_ns + every_ns_;
     if (!is_copying_) {
-        if (now_ns < next_ns_) return;
+        if (!is_asked_ && (every_ns_ <= 0 || now_ns < next_ns_)) return;
+        is_asked_ = false;
         next_ns_ = now_ns + every_ns_;
         if (engine.begin_map_copy(workspace_.bytes(), extractor_) != Status::kOk) return;  // no map yet
         is_copying_ = true;
@@ -80,6 +81,7 @@ std::string MapSaver::take_news(std::int64_t now_ns) {
     if (said_ns_ != 0 && now_ns - said_ns_ < kSaidAgain_ns) return {};
     has_news_ = false;
     said_ns_ = now_ns;
+    if (every_ns_ <= 0) return problem_;
     return problem_ + fmt::format(" It is tried again every {:g} s.", static_cast<double>(every_ns_) * 1e-9);
 }
 
@@ -143,8 +145,8 @@ std::string map_sentence(const std::string& file, const MapFileProblem& p) {
         case MapFault::kNone: return {};
         case MapFault::kNoMap: return file + ": is no map of Stillmesh.";
         case MapFault::kOtherVersion:
-            return fmt::format("{}: is a map of version {:.0f}; this program reads version {:.0f}.", file, p.value,
-                               p.limit);
+            return fmt::format("{}: is a map of version {:.0f}; this program reads versions {} to {:.0f}.", file,
+                               p.value, kMapVersion, p.limit);
         case MapFault::kCutOff:
             return fmt::format("{}: is cut off: {:.0f} bytes of {:.0f} are there.", file, p.value, p.limit);
         case MapFault::kTooLong:

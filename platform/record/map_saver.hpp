@@ -28,6 +28,8 @@ public:
                             std::int64_t every_ns, std::string& message);
     [[nodiscard]] bool is_open() const { return !file_.empty(); }
     [[nodiscard]] bool is_copying() const { return is_copying_; }
+    // The next work() begins a save, whether it is time or not.
+    void save_soon() { is_asked_ = true; }
     // Between frames: begins a save when it is time, and goes on with it for so many units.
     void work(Engine& engine, std::int64_t now_ns, std::uint32_t units);
     // A save that has failed since this last said so, once a minute at most; else empty.
@@ -58,7 +60,7 @@ private:
     std::int64_t next_ns_ = 0;
     std::jthread thread_;
     std::atomic<bool> is_writing_ = false;
-    bool is_copying_ = false;
+    bool is_copying_ = false, is_asked_ = false;
     std::uint64_t saves_ = 0, failures_ = 0;  // these five: the thread's while is_writing_
     MapFileInfo info_;
     std::string problem_, first_problem_;

@@ -65,6 +65,7 @@ RosMessages::RosMessages(const RosOptions& options)
     cloud_.height = 1;
     cloud_.point_step = kPointBytes;
     cloud_.is_dense = true;
+    base_from_optical_ = compose(options.base_from_camera_link, kLinkFromOptical);
     constexpr const char* kKeys[kValues] = {"state",   "reason",  "frame",  "map",          "features",
                                             "matches", "inliers", "moving", "samples lost", "last event"};
     for (std::size_t i = 0; i < kValues; ++i) values_[i] = {text(kKeys[i]), texts_[i].text.data()};
@@ -167,6 +168,20 @@ const ros::PointCloud& RosMessages::points(const std::vector<ShownPoint>& points
     cloud_.row_step = cloud_.width * cloud_.point_step;
     point_to(cloud_.data, cloud_bytes_);
     return cloud_;
+}
+
+const ros::OccupancyGrid& RosMessages::grid(const ShownGrid& grid, std::int64_t time_ns) {
+    header(grid_.header, map_, time_ns);
+    grid_.info.map_load_time = grid_.header.stamp;
+    grid_.info.resolution = static_cast<float>(grid.resolution_m);
+    grid_.info.width = grid.width;
+    grid_.info.height = grid.height;
+    set(grid_.info.origin, compose(base_from_optical_, grid.map_from_grid));
+    const auto count = static_cast<std::uint32_t>(grid.cells.size());
+    // Signed in ROS's definition, octets on the wire.
+    auto* const cells = const_cast<std::uint8_t*>(reinterpret_cast<const std::uint8_t*>(grid.cells.data()));
+    grid_.data = {count, count, cells, false};
+    return grid_;
 }
 
 const ros::DiagnosticArray& RosMessages::diagnostics(double silent_s, std::uint64_t lost) {

@@ -1,6 +1,6 @@
 // ROS's messages of what a run gives out. Fields are filled in place: strings and sequences point into what this class
-// holds, so that no message takes memory once it is made. Inner: sees Cyclone's headers. One thread, but for
-// points().
+// holds, so that no message takes memory once it is made. Inner: sees Cyclone's headers. One thread, but for points()
+// and grid().
 #pragma once
 
 #include <array>
@@ -13,6 +13,7 @@
 #include "platform/poses/pose_line.hpp"
 #include "platform/ros2/map_points.hpp"
 #include "platform/ros2/ros_publisher.hpp"
+#include "platform/ros2/shown_grid.hpp"
 
 namespace stillmesh {
 
@@ -33,8 +34,10 @@ public:
     [[nodiscard]] const ros::Tf& static_tf() const { return static_tf_; }
     // Where base_link was, in the map of now, as it was given out then.
     [[nodiscard]] const ros::Path& path();
-    // May be called by another thread than the others.
+    // These two may be called by another thread than the others.
     [[nodiscard]] const ros::PointCloud& points(const std::vector<ShownPoint>& points, std::int64_t time_ns);
+    // Its cells are borrowed.
+    [[nodiscard]] const ros::OccupancyGrid& grid(const ShownGrid& grid, std::int64_t time_ns);
     // `silent_s`: since the last frame came; `lost`: samples that were not sent.
     [[nodiscard]] const ros::DiagnosticArray& diagnostics(double silent_s, std::uint64_t lost);
     void event(const char* sentence);
@@ -68,6 +71,8 @@ private:
     ros::PointCloud cloud_{};
     std::array<ros::PointField, 3> fields_{};
     std::vector<std::uint8_t> cloud_bytes_;
+    ros::OccupancyGrid grid_{};
+    RigidTransform base_from_optical_;
     ros::DiagnosticArray diagnostics_{};
     ros::DiagnosticStatus status_{};
     std::array<ros::KeyValue, kValues> values_{};

@@ -11,6 +11,7 @@
 
 #include "hal/ros2/ros_context.hpp"
 #include "hal/ros2/ros_name.hpp"
+#include "platform/poses/body_frames.hpp"
 #include "platform/record/slot_ring.hpp"
 #include "platform/ros2/ros_messages.hpp"
 
@@ -32,7 +33,12 @@ struct Slot {
 
 class RosPublisher::Sender {
 public:
-    explicit Sender(const RosOptions& options) : ring_(kSlots), messages_(options), has_tf_(options.has_tf) {}
+    explicit Sender(const RosOptions& options)
+        : ring_(kSlots),
+          messages_(options),
+          has_tf_(options.has_tf),
+          has_grid_(options.has_grid),
+          grid_(compose(options.base_from_camera_link, kLinkFromOptical)) {}
     ~Sender() { static_cast<void>(close()); }
     Sender(const Sender&) = delete;
     Sender& operator=(const Sender&) = delete;
@@ -50,6 +56,7 @@ public:
         return true;
     }
     [[nodiscard]] MapPoints& points() noexcept { return points_; }
+    [[nodiscard]] GridShelf* grid() noexcept { return has_grid_ ? &grid_ : nullptr; }
 
     [[nodiscard]] std::string add(const PoseReport& report, const std::string* sentence) {
         Slot* const slot = ring_.claim();
@@ -92,7 +99,7 @@ public:
     }
 
 private:
-    enum Topic : std::uint8_t { kOdometry, kTf, kStaticTf, kPose, kPath, kPoints, kDiagnostics, kTopics };
+    enum Topic : std::uint8_t { kOdometry, kTf, kStaticTf, kPose, kPath, kPoints, kMap, kDiagnostics, kTopics };
 
     [[nodiscard]] bool make_writers(const RosOptions& options, std::string& message) {
         const std::string own = options.name_space.empty() ? "" : "/" + options.name_space;
@@ -108,10 +115,12 @@ private:
             {kPose, own + "/stillmesh/pose", ros::kPoseWithCovarianceStamped, {}},
             {kPath, own + "/stillmesh/path", ros::kPath, {.history = RosHistory::kLatched, .depth = 1}},
             {kPoints, own + "/stillmesh/points", ros::kPointCloud, {.history = RosHistory::kLatched, .depth = 1}},
+            {kMap, own + "/map", ros::kOccupancyGrid, {.history = RosHistory::kLatched, .depth = 1}},
             {kDiagnostics, "/diagnostics", ros::kDiagnosticArray, {}},
         };
         for (const auto& [topic, name, type, qos] : all) {
             if (!has_tf_ && (topic == kTf || topic == kStaticTf)) continue;
+            if (!has_grid_ && topic == kMap) continue;  // another program's
             writers_[topic] = context_->writer(name, type, qos, message);
             if (writers_[topic] >= 0) continue;
             message = "--publish ros2: " + message;
@@ -155,6 +164,7 @@ private:
         while (!stop.stop_requested()) {
             std::this_thread::sleep_for(kLook);
             if (points_.take(points)) send(kPoints, &messages_.points(points, time_ns_));
+            if (const ShownGrid* const grid = grid_.take()) send(kMap, &messages_.grid(*grid, time_ns_));
             dds_publication_matched_status_t matched{};
             if (Clock::now() < next || dds_get_publication_matched_status(writers_[kPoints], &matched) < 0) continue;
             next = Clock::now() + kEvery;
@@ -184,10 +194,11 @@ private:
 
     SlotRing<Slot> ring_;
     RosMessages messages_;
-    bool has_tf_;
+    bool has_tf_, has_grid_;
     std::shared_ptr<RosContext> context_;
     std::array<dds_entity_t, kTopics> writers_{};
     MapPoints points_;
+    GridShelf grid_;
     Clock::time_point arrived_{};            // of the last frame
     std::atomic<std::int64_t> time_ns_ = 0;  // its own
     std::atomic<std::uint64_t> overtaken_ = 0, failures_ = 0;
@@ -212,6 +223,10 @@ bool RosPublisher::open(const RosOptions& options, std::string& message) {
 
 MapPoints* RosPublisher::points() noexcept {
     return sender_ != nullptr ? &sender_->points() : nullptr;
+}
+
+GridShelf* RosPublisher::grid() noexcept {
+    return sender_ != nullptr ? sender_->grid() : nullptr;
 }
 
 std::string RosPublisher::frame(const PoseReport& report) {

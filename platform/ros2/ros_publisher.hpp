@@ -1,12 +1,11 @@
 // `--publish ros2`: poses with their trust, the camera's path, the map's points and the state of tracking as topics of
 // ROS 2 (docs/ros2.md has each), without ROS. The engine's thread copies a frame's numbers into a ring of fixed size
 // and never waits; a thread of its own makes messages of them and sends them, and once a second path and diagnostics;
-// another one reads the points from a copy of the map, which takes some 20 ms. A reader that is slow, stuck or dead
-// costs nobody anything but what it does not take. Where the ring is full a frame is not sent; it is counted, and said
-// once.
-// Limits: 64 frames in the ring, 1024 poses of the path (then every second one goes), points as in the map. Memory: 150
-// KiB, 36 bytes a point, a copy of the map once somebody has subscribed to its points, and Cyclone's own. Cost:
-// docs/ros2.md. In a build without Cyclone DDS open() says so.
+// another one reads the points from a copy of the map, which takes some 20 ms, and sends the grid. A reader that is
+// slow, stuck or dead costs nobody anything but what it does not take. Where the ring is full a frame is not sent; it
+// is counted, and said once. Limits: 64 frames in the ring, 1024 poses of the path (then every second one goes), points
+// as in the map. Memory: 150 KiB, 36 bytes a point, a copy of the map once somebody has subscribed to its points, and
+// Cyclone's own. Cost: docs/ros2.md. In a build without Cyclone DDS open() says so.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +15,7 @@
 #include "engine/geometry/rigid_transform.hpp"
 #include "platform/poses/pose_line.hpp"
 #include "platform/ros2/map_points.hpp"
+#include "platform/ros2/shown_grid.hpp"
 
 namespace stillmesh {
 
@@ -24,6 +24,7 @@ struct RosOptions {
     std::string name_space;    // of what is this robot's alone, /odom and /stillmesh/...; empty: none
     std::string frame_prefix;  // of map, odom, base_link and the camera's frames
     bool has_tf = true;        // else neither /tf nor /tf_static: another program says where base_link is
+    bool has_grid = false;     // /map: there is a grid to drive in
     RigidTransform base_from_camera_link;
 };
 
@@ -39,6 +40,8 @@ public:
     // --- the engine's thread ---
     // Where the map's points are to be copied to; nullptr: nobody publishes.
     [[nodiscard]] MapPoints* points() noexcept;
+    // Where a grid is to be put; nullptr: nobody publishes, or not a grid.
+    [[nodiscard]] GridShelf* grid() noexcept;
     // A frame, with a pose or without. Here as in event(): what to say when the first was lost; else empty.
     [[nodiscard]] std::string frame(const PoseReport& report);
     // What happened to the camera or the map: in the diagnostics, the last one, its first 200 letters.

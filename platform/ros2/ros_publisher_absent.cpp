@@ -21,6 +21,10 @@ MapPoints* RosPublisher::points() noexcept {
     return nullptr;
 }
 
+GridShelf* RosPublisher::grid() noexcept {
+    return nullptr;
+}
+
 std::string RosPublisher::frame(const PoseReport& report) {
     static_cast<void>(report);
     return {};

@@ -16,10 +16,12 @@ namespace stillmesh {
 enum class ViewVerb : std::uint8_t {
     kPause,  // of a recording or a simulation; no clock is waiting for it
     kResume,
-    kStep,    // one frame, then pause
-    kSpeed,   // `value` times the recording's; 0: as fast as it can
-    kSaving,  // `value` 1: the trajectory is written again, 0: no more
-    kReset,   // another map begins here
+    kStep,          // one frame, then pause
+    kSpeed,         // `value` times the recording's; 0: as fast as it can
+    kSaving,        // `value` 1: the trajectory is written again, 0: no more
+    kReset,         // another map begins here
+    kSaveMap,       // by ROS 2 alone, as the next
+    kLocaliseOnly,  // `value` 1: the map stays as it is, 0: it is added to
 };
 struct ViewCommand {
     ViewVerb verb = ViewVerb::kPause;

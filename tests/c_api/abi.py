@@ -22,7 +22,7 @@ COUNTERPARTS = {
     "tracking_view": "sm_get_tracking_view", "features": "sm_get_features", "keyframes": "sm_keyframes",
     "depth_image": "sm_get_depth_image",
     "reference_keyframe": "sm_reference_keyframe", "state_hash": "sm_state_hash", "begin_map_copy": "sm_begin_map_copy",
-    "step_map_copy": "sm_step_map_copy", "load_map": "sm_load_map", "step_store": "sm_step_store",
+    "step_map_copy": "sm_step_map_copy", "load_map": "sm_load_map", "set_map_use": "sm_set_map_use", "step_store": "sm_step_store",
     "set_stage_observer": "sm_set_stage_observer", "reset": "sm_reset"}
 # Statistics of outputs.hpp, their struct in C and what their fields begin with there.
 STATISTICS = {"FrameStatistics": ("sm_frame_statistics", ""), "EngineStatistics": ("sm_statistics", ""),

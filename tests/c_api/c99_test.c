@@ -263,6 +263,9 @@ static void maps(sm_engine* engine, const sm_settings* settings, wall* w) {
     EXPECT(sm_load_map(engine, whole, size - 1, SM_MAP_LOCALISE, &problem) != SM_OK && SAYS("cut off"));
     EXPECT(sm_load_map_file(engine, "not.there", SM_MAP_LOCALISE, &problem) == SM_UNAVAILABLE && SAYS("not.there"));
     EXPECT(sm_load_map(engine, whole, size, 7, &problem) == SM_INVALID && sm_state_hash(engine) == hash);
+    EXPECT(sm_set_map_use(engine, 7, &problem) == SM_INVALID &&
+           sm_set_map_use(NULL, SM_MAP_CONTINUE, NULL) == SM_INVALID);
+    EXPECT(sm_set_map_use(engine, SM_MAP_CONTINUE, &problem) == SM_OK);
     EXPECT(sm_load_map(engine, whole, size, SM_MAP_LOCALISE, &problem) == SM_OK);
     EXPECT(sm_load_map_file(engine, name, SM_MAP_LOCALISE, &problem) == SM_OK && problem.sentence[0] == 0);
     frame = wall_frame(w, 11);

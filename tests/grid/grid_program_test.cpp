@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -54,6 +55,53 @@ TEST(GridProgram, IsWrittenWhileTheRunGoesOn) {
     EXPECT_EQ(answer.code, 0) << answer.text;
     EXPECT_TRUE(std::filesystem::exists(name + ".yaml"));
     EXPECT_FALSE(std::filesystem::exists(name + ".pgm.part"));
+}
+
+// Promise: a map that was saved has its grid and its cloud: `map export` makes of the file what the run that saved it
+// made, and a run that goes on in it has them from the start. A map without depth images is refused with a sentence,
+// and nothing is written.
+TEST(GridProgram, ComesOutOfAMap) {
+    const TemporaryFolder folder;
+    const std::string map = folder.path("office.map"), run = folder.path("run"), out = folder.path("out");
+    const std::string simulate = "run --simulate static_halfsphere:1 --frames ";
+    const Answer made =
+        stillmesh_says(simulate + "60 --map-out " + map + " --grid " + run + " --cloud " + run + ".ply --level floor");
+    ASSERT_EQ(made.code, 0) << made.text;
+    const Answer exported = stillmesh_says("map export " + map + " --grid " + out + " --cloud " + out +
+                                           ".ply --level floor --tum " + out + ".txt");
+    ASSERT_EQ(exported.code, 0) << exported.text;
+    EXPECT_GT(text_of(out + ".txt").size(), 100U);
+    // The last bit of a pose may differ, and with it a cell that a surface just reaches.
+    const std::string wanted = text_of(run + ".pgm"), pgm = text_of(out + ".pgm");
+    ASSERT_EQ(pgm.size(), wanted.size());
+    ASSERT_GT(pgm.size(), 2000U);
+    std::size_t differing = 0;
+    for (std::size_t i = 0; i < pgm.size(); ++i) differing += pgm[i] != wanted[i] ? 1U : 0U;
+    EXPECT_LE(differing, pgm.size() / 1000);
+    EXPECT_EQ(text_of(out + ".yaml").substr(0, 18), "image: \"out.pgm\"\nm");
+    const auto points_of = [](const std::string& file) {
+        const std::string ply = text_of(file);
+        return std::strtoul(ply.c_str() + ply.find("element vertex ") + 15, nullptr, 10);
+    };
+    EXPECT_GT(points_of(out + ".ply"), 4000U);
+    EXPECT_NEAR(static_cast<double>(points_of(out + ".ply")), static_cast<double>(points_of(run + ".ply")), 20);
+
+    // Too short for a look of its own.
+    const Answer again = stillmesh_says(simulate + "8 --map-in " + map + " --grid " + folder.path("again"));
+    EXPECT_NE(again.text.find("again.yaml: "), std::string::npos) << again.text;
+    EXPECT_GE(text_of(folder.path("again.pgm")).size(), pgm.size());
+
+    const std::string bare = folder.path("bare.map");
+    ASSERT_EQ(stillmesh_says(simulate + "40 --set limits.depth_images_max=0 --map-out " + bare).code, 0);
+    const Answer none =
+        stillmesh_says("map export " + bare + " --ply " + folder.path("n.ply") + " --grid " + folder.path("none"));
+    EXPECT_EQ(none.code, 2) << none.text;
+    EXPECT_NE(none.text.find("bare.map: holds no depth images"), std::string::npos) << none.text;
+    EXPECT_EQ(stillmesh_says("map export " + bare + " --octomap " + folder.path("none.bt")).code, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder.path("none.yaml")));
+    EXPECT_FALSE(std::filesystem::exists(folder.path("n.ply")));
+    EXPECT_EQ(stillmesh_says("map export " + map + " --grid " + out + " --robot-height .2 --obstacle-height .5").code,
+              2);
 }
 
 // Promise: what cannot be is refused before a frame is tracked, with the option and what helps.

@@ -17,16 +17,24 @@ using test::EngineRig;
 using test::Sequence;
 
 const Sequence& sequence() {
-    static const Sequence out = test::rendered("static_xyz", 12, 160, 120, 2);
+    static const Sequence out = test::slowed(test::rendered("static_xyz", 20, 160, 120));
+    return out;
+}
+const Limits& small() {
+    static const Limits out = [] {
+        Limits limits = Limits::tiny();
+        limits.depth_images_max = 3;
+        return limits;
+    }();
     return out;
 }
 
-// A small map, two keyframes, and an engine in the middle of another run, who must not notice.
+// A small map, two keyframes, two depth images, and an engine in the middle of another run, who must not notice.
 struct Damage : testing::Test {
-    Damage() : engine(Limits::tiny(), sequence().camera) {
-        EngineRig maker(Limits::tiny(), sequence().camera);
-        test::run(*maker, sequence(), 0, 12);
-        file = test::saved(*maker, Limits::tiny());
+    Damage() : engine(small(), sequence().camera) {
+        EngineRig maker(small(), sequence().camera);
+        test::run(*maker, sequence(), 0, 20);
+        file = test::saved(*maker, small());
         test::run(*engine, sequence(), 0, 5);
         before = test::map_hash(*engine);
     }
@@ -51,7 +59,8 @@ struct Damage : testing::Test {
     // Where record `index` of a section begins.
     [[nodiscard]] std::size_t at(Section section, std::uint32_t index) const {
         const auto s = static_cast<std::uint32_t>(section);
-        return static_cast<std::size_t>(records_at(test::info_of(file), s)) + index * kRecordBytes[s];
+        return static_cast<std::size_t>(records_at(test::info_of(file), s)) +
+               index * record_bytes(test::info_of(file), s);
     }
     // Where the links to a point are, and by which keyframes, 1 for the first.
     [[nodiscard]] std::map<std::uint32_t, std::size_t> links_to(std::uint32_t point) const {
@@ -90,24 +99,30 @@ TEST_F(Damage, CutOffAtEveryByte) {
     EXPECT_EQ(fault_of(longer), MapFault::kTooLong);
 }
 
-// Promise: no bit of the header can change unnoticed, and no byte of the rest (of the records every seventh is tried).
+// Promise: no bit of the header can change unnoticed, and no byte of the rest (of the records every seventh is tried,
+// of what depth images consist of every 97th).
 TEST_F(Damage, EveryByteFlipped) {
     Bytes flipped = file;
     for (std::size_t i = 0; i < kMapHeaderBytes; ++i) {
         for (std::uint32_t bit = 0; bit < 8; ++bit) {
             flipped[i] = file[i] ^ static_cast<std::byte>(1U << bit);
-            const MapFault wanted = i < 8 ? MapFault::kNoMap : i < 12 ? MapFault::kOtherVersion : MapFault::kDamaged;
+            const bool is_known = i == 8 && bit == 0;  // 2 instead of 3
+            const MapFault wanted = i < 8                 ? MapFault::kNoMap
+                                    : i < 12 && !is_known ? MapFault::kOtherVersion
+                                                          : MapFault::kDamaged;
             ASSERT_EQ(fault_of(flipped), wanted) << i << " bit " << bit;
         }
         flipped[i] = file[i];
     }
     std::vector<std::size_t> places;
     const MapFileInfo info = test::info_of(file);
+    ASSERT_EQ(sections_of(info), kSections);
     for (std::uint32_t s = 0; s < kSections; ++s) {
         const auto begin = static_cast<std::size_t>(records_at(info, s));
         const std::size_t end = begin + static_cast<std::size_t>(section_bytes(info, s));
         for (std::size_t i = begin - kSectionHeadBytes; i < begin; ++i) places.push_back(i);
-        for (std::size_t i = begin; i < end; i += 7) places.push_back(i);
+        const std::size_t step = s > static_cast<std::uint32_t>(Section::kDepth) ? 97 : 7;
+        for (std::size_t i = begin; i < end; i += step) places.push_back(i);
         for (std::size_t i = end; i < end + kCrcBytes; ++i) places.push_back(i);
     }
     EXPECT_EQ(places.back(), file.size() - 1);
@@ -126,9 +141,9 @@ TEST_F(Damage, LargerThanTheLimits) {
         std::size_t at;
         std::uint32_t limit;
         const char* key;
-    } counts[] = {{24, Limits::tiny().keyframes_max, "limits.keyframes_max"},
-                  {28, Limits::tiny().map_points_max, "limits.map_points_max"},
-                  {36, Limits::tiny().features_max, "limits.features_max"}};
+    } counts[] = {{24, small().keyframes_max, "limits.keyframes_max"},
+                  {28, small().map_points_max, "limits.map_points_max"},
+                  {36, small().features_max, "limits.features_max"}};
     for (const auto& count : counts) {
         for (const std::uint64_t value : {std::uint64_t{count.limit} + 1, std::uint64_t{0xffffffffU}}) {
             Bytes larger = file;
@@ -138,7 +153,7 @@ TEST_F(Damage, LargerThanTheLimits) {
             (count.at == 24   ? said.keyframes
              : count.at == 28 ? said.points
                               : said.features_of_keyframe) = static_cast<std::uint32_t>(value);
-            test::put(larger, 16, records_at(said, kSections), 8);
+            test::put(larger, 16, file_bytes(said), 8);
             test::mend(larger);
             Status status = Status::kOk;
             const MapFileProblem problem = refused(larger, status);
@@ -193,6 +208,8 @@ TEST_F(Damage, ImpossibleContents) {
     const std::size_t keyframe = at(Section::kKeyframes, 1);
     const std::size_t point = at(Section::kPoints, 3);
     const std::size_t feature = at(Section::kFeatures, 5);
+    const std::size_t depth = at(Section::kDepth, 1);
+    const std::size_t ray = at(Section::kRays, 7);
     std::uint32_t linked[2] = {};  // two features of the first keyframe that show points
     for (std::uint32_t i = 0, count = 0; count < 2; ++i) {
         if (test::number_at(file, at(Section::kLinks, i), 4) != 0) linked[count++] = i;
@@ -209,7 +226,11 @@ TEST_F(Damage, ImpossibleContents) {
         {"time below zero", 56, ~std::uint64_t{0}, 8},
         {"frames beyond all time", 64, std::uint64_t{1} << 60U, 8},
         {"fewer frames than keyframes know", 64, 1, 8},
-        {"reserved", 84, 1, 8},
+        {"depth images too many", 84, info.depth_images + 1, 4},
+        {"no depth images", 84, 0, 4},
+        {"columns of depth images", 88, info.depth_columns - 1U, 2},
+        {"rows of depth images", 90, info.depth_rows + 1U, 2},
+        {"the version of a file without depth images", 8, kMapVersion, 4},
         {"readout of the camera", at(Section::kCamera, 0) + 80, bits(kNan), 8},
         {"a rotation that is none", keyframe, bits(0.5), 8},
         {"NaN in a rotation", keyframe + 8, bits(kNan), 8},
@@ -256,6 +277,17 @@ TEST_F(Damage, ImpossibleContents) {
         {"features that are no keyframe's", keyframe + 300, test::number_at(file, keyframe + 300, 4) - 1, 4},
         {"link to nowhere", at(Section::kLinks, linked[0]), info.points + 1, 4},
         {"one point twice in a keyframe", at(Section::kLinks, linked[1]), first_link, 4},
+        {"a rotation of a depth image that is none", depth, bits(0.5), 8},
+        {"NaN in its translation", depth + 72, bits(kNan), 8},
+        {"far from its keyframe", depth + 88, bits(-1e7), 8},
+        {"seen in the future", depth + 96, info.frames, 8},
+        {"seen when the other was", depth + 96, test::number_at(file, depth - kDepthBytes + 96, 8), 8},
+        {"of no keyframe", depth + 104, 0, 4},
+        {"of a keyframe that is not there", depth + 104, info.keyframes + 1, 4},
+        {"later twice", depth + 108, 2, 1},
+        {"padding of a depth image", depth + 109, 1, 1},
+        {"NaN ray", ray, nan_float, 4},
+        {"ray to the side", ray + 4, std::bit_cast<std::uint32_t>(-2e4F), 4},
     };
     for (const auto& edit : edits) {
         Bytes bad = file;
@@ -264,6 +296,13 @@ TEST_F(Damage, ImpossibleContents) {
         test::mend(bad);
         EXPECT_EQ(fault_of(bad), MapFault::kImpossible) << edit.what;
     }
+    // Depth images of another picture, turned by a right angle: all sizes fit.
+    Bytes turned = file;
+    test::put(turned, 88, info.depth_rows, 2);
+    test::put(turned, 90, info.depth_columns, 2);
+    test::put(turned, at(Section::kCells, 0) - 12, std::uint64_t{info.depth_images} * info.depth_columns, 4);
+    test::mend(turned);
+    EXPECT_EQ(fault_of(turned), MapFault::kImpossible);
 }
 
 // Promise: records each of which can be, but not together, are refused: a keyframe that shows a point twice, a

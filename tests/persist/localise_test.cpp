@@ -114,6 +114,26 @@ TEST(Localise, GoesOnMapping) {
     EXPECT_EQ(test::map_hash(*third), after.hash);
 }
 
+// Promise: whether the map is added to can be changed while it goes on: from then on it stays as it is, or grows again.
+TEST(Localise, CanBeSwitchedOnAndOff) {
+    EngineRig engine(Limits::pocket(), another_day().camera, configuration());
+    const std::size_t frames = another_day().frames.size();
+    test::run(*engine, another_day(), 0, frames / 3);
+    while (engine->step(100'000) != Progress::kIdle) {
+    }
+    engine->set_map_use(MapUse::kLocalise);
+    const std::uint64_t hash = test::map_hash(*engine), made = engine->statistics().keyframes_made;
+    ASSERT_GT(made, 0U);
+    test::run(*engine, another_day(), frames / 3, 2 * frames / 3);
+    EXPECT_GE(engine->pose().state, PoseState::kUnsure);
+    EXPECT_EQ(test::map_hash(*engine), hash);
+    EXPECT_EQ(engine->statistics().keyframes_made, made);
+    engine->set_map_use(MapUse::kContinue);
+    test::run(*engine, another_day(), 2 * frames / 3, frames);
+    EXPECT_NE(test::map_hash(*engine), hash);
+    EXPECT_EQ(test::find_fault(test::map_of(*engine)), nullptr);
+}
+
 // Promise: in a map of another room no pose is invented.
 TEST(Localise, AnotherRoomGivesNoPose) {
     const Sequence elsewhere = test::rendered("static_xyz", 30, kWidth, kHeight, 4);

@@ -18,12 +18,15 @@ using test::EngineRig;
 
 struct MapContentTest : testing::Test {
     static void SetUpTestSuite() {
-        const test::Sequence sequence = test::rendered("walking_xyz", 60, 160, 120, 3);
-        rig = std::make_unique<EngineRig>(Limits::tiny(), sequence.camera);
+        const test::Sequence sequence = test::slowed(test::rendered("static_halfsphere", 60, 160, 120, 3));
+        Limits limits = Limits::tiny();
+        limits.depth_images_max = kImages;
+        rig = std::make_unique<EngineRig>(limits, sequence.camera);
         test::run(**rig, sequence, 0, 60);
-        file = test::saved(**rig, Limits::tiny());
+        file = test::saved(**rig, limits);
     }
     static void TearDownTestSuite() { rig.reset(); }
+    static constexpr std::uint32_t kImages = 4;
     static inline std::unique_ptr<EngineRig> rig;
     static inline Bytes file;
 };
@@ -62,6 +65,34 @@ TEST_F(MapContentTest, IsTheEnginesMap) {
     EXPECT_EQ(observed, observing);
     EXPECT_GT(observed, content.points.size());
     EXPECT_EQ(content.camera.width, 160U);
+}
+
+// Promise: depth images are those of the engine, cells, rays and all, and stand where it has them.
+TEST_F(MapContentTest, HasTheDepthImagesOfTheEngine) {
+    SavedMap content;
+    std::string message;
+    ASSERT_EQ(parse_map_content(file, "room.map", content, message), Status::kOk) << message;
+    std::uint32_t count = 0;
+    for (std::uint32_t i = 0; i < kImages; ++i) {
+        const DepthImage wanted = (*rig)->depth_image(i);
+        if (wanted.columns == 0) continue;
+        const DepthImage image = content.depth_image(count++);
+        EXPECT_EQ(image.frame, wanted.frame);
+        EXPECT_EQ(image.columns, wanted.columns);
+        EXPECT_EQ(image.rows, wanted.rows);
+        EXPECT_TRUE(
+            std::equal(image.depth_mm.begin(), image.depth_mm.end(), wanted.depth_mm.begin(), wanted.depth_mm.end()));
+        EXPECT_TRUE(std::equal(image.rays.begin(), image.rays.end(), wanted.rays.begin(), wanted.rays.end()));
+        for (std::size_t k = 0; k < 3; ++k) {
+            EXPECT_NEAR(image.map_from_camera.translation_m[k], wanted.map_from_camera.translation_m[k], 1e-12);
+        }
+        for (std::size_t k = 0; k < 4; ++k) {
+            EXPECT_NEAR(image.map_from_camera.rotation_xyzw[k], wanted.map_from_camera.rotation_xyzw[k], 1e-12);
+        }
+    }
+    EXPECT_GE(count, 3U);
+    EXPECT_EQ(content.depth.size(), count);
+    EXPECT_EQ(content.depth_image(count).columns, 0U);
 }
 
 // Promise: whatever byte is wrong, and wherever the file ends, it is refused with a sentence that names it, and what

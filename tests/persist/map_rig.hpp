@@ -69,6 +69,13 @@ inline void run(Engine& engine, const Sequence& sequence, std::size_t first, std
     }
 }
 
+// The same pictures with 150 ms between two: depth images are of a second each.
+inline Sequence slowed(Sequence sequence) {
+    for (std::size_t i = 0; i < sequence.frames.size(); ++i)
+        sequence.frames[i].time_ns = static_cast<std::int64_t>(i) * 150'000'000;
+    return sequence;
+}
+
 inline std::uint64_t number_at(const Bytes& file, std::size_t at, std::size_t bytes) {
     std::uint64_t out = 0;
     for (std::size_t i = 0; i < bytes; ++i) out |= std::to_integer<std::uint64_t>(file[at + i]) << (8 * i);

@@ -71,7 +71,7 @@ Bytes example() {
     MapCopy copy;
     EXPECT_EQ(copy.begin(space.span(), limits, origin), Status::kOk);
     WorkBudget budget(1'000'000);
-    EXPECT_EQ(copy.step(*map, {10, 11}, budget), Progress::kDone);
+    EXPECT_EQ(copy.step(*map, {}, {10, 11}, budget), Progress::kDone);
     return space.file();
 }
 
@@ -115,7 +115,7 @@ TEST(MapCopy, LateChangesAreInTheCopy) {
         MapCopy copy;
         ASSERT_EQ(copy.begin(space.span(), limits, {}), Status::kOk);
         WorkBudget features(1);
-        ASSERT_EQ(copy.step(*map, {10, 10}, features), Progress::kWorking);  // the first keyframe is copied
+        ASSERT_EQ(copy.step(*map, {}, {10, 10}, features), Progress::kWorking);  // the first keyframe is copied
         switch (change) {
             case 0: break;
             case 1: map->unlink(first, 1); break;
@@ -126,7 +126,7 @@ TEST(MapCopy, LateChangesAreInTheCopy) {
             default: break;
         }
         WorkBudget rest(1'000'000);
-        ASSERT_EQ(copy.step(*map, {10, 10}, rest), Progress::kDone);
+        ASSERT_EQ(copy.step(*map, {}, {10, 10}, rest), Progress::kDone);
         EXPECT_EQ(test::info_of(space.file()).hash, test::map_hash(*map, camera)) << "change " << change;
     }
 }

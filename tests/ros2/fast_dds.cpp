@@ -90,6 +90,19 @@ void fields(Io& io, Path& m) {
     fields(io, m.header), fields(io, m.poses);
 }
 template <typename Io>
+void fields(Io& io, OccupancyGrid& m) {
+    fields(io, m.header), io(m.load_sec), io(m.load_nanosec), io(m.resolution), io(m.width), io(m.height);
+    fields(io, m.origin), io(m.data);
+}
+template <typename Io>
+void fields(Io& io, Empty& m) {
+    io(m.nothing);
+}
+template <typename Io>
+void fields(Io& io, Bool& m) {
+    io(m.data);
+}
+template <typename Io>
 void fields(Io& io, PointField& m) {
     io(m.name), io(m.offset), io(m.datatype), io(m.count);
 }
@@ -309,8 +322,11 @@ template class Node::Reader<Tf>;
 template class Node::Reader<PoseWithCovarianceStamped>;
 template class Node::Reader<Path>;
 template class Node::Reader<PointCloud>;
+template class Node::Reader<OccupancyGrid>;
 template class Node::Reader<DiagnosticArray>;
 template class Node::Writer<Odometry>;
+template class Node::Writer<Empty>;
+template class Node::Writer<Bool>;
 template class Node::Writer<Imu>;
 template class Node::Writer<Image>;
 template class Node::Writer<CompressedImage>;

@@ -61,6 +61,24 @@ struct Path {
     Header header;
     std::vector<PoseStamped> poses;
 };
+struct OccupancyGrid {
+    static constexpr const char* kType = "nav_msgs::msg::dds_::OccupancyGrid_";
+    Header header;
+    std::int32_t load_sec = 0;
+    std::uint32_t load_nanosec = 0;
+    float resolution = 0;
+    std::uint32_t width = 0, height = 0;
+    Pose origin;
+    std::vector<std::int8_t> data;
+};
+struct Empty {
+    static constexpr const char* kType = "std_msgs::msg::dds_::Empty_";
+    std::uint8_t nothing = 0;
+};
+struct Bool {
+    static constexpr const char* kType = "std_msgs::msg::dds_::Bool_";
+    bool data = false;
+};
 struct PointField {
     std::string name;
     std::uint32_t offset = 0;

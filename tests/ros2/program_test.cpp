@@ -1,11 +1,15 @@
 // `stillmesh run --publish ros2` as a program: what it costs and what nobody can do to it.
 #include <gtest/gtest.h>
+#include <signal.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "platform/poses/velocity.hpp"
 #include "tests/engine/engine_rig.hpp"
@@ -183,6 +187,77 @@ TEST(RosProgram, FromImagesToOdometry) {
 // Promise: and so it is with wheels, of which most frames are told.
 TEST(RosProgram, FromImagesAndWheelsToOdometry) {
     whole_way(true);
+}
+
+// Promise: a run with a grid and ROS 2 shows it while it goes on: floor and obstacles, level in ROS's map, in its axes.
+TEST(RosProgram, ShowsItsGrid) {
+    const test::TemporaryFolder scratch;
+    fast::Node node;
+    fast::Node::Reader<fast::OccupancyGrid> reader(node, "/map", {.is_latched = true, .depth = 1});
+    Program run(
+        STILLMESH_PROGRAM, "",
+        "run --simulate static_halfsphere:1 --frames 900 --realtime --publish ros2 --grid " + scratch.path("office"),
+        scratch);
+    std::vector<fast::OccupancyGrid> heard;
+    EXPECT_TRUE(within(120'000, [&] {
+        for (fast::OccupancyGrid& grid : reader.take()) heard.push_back(grid);
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        return !heard.empty() || run.wait(1) >= 0;
+    }));
+    ASSERT_FALSE(heard.empty()) << run.err();
+    const fast::OccupancyGrid& grid = heard.back();
+    EXPECT_EQ(grid.header.frame_id, "map");
+    ASSERT_EQ(grid.data.size(), std::size_t{grid.width} * grid.height);
+    EXPECT_GT(std::count(grid.data.begin(), grid.data.end(), 0), 200);
+    EXPECT_GT(std::count(grid.data.begin(), grid.data.end(), 100), 20);
+    // Its x lies along that of the map, but for the camera's tilt, which nobody told.
+    const RigidTransform origin{{grid.origin.q[0], grid.origin.q[1], grid.origin.q[2], grid.origin.q[3]}, {}};
+    const std::array<double, 3> up = rotated(inverse_of(origin), {1, 0, 0});
+    EXPECT_NEAR(up[1], 0, 1e-6);
+    EXPECT_GT(up[0], 0.5);
+    EXPECT_LT(grid.origin.p[2], 0);  // the floor, below the camera
+}
+
+// Promise: a run does what was asked between two frames and says so: the map is on the disk while it goes on, stays as
+// it is or is added to, and another begins.
+TEST(RosProgram, DoesWhatItIsAsked) {
+    const test::TemporaryFolder scratch;
+    const std::string map = scratch.path("room.map");
+    fast::Node node;
+    fast::Node::Writer<fast::Empty> save(node, "/stillmesh/save_map", {});
+    fast::Node::Writer<fast::Empty> reset(node, "/stillmesh/reset", {});
+    fast::Node::Writer<fast::Bool> localise(node, "/stillmesh/localize_only", {});
+    Program run(STILLMESH_PROGRAM, "",
+                "run --simulate static_xyz:1 --frames 3000 --limits pocket --realtime --publish ros2 --map-out " + map,
+                scratch);
+    ASSERT_TRUE(within(60'000, [&] { return save.is_matched() && reset.is_matched() && localise.is_matched(); }))
+        << run.err();
+    const auto says = [&](const std::string& sentence, auto&& ask) {
+        return within(60'000, [&] {
+            ask();
+            std::this_thread::sleep_for(std::chrono::milliseconds(300));
+            return run.err().find(sentence) != std::string::npos || run.wait(1) >= 0;
+        });
+    };
+    EXPECT_FALSE(std::filesystem::exists(map));
+    EXPECT_TRUE(within(60'000, [&] {
+        EXPECT_TRUE(save.write({}));
+        std::this_thread::sleep_for(std::chrono::milliseconds(300));
+        return std::filesystem::exists(map);
+    })) << run.err();
+    EXPECT_NE(run.err().find("as ROS 2 asked: the map is saved to " + map), std::string::npos) << run.err();
+    EXPECT_TRUE(says("from here on the map stays as it is", [&] { EXPECT_TRUE(localise.write({true})); }));
+    EXPECT_TRUE(says("from here on the map is added to", [&] { EXPECT_TRUE(localise.write({false})); }));
+    EXPECT_TRUE(says("wished by ROS 2: a new map begins here", [&] { EXPECT_TRUE(reset.write({})); }));
+    EXPECT_TRUE(within(60'000, [&] {
+        EXPECT_TRUE(save.write({}));
+        std::this_thread::sleep_for(std::chrono::milliseconds(300));
+        return std::filesystem::exists(map + ".1") || run.wait(1) >= 0;
+    })) << run.err();
+    EXPECT_TRUE(std::filesystem::exists(map + ".1")) << run.err();
+    EXPECT_EQ(run.wait(1), -1) << "it goes on all the while: " << run.err();
+    run.signal(SIGTERM);
+    EXPECT_GE(run.wait(60'000), 0);
 }
 
 }  // namespace

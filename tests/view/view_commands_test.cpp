@@ -127,6 +127,42 @@ TEST(RunControl, DoesWhatItMay) {
     EXPECT_TRUE(none.is_saving());
 }
 
+// A session that notes what it is asked.
+struct AskedSession final : TrackingSession {
+    std::string asked;
+    Status submit(const Frame&, SessionFrame&, std::string&) override { return Status::kOk; }
+    std::string save_map() override {
+        asked += "save ";
+        return "it is saved";
+    }
+    std::string localise_only(bool is_wanted) override {
+        asked += is_wanted ? "only " : "all ";
+        return "it is used otherwise";
+    }
+    void account(RunRecord&) override {}
+};
+
+// Promise: what ROS 2 wants of the map is carried out once, between two frames, also where no page is; the last word on
+// how the map is used counts.
+TEST(RunControl, CarriesOutWishes) {
+    ViewCommands wishes;
+    RunControl control(nullptr, {false, false, true}, &wishes);
+    AskedSession session;
+    EXPECT_EQ(control.carry_out(session), "");
+    for (const ViewCommand command :
+         {ViewCommand{ViewVerb::kSaveMap}, ViewCommand{ViewVerb::kLocaliseOnly, 0}, ViewCommand{ViewVerb::kSaveMap},
+          ViewCommand{ViewVerb::kLocaliseOnly, 1}, ViewCommand{ViewVerb::kReset}}) {
+        ASSERT_TRUE(wishes.put(command));
+    }
+    EXPECT_EQ(session.asked, "") << "nothing is done before the run looks";
+    EXPECT_FALSE(control.holds());
+    EXPECT_EQ(control.carry_out(session), "it is saved; it is used otherwise");
+    EXPECT_EQ(session.asked, "save only ");
+    EXPECT_EQ(control.carry_out(session), "");
+    EXPECT_TRUE(control.takes_reset());
+    EXPECT_STREQ(control.wisher(), "by ROS 2");
+}
+
 // Promise: a reset is taken once, saving is as it was said last.
 TEST(RunControl, ResetsOnce) {
     ViewFeed feed;

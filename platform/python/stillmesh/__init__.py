@@ -363,6 +363,11 @@ class Engine:
         problem = _sized(_c.Problem)
         _check(_c.lib.sm_load_map(self._c, data, len(data), use, problem), problem)
 
+    def set_map_use(self, localise: bool) -> None:
+        """localise: from the next frame on the map stays as it is; else it is added to. Until the next load_map or reset."""
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_set_map_use(self._c, _c.MAP_LOCALISE if localise else _c.MAP_CONTINUE, problem), problem)
+
     def begin_map_copy(self) -> "MapCopy":
         """For a map that is saved while frames come; one at a time."""
         self._map_copy = MapCopy(self, self._map_copy_bytes)  # its memory is the engine's until it is done

@@ -168,6 +168,7 @@ _CALLS: Tuple[Tuple[Any, ...], ...] = (
     ("sm_trajectory_known", c_size_t, c_void_p, c_void_p, c_void_p, c_size_t),
     ("sm_save_map", c_int32, _E, c_char_p, _P), ("sm_load_map_file", c_int32, _E, c_char_p, c_int32, _P),
     ("sm_load_map", c_int32, _E, c_char_p, c_size_t, c_int32, _P), ("sm_map_copy_bytes", c_size_t, POINTER(Settings)),
+    ("sm_set_map_use", c_int32, _E, c_int32, _P),
     ("sm_begin_map_copy", c_int32, _E, c_void_p, c_size_t, _P), ("sm_step_map_copy", c_int32, _E, c_uint32),
     ("sm_map_writer_init", c_int32, POINTER(MapWriter), c_void_p, c_size_t),
     ("sm_map_writer_next", c_size_t, POINTER(MapWriter), c_void_p, c_size_t),
