@@ -42,6 +42,10 @@ struct SessionSizes {
     DepthRange depth;
 };
 
+// The limits and the configuration that the options give a camera. kInvalid, kUnavailable: `message` says why; kOk: it
+// is empty, or a note for the user.
+[[nodiscard]] Status session_configuration(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
+                                           Configuration& configuration, std::string& message);
 // The largest image that the limits allow, and the depth that is used. kInvalid, kUnavailable: the options are bad,
 // `message` says how.
 [[nodiscard]] Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message);

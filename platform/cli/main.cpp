@@ -14,6 +14,7 @@
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/map_command.hpp"
+#include "platform/cli/map_merge_command.hpp"
 #include "platform/cli/prior_options.hpp"
 #include "platform/cli/publish_options.hpp"
 #include "platform/cli/report_command.hpp"
@@ -483,7 +484,8 @@ int program(int argc, char** argv) {
         ->type_name("FILE");
     info_command->add_flag("--json", is_info_json, "as JSON");
 
-    CLI::App* const map_command = app.add_subcommand("map", "what a map file holds, and its points for other programs");
+    CLI::App* const map_command =
+        app.add_subcommand("map", "what a map file holds, its points for other programs, two maps in one");
     map_command->require_subcommand(1);
     MapExport map_export;
     bool is_map_json = false;
@@ -500,6 +502,9 @@ int program(int argc, char** argv) {
     map_out->footer(
         "Coordinates: m, in the frame of the first camera, x right, y down, z forward.\n"
         "Exit codes: 0 done; 1 could not be written; 2 no map, or bad usage.");
+
+    MapMergeOptions map_merge;
+    CLI::App* const merge_app = add_map_merge_command(*map_command, map_merge);
 
     ReportArguments compared;
     CLI::App* const report_app = add_report_command(app, compared);
@@ -549,6 +554,7 @@ int program(int argc, char** argv) {
     if (train_command->parsed()) return vocabulary_train_command(training);
     if (map_info->parsed()) return map_info_command(map_export.file, is_map_json);
     if (map_out->parsed()) return map_export_command(map_export);
+    if (merge_app->parsed()) return map_merge_command(map_merge);
     if (report_app->parsed()) return stillmesh::report_command(compared);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
     arguments.command = command_without_token(argc, argv);

@@ -37,6 +37,7 @@ READS = [
     "run --replay {frames} --mask {odd}",
     "map info {odd}",
     "map export {odd} --ply points.ply",
+    "map merge {odd} {odd} --out merged.map",
     "vocabulary info {odd}",
 ]
 # What is written as a whole, as a folder, or kept open; a pipe takes lines, and a reader may come later.
