@@ -52,6 +52,17 @@ constexpr std::uint32_t kSideMax = 2047;  // px, of limits.image_width_max and _
     return static_cast<std::uint16_t>(std::min<std::uint32_t>(count, 65535));
 }
 
+[[nodiscard]] GravityRecord gravity_record(const Gravity& gravity) {
+    GravityRecord out;
+    out.is_asked = true;
+    out.is_known = gravity.is_known;
+    out.up = gravity.up;
+    out.doubt_degrees = gravity.doubt_rad * 57.295779513082323;
+    out.seconds = gravity.seconds;
+    out.why_not = gravity.why_not;
+    return out;
+}
+
 class EngineSession final : public TrackingSession {
 public:
     // kOk, kInvalid, kUnavailable: `message` says why.
@@ -131,6 +142,9 @@ public:
         pacer_ = StepPacer(slice_units_);
         can_wait_ = options.can_wait;
         motion_ = options.motion;
+        accelerations_ = options.accelerations;
+        gravity_.begin(accelerations_);
+        grid_.set_gravity(&gravity_);
         if (!options.record.empty()) {
             recording_ = options.record;
             writer_ = std::make_unique<RecordingWriter>();
@@ -183,6 +197,12 @@ public:
         const FrameStatistics& statistics = engine_->frame_statistics();
         out.state = pose.state;
         out.world_from_camera = pose_of(map_from_camera(pose), pose.time_ns);
+        if (pose.state >= PoseState::kUnsure) {
+            const double* const q = pose.map_from_odom.rotation_xyzw;
+            gravity_.add(pose_of(pose.odom_from_camera, pose.time_ns), {q[0], q[1], q[2], q[3]});
+        } else {
+            gravity_.add_nothing();
+        }
         if (keeps_final_ && pose.state != PoseState::kNone) {
             note_keyframes();
             final_.add(out.world_from_camera, engine_->reference_keyframe());
@@ -285,6 +305,7 @@ public:
             }
         }
         grid_.begin_new_map(*engine_);
+        gravity_.begin(accelerations_);
         engine_->reset();
         return sentence;
     }
@@ -353,6 +374,7 @@ public:
                 map_record(map_in_, map_in_info_, map_load_s_, is_localising_ ? "localised in" : "read"));
         }
         grid_.finish(*engine_, record);
+        if (accelerations_ != nullptr) record.gravity = gravity_record(gravity_.gravity());
         finish_map();
         record.maps.insert(record.maps.end(), maps_written_.begin(), maps_written_.end());
         record.problems.insert(record.problems.end(), map_problems_.begin(), map_problems_.end());
@@ -528,6 +550,8 @@ private:
     std::string map_store_, store_note_;
     bool can_wait_ = true;
     const MotionSource* motion_ = nullptr;
+    const std::vector<Acceleration>* accelerations_ = nullptr;
+    GravityFinder gravity_;
     std::int64_t last_frame_ns_ = -1;
     std::uint64_t hinted_frames_ = 0;
     bool is_recording_lost_ = false, is_store_lost_ = false;  // said

@@ -11,6 +11,7 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/grid_outputs.hpp"
 #include "platform/cli/session.hpp"
+#include "platform/motion/gravity_finder.hpp"
 #include "platform/motion/motion_samples.hpp"
 
 namespace stillmesh {
@@ -33,7 +34,8 @@ struct SessionOptions {
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
     const MotionSource* motion = nullptr;  // how the camera moved, by others; nullptr: not known. Outlives the session
-    bool can_wait = true;                  // for a full recording ring, between frames: the camera is no live one
+    const std::vector<Acceleration>* accelerations = nullptr;  // of --level gravity; nullptr: none. Outlives it too
+    bool can_wait = true;  // for a full recording ring, between frames: the camera is no live one
 };
 
 struct SessionSizes {

@@ -12,14 +12,18 @@
 
 #include "engine/engine.hpp"
 #include "platform/grid/grid_job.hpp"
+#include "platform/motion/gravity_finder.hpp"
 #include "platform/report/run_record.hpp"
 
 namespace stillmesh {
 
+// What a cloud is levelled by.
+enum class Level : std::uint8_t { kOff, kFloor, kGravity };
+
 struct GridOutputOptions {
-    std::string grid;       // NAME of NAME.yaml and NAME.pgm; empty: none
-    std::string cloud;      // file; empty: none
-    bool is_level = false;  // the cloud: z up, floor at 0
+    std::string grid;           // NAME of NAME.yaml and NAME.pgm; empty: none
+    std::string cloud;          // file; empty: none
+    Level level = Level::kOff;  // the cloud: z up, floor at 0 where it is known
     double obstacle_m = GridOptions{}.obstacle_m;
     double robot_m = GridOptions{}.robot_m;
     [[nodiscard]] bool is_any() const { return !grid.empty() || !cloud.empty(); }
@@ -30,6 +34,8 @@ public:
     // Nothing is asked for: true, and no call does anything. False: `message`.
     [[nodiscard]] bool open(const GridOutputOptions& options, const Limits& limits, std::int64_t every_ns,
                             std::string& message);
+    // Who knows where up is; outlives it.
+    void set_gravity(const GravityFinder* gravity) { gravity_ = gravity; }
     // Behind a frame, at `now_ns` of monotonic_ns; the next is due at `until_ns`, if that is known.
     void work(const Engine& engine, std::int64_t now_ns, std::optional<std::int64_t> until_ns);
     // What the user should hear of now; empty: nothing.
@@ -47,8 +53,11 @@ private:
     }
     void fail(const std::string& problem);
     [[nodiscard]] std::string why_no_grid() const;
+    // Of the cloud; empty: it is not to be, or cannot be, and `why_not` says why.
+    [[nodiscard]] std::optional<RigidTransform> level(std::string& why_not) const;
 
     GridOutputOptions options_;
+    const GravityFinder* gravity_ = nullptr;
     std::string grid_, cloud_;  // of the map at hand
     std::int64_t every_ns_ = 0, next_ns_ = 0;
     GridJob job_;

@@ -95,9 +95,13 @@ void add_grid_options(CLI::App& app, GridOutputOptions& options) {
         ->type_name("FILE")
         ->group(kGroup);
     app.add_option_function<std::string>(
-           "--level", [&options](const std::string& by) { options.is_level = by == "floor"; },
-           "of the cloud: off (default: as the map lies), or floor: z up, the floor at 0; a grid always is")
-        ->check(CLI::IsMember({"off", "floor"}).description(""))
+           "--level",
+           [&options](const std::string& by) {
+               options.level = by == "floor" ? Level::kFloor : by == "gravity" ? Level::kGravity : Level::kOff;
+           },
+           "of the cloud: off (default: as the map lies), floor: z up, the floor at 0, or gravity: z up by an "
+           "accelerometer; a grid always is level, by the floor")
+        ->check(CLI::IsMember({"off", "floor", "gravity"}).description(""))
         ->type_name("NAME")
         ->group(kGroup);
     app.add_option("--obstacle-height", options.obstacle_m,
@@ -419,8 +423,9 @@ int program(int argc, char** argv) {
         "depth of a camera of its own, as in a RealSense: 848x480, 90 degrees wide, 15 mm aside, "
         "not registered; camera.toml names both");
     simulate_command->add_option("--dirt", simulation.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...");
-    simulate_command->add_flag("--motion", simulation.has_motion,
-                               "odometry.txt (2 % off) and gyro.txt (.5 degrees/s) beside the frames");
+    simulate_command->add_flag(
+        "--motion", simulation.has_motion,
+        "odometry.txt (2 % off), gyro.txt (.5 degrees/s) and accelerometer.txt (.05 m/s^2) beside the frames");
     simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");
     std::string scenes = "Scenes, at 30 frames/s:\n";
     for (const SimulatedScene& scene : simulated_scenes()) {

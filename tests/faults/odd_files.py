@@ -35,6 +35,7 @@ READS = [
     "rerun {record} --replay {frames} --map-store {odd}",
     "capture --camera auto --out captured --calibration {odd}",
     "run --replay {frames} --mask {odd}",
+    "run --replay {frames} --level gravity --accelerometer {odd}",
     "map info {odd}",
     "map export {odd} --ply points.ply",
     "map merge {odd} {odd} --out merged.map",
