@@ -105,7 +105,7 @@ Gravity GravityFinder::gravity() const {
             apart_rad * 57.295779513082323);
         return out;
     }
-    if (off_m_s2 > kGravityWithin_m_s2) {
+    if (!(off_m_s2 <= kGravityWithin_m_s2)) {  // nor where it is no number
         out.why_not = fmt::format("its readings are {:.2f} in the mean, not 9.8; are they in m/s^2?", length);
         return out;
     }

@@ -232,6 +232,44 @@ TEST(MapMerge, TwoRoomsAreRefused) {
     EXPECT_EQ(test::map_of(*engine).points().size(), 0U);
 }
 
+// Promise: whatever the numbers of a second map say that passes loading's checks, the maps are joined into one that
+// loads again, or not joined.
+TEST(MapMerge, AnyNumbers) {
+    const Bytes first = map_of_sequence(Rig::empty_room());
+    const MapFileInfo info = test::info_of(first);
+    const std::size_t keyframes_at = kMapHeaderBytes + 16 + 88 + 4 + 16;
+    const std::size_t points_at = keyframes_at + 328 * std::size_t{info.keyframes} + 4 + 16;
+    Rig engine(limits_of_test());
+    Random random(5);
+    std::size_t passed = 0, joined = 0;
+    for (int i = 0; i < 120; ++i) {
+        Bytes second = first;
+        for (std::uint32_t edits = 1 + random.below(3); edits > 0; --edits) {
+            const bool is_keyframe = random.below(2) == 0;
+            const std::size_t at = is_keyframe ? keyframes_at + random.below(328 * info.keyframes)
+                                               : points_at + random.below(184 * info.points);
+            second[at] = static_cast<std::byte>(random.below(256));
+        }
+        test::mend(second);
+        MapFileProblem problem;
+        MapMerge merge;
+        ASSERT_EQ(engine->load_map(first, MapUse::kContinue, problem), Status::kOk);
+        const Status status = merge_map(*engine, second, problem, merge);
+        ASSERT_TRUE(status == Status::kOk || status == Status::kNotFound || status == Status::kCorrupt ||
+                    status == Status::kInvalid || status == Status::kFull);
+        passed += status == Status::kOk || status == Status::kNotFound ? 1U : 0U;
+        if (status != Status::kOk) continue;
+        ++joined;
+        while (engine->step(100'000) != Progress::kIdle) {
+        }
+        const Bytes both = test::saved(*engine, limits_of_test());
+        ASSERT_EQ(engine->load_map(both, MapUse::kLocalise, problem), Status::kOk) << problem.part << " after " << i;
+    }
+    std::printf("%zu of 120 passed the checks, %zu were joined\n", passed, joined);
+    EXPECT_GT(passed, 20U);
+    EXPECT_GT(joined, 10U);
+}
+
 // Promise: what does not go together is refused by name, and nothing changes: more than the limits, another camera,
 // damage, no vocabulary, an engine that has a map of its own or none.
 TEST(MapMerge, RefusesWithoutATrace) {
