@@ -21,5 +21,13 @@ void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map&
 // Its depth images, for a map that was just restored, in place of what was there.
 void restore_depth_images(std::span<const std::byte> bytes, const MapFileInfo& info, const Map& map,
                           DepthImages& images) noexcept;
+// What the numbers of a second map follow on.
+struct MapEnd {
+    std::uint64_t frames = 0;
+    std::int64_t time_ns = 0;
+};
+// The map that a checked file holds behind one that was just restored, which there is room for: in slots, frames and
+// times behind its own, expressed with its readout, in coordinates of its own, with a root of its own.
+void append_map(std::span<const std::byte> bytes, const MapFileInfo& info, const MapEnd& end, Map& map) noexcept;
 
 }  // namespace stillmesh

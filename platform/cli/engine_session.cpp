@@ -40,53 +40,6 @@ constexpr std::uint32_t kSideMax = 2047;  // px, of limits.image_width_max and _
     return name == "pocket" ? Limits::pocket() : Limits::room();
 }
 
-// What the options give: the preset's limits, the scene's and the method's defaults, fitted into them, and what the
-// camera knows of itself, then the file, then single assignments.
-[[nodiscard]] Status configuration_of(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
-                                      Configuration& configuration, std::string& message) {
-    message.clear();
-    limits = limits_of(options.limits);
-    // Images larger than a preset has them: the limits follow, unless the file or an assignment says otherwise.
-    limits.image_width_max = std::max(limits.image_width_max, std::min(camera.model.width, kSideMax));
-    limits.image_height_max = std::max(limits.image_height_max, std::min(camera.model.height, kSideMax));
-    configuration = options.scene == "outdoor" ? Configuration::outdoor() : Configuration::indoor();
-    if (options.method == "paper") configuration.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
-    configuration.camera.readout_s = camera.readout_s;
-    std::string note;
-    if (configuration.features.count > limits.features_max) {
-        note = fmt::format("features.count is {} instead of {}: the limits '{}' have no room for more.",
-                           limits.features_max, configuration.features.count, options.limits);
-    }
-    configuration = configuration.fitted_to(limits);
-    const std::vector<ParameterView> parameters = parameters_of(limits, configuration);
-    std::string source = "the defaults";
-    if (!options.configuration.empty()) {
-        source = options.configuration;
-        std::string text;
-        if (const Status status = read_small_file(source, kConfigurationBytesMax, text, message);
-            status != Status::kOk) {
-            message += " 'stillmesh run --print-config' writes one to start from.";
-            return status;
-        }
-        STILLMESH_TRY(apply_configuration(text, source, parameters, message));
-    }
-    for (const std::string& assignment : options.assignments) {
-        source = "--set";
-        STILLMESH_TRY(apply_assignment(assignment, source, parameters, message));
-    }
-    if (!options.map_store.empty() && limits.store_features_max == 0) limits.store_features_max = limits.features_max;
-    // Each value is within its range by now; this is about how they go together.
-    ConfigurationProblem problem = validate(limits);
-    if (problem.key == nullptr) problem = validate(configuration, limits);
-    if (problem.key != nullptr) {
-        message = fmt::format("{}: key '{}' = {} {}; allowed beside the others: {} to {} (limits '{}').", source,
-                              problem.key, problem.value, problem.sentence, problem.min, problem.max, options.limits);
-        return Status::kInvalid;
-    }
-    if (configuration.features.count == limits.features_max) message = note;
-    return Status::kOk;
-}
-
 [[nodiscard]] TrajectoryPose pose_of(const RigidTransform& transform, std::int64_t time_ns) {
     TrajectoryPose out;
     out.time_ns = time_ns;
@@ -99,12 +52,23 @@ constexpr std::uint32_t kSideMax = 2047;  // px, of limits.image_width_max and _
     return static_cast<std::uint16_t>(std::min<std::uint32_t>(count, 65535));
 }
 
+[[nodiscard]] GravityRecord gravity_record(const Gravity& gravity) {
+    GravityRecord out;
+    out.is_asked = true;
+    out.is_known = gravity.is_known;
+    out.up = gravity.up;
+    out.doubt_degrees = gravity.doubt_rad * 57.295779513082323;
+    out.seconds = gravity.seconds;
+    out.why_not = gravity.why_not;
+    return out;
+}
+
 class EngineSession final : public TrackingSession {
 public:
     // kOk, kInvalid, kUnavailable: `message` says why.
     [[nodiscard]] Status create(const SessionOptions& options, const CameraInfo& camera, std::string& message) {
         Configuration& configuration = configuration_;
-        STILLMESH_TRY(configuration_of(options, camera, limits_, configuration, message));
+        STILLMESH_TRY(session_configuration(options, camera, limits_, configuration, message));
         note_ = message;
         camera_ = camera.model;
         extractor_number_ = options.features == "opencv" ? 1 : 0;
@@ -178,6 +142,9 @@ public:
         pacer_ = StepPacer(slice_units_);
         can_wait_ = options.can_wait;
         motion_ = options.motion;
+        accelerations_ = options.accelerations;
+        gravity_.begin(accelerations_);
+        grid_.set_gravity(&gravity_);
         if (!options.record.empty()) {
             recording_ = options.record;
             writer_ = std::make_unique<RecordingWriter>();
@@ -234,6 +201,12 @@ public:
         const FrameStatistics& statistics = engine_->frame_statistics();
         out.state = pose.state;
         out.world_from_camera = pose_of(map_from_camera(pose), pose.time_ns);
+        if (pose.state >= PoseState::kUnsure) {
+            const double* const q = pose.map_from_odom.rotation_xyzw;
+            gravity_.add(pose_of(pose.odom_from_camera, pose.time_ns), {q[0], q[1], q[2], q[3]});
+        } else {
+            gravity_.add_nothing();
+        }
         if (keeps_final_ && pose.state != PoseState::kNone) {
             note_keyframes();
             final_.add(out.world_from_camera, engine_->reference_keyframe());
@@ -336,6 +309,7 @@ public:
             }
         }
         grid_.begin_new_map(*engine_);
+        gravity_.begin(accelerations_);
         engine_->reset();
         return sentence;
     }
@@ -419,6 +393,7 @@ public:
                 map_record(map_in_, map_in_info_, map_load_s_, is_localising_ ? "localised in" : "read"));
         }
         grid_.finish(*engine_, record);
+        if (accelerations_ != nullptr) record.gravity = gravity_record(gravity_.gravity());
         finish_map();
         record.maps.insert(record.maps.end(), maps_written_.begin(), maps_written_.end());
         record.problems.insert(record.problems.end(), map_problems_.begin(), map_problems_.end());
@@ -594,6 +569,8 @@ private:
     std::string map_store_, store_note_;
     bool can_wait_ = true;
     const MotionSource* motion_ = nullptr;
+    const std::vector<Acceleration>* accelerations_ = nullptr;
+    GravityFinder gravity_;
     std::int64_t last_frame_ns_ = -1;
     std::uint64_t hinted_frames_ = 0;
     bool is_recording_lost_ = false, is_store_lost_ = false;  // said
@@ -619,10 +596,57 @@ private:
 
 }  // namespace
 
+// What the options give: the preset's limits, the scene's and the method's defaults, fitted into them, and what the
+// camera knows of itself, then the file, then single assignments.
+Status session_configuration(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
+                             Configuration& configuration, std::string& message) {
+    message.clear();
+    limits = limits_of(options.limits);
+    // Images larger than a preset has them: the limits follow, unless the file or an assignment says otherwise.
+    limits.image_width_max = std::max(limits.image_width_max, std::min(camera.model.width, kSideMax));
+    limits.image_height_max = std::max(limits.image_height_max, std::min(camera.model.height, kSideMax));
+    configuration = options.scene == "outdoor" ? Configuration::outdoor() : Configuration::indoor();
+    if (options.method == "paper") configuration.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
+    configuration.camera.readout_s = camera.readout_s;
+    std::string note;
+    if (configuration.features.count > limits.features_max) {
+        note = fmt::format("features.count is {} instead of {}: the limits '{}' have no room for more.",
+                           limits.features_max, configuration.features.count, options.limits);
+    }
+    configuration = configuration.fitted_to(limits);
+    const std::vector<ParameterView> parameters = parameters_of(limits, configuration);
+    std::string source = "the defaults";
+    if (!options.configuration.empty()) {
+        source = options.configuration;
+        std::string text;
+        if (const Status status = read_small_file(source, kConfigurationBytesMax, text, message);
+            status != Status::kOk) {
+            message += " 'stillmesh run --print-config' writes one to start from.";
+            return status;
+        }
+        STILLMESH_TRY(apply_configuration(text, source, parameters, message));
+    }
+    for (const std::string& assignment : options.assignments) {
+        source = "--set";
+        STILLMESH_TRY(apply_assignment(assignment, source, parameters, message));
+    }
+    if (!options.map_store.empty() && limits.store_features_max == 0) limits.store_features_max = limits.features_max;
+    // Each value is within its range by now; this is about how they go together.
+    ConfigurationProblem problem = validate(limits);
+    if (problem.key == nullptr) problem = validate(configuration, limits);
+    if (problem.key != nullptr) {
+        message = fmt::format("{}: key '{}' = {} {}; allowed beside the others: {} to {} (limits '{}').", source,
+                              problem.key, problem.value, problem.sentence, problem.min, problem.max, options.limits);
+        return Status::kInvalid;
+    }
+    if (configuration.features.count == limits.features_max) message = note;
+    return Status::kOk;
+}
+
 Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message) {
     Limits limits;
     Configuration configuration;
-    STILLMESH_TRY(configuration_of(options, CameraInfo{}, limits, configuration, message));
+    STILLMESH_TRY(session_configuration(options, CameraInfo{}, limits, configuration, message));
     sizes = {
         limits.image_width_max, limits.image_height_max, {configuration.depth.z_min_m, configuration.depth.z_max_m}};
     return Status::kOk;
@@ -639,7 +663,7 @@ Status create_engine_session(const SessionOptions& options, const CameraInfo& ca
 Status print_configuration(const SessionOptions& options, std::string& toml, std::string& message) {
     Limits limits;
     Configuration configuration;
-    STILLMESH_TRY(configuration_of(options, CameraInfo{}, limits, configuration, message));
+    STILLMESH_TRY(session_configuration(options, CameraInfo{}, limits, configuration, message));
     toml = configuration_toml(parameters_of(limits, configuration));
     if (!message.empty()) toml = "# " + message + "\n" + toml;
     return Status::kOk;

@@ -11,6 +11,7 @@
 #include "platform/cli/frame_diagnosis.hpp"
 #include "platform/cli/grid_outputs.hpp"
 #include "platform/cli/session.hpp"
+#include "platform/motion/gravity_finder.hpp"
 #include "platform/motion/motion_samples.hpp"
 
 namespace stillmesh {
@@ -33,7 +34,8 @@ struct SessionOptions {
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
     const MotionSource* motion = nullptr;  // how the camera moved, by others; nullptr: not known. Outlives the session
-    bool can_wait = true;                  // for a full recording ring, between frames: the camera is no live one
+    const std::vector<Acceleration>* accelerations = nullptr;  // of --level gravity; nullptr: none. Outlives it too
+    bool can_wait = true;  // for a full recording ring, between frames: the camera is no live one
 };
 
 struct SessionSizes {
@@ -42,6 +44,10 @@ struct SessionSizes {
     DepthRange depth;
 };
 
+// The limits and the configuration that the options give a camera. kInvalid, kUnavailable: `message` says why; kOk: it
+// is empty, or a note for the user.
+[[nodiscard]] Status session_configuration(const SessionOptions& options, const CameraInfo& camera, Limits& limits,
+                                           Configuration& configuration, std::string& message);
 // The largest image that the limits allow, and the depth that is used. kInvalid, kUnavailable: the options are bad,
 // `message` says how.
 [[nodiscard]] Status session_sizes(const SessionOptions& options, SessionSizes& sizes, std::string& message);

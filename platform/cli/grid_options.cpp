@@ -3,10 +3,14 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <vector>
 
 namespace stillmesh {
 
-void add_grid_options(CLI::App& app, GridOutputOptions& options, const std::string& when, const char* group) {
+void add_grid_options(CLI::App& app, GridOutputOptions& options, const std::string& when, const char* group,
+                      bool has_gravity) {
+    const std::vector<std::string> levels =
+        has_gravity ? std::vector<std::string>{"off", "floor", "gravity"} : std::vector<std::string>{"off", "floor"};
     CLI::Option* const all[] = {
         app.add_option(
                "--grid", options.grid,
@@ -14,9 +18,14 @@ void add_grid_options(CLI::App& app, GridOutputOptions& options, const std::stri
             ->type_name("NAME"),
         app.add_option("--cloud", options.cloud, "what the keyframes saw: a PLY file of points")->type_name("FILE"),
         app.add_option_function<std::string>(
-               "--level", [&options](const std::string& by) { options.is_level = by == "floor"; },
-               "of the cloud: off (default: as the map lies), or floor: z up, the floor at 0; a grid always is")
-            ->check(CLI::IsMember({"off", "floor"}).description(""))
+               "--level",
+               [&options](const std::string& by) {
+                   options.level = by == "floor" ? Level::kFloor : by == "gravity" ? Level::kGravity : Level::kOff;
+               },
+               std::string("of the cloud: off (default: as the map lies), floor: z up, the floor at 0") +
+                   (has_gravity ? ", or gravity: z up by an accelerometer" : "") +
+                   "; a grid always is level, by the floor")
+            ->check(CLI::IsMember(levels).description(""))
             ->type_name("NAME"),
         app.add_option("--obstacle-height", options.obstacle_m,
                        "of a grid: what is higher above the floor is in the way; 0.08")

@@ -123,6 +123,21 @@ std::string GridOutputs::take_news() {
     return std::exchange(news_, {});
 }
 
+std::optional<RigidTransform> GridOutputs::level(std::string& why_not) const {
+    const Floor& floor = job_.floor();
+    if (options_.level == Level::kFloor) {
+        if (floor.is_known) return floor.level_from_map;
+        why_not = why_no_grid(job_);
+    }
+    if (options_.level != Level::kGravity || gravity_ == nullptr) return std::nullopt;
+    const Gravity gravity = gravity_->gravity();
+    why_not = gravity.why_not;
+    if (!gravity.is_known) return std::nullopt;
+    RigidTransform out = level_from_up(gravity.up);
+    if (floor.is_known) out.translation_m[2] = floor.level_from_map.translation_m[2];
+    return out;
+}
+
 void GridOutputs::write_all(const Engine& engine) {
     if (!options_.is_any()) return;
     join();
@@ -149,14 +164,17 @@ void GridOutputs::write_all(const Engine& engine) {
         problems_.push_back(message);
     }
     if (!cloud_.empty()) {
-        record.is_level = options_.is_level && job_.floor().is_known;
-        if (write_whole_file(cloud_, cloud_ply(engine, job_, record.is_level), message)) {
+        std::string why_not;
+        const std::optional<RigidTransform> level_from_map = level(why_not);
+        record.is_level = level_from_map.has_value();
+        if (write_whole_file(cloud_, cloud_ply(engine, job_, level_from_map), message)) {
             record.cloud = cloud_;
         } else {
             problems_.push_back(message);
         }
-        if (options_.is_level && !record.is_level) {
-            problems_.push_back("--cloud " + cloud_ + ": is not level: " + why_no_grid(job_) + ".");
+        if (!why_not.empty()) {
+            problems_.push_back("--cloud " + cloud_ + ": is not level: " + why_not +
+                                (why_not.ends_with('?') ? "" : "."));
         }
     }
     written_.push_back(record);

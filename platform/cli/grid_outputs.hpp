@@ -13,6 +13,7 @@
 #include "engine/engine.hpp"
 #include "platform/cli/grid_options.hpp"
 #include "platform/grid/grid_job.hpp"
+#include "platform/motion/gravity_finder.hpp"
 #include "platform/report/run_record.hpp"
 #include "platform/ros2/shown_grid.hpp"
 
@@ -25,6 +26,8 @@ public:
                             std::string& message);
     // Every few seconds a grid is put there as well, and has the axes that are asked for. nullptr: nobody wants it.
     void show_on(GridShelf* shelf);
+    // Who knows where up is; outlives it.
+    void set_gravity(const GravityFinder* gravity) { gravity_ = gravity; }
     // Behind a frame, at `now_ns` of monotonic_ns; the next is due at `until_ns`, if that is known.
     void work(const Engine& engine, std::int64_t now_ns, std::optional<std::int64_t> until_ns);
     // What the user should hear of now; empty: nothing.
@@ -55,8 +58,11 @@ private:
         if (thread_.joinable()) thread_.join();
     }
     void fail(const std::string& problem);
+    // Of the cloud; empty: it is not to be, or cannot be, and `why_not` says why.
+    [[nodiscard]] std::optional<RigidTransform> level(std::string& why_not) const;
 
     GridOutputOptions options_;
+    const GravityFinder* gravity_ = nullptr;
     std::string grid_, cloud_;  // of the map at hand
     Due file_, shown_;
     bool is_for_file_ = false, is_shown_ = false;  // the job at hand

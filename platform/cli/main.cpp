@@ -15,6 +15,7 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/cli/grid_options.hpp"
 #include "platform/cli/map_command.hpp"
+#include "platform/cli/map_merge_command.hpp"
 #include "platform/cli/prior_options.hpp"
 #include "platform/cli/publish_options.hpp"
 #include "platform/cli/report_command.hpp"
@@ -225,7 +226,7 @@ int program(int argc, char** argv) {
                      "runs too")
         ->type_name("DIR")
         ->group("Map");
-    add_grid_options(*run_app, arguments.session.grid, ", when the run ends and as --map-every says", "Map");
+    add_grid_options(*run_app, arguments.session.grid, ", when the run ends and as --map-every says", "Map", true);
     run_app->add_option("--map-every", arguments.session.map_every_s, "and while it runs, as often")
         ->check(CLI::Range(0.1, 1e6).description(""))
         ->type_name("SECONDS")
@@ -394,8 +395,9 @@ int program(int argc, char** argv) {
         "depth of a camera of its own, as in a RealSense: 848x480, 90 degrees wide, 15 mm aside, "
         "not registered; camera.toml names both");
     simulate_command->add_option("--dirt", simulation.dirt, kDirtHelp)->type_name("NAME=STRENGTH,...");
-    simulate_command->add_flag("--motion", simulation.has_motion,
-                               "odometry.txt (2 % off) and gyro.txt (.5 degrees/s) beside the frames");
+    simulate_command->add_flag(
+        "--motion", simulation.has_motion,
+        "odometry.txt (2 % off), gyro.txt (.5 degrees/s) and accelerometer.txt (.05 m/s^2) beside the frames");
     simulate_command->add_option("--out", simulation.out, "folder to write")->required()->type_name("DIR");
     std::string scenes = "Scenes, at 30 frames/s:\n";
     for (const SimulatedScene& scene : simulated_scenes()) {
@@ -460,7 +462,7 @@ int program(int argc, char** argv) {
     info_command->add_flag("--json", is_info_json, "as JSON");
 
     CLI::App* const map_command =
-        app.add_subcommand("map", "what a map file holds, and points, grid and cloud of it for other programs");
+        app.add_subcommand("map", "what a map file holds; points, grid and cloud of it for other programs; two maps in one");
     map_command->require_subcommand(1);
     MapExport map_export;
     bool is_map_json = false;
@@ -475,12 +477,15 @@ int program(int argc, char** argv) {
     map_out->add_option("--tum", map_export.tum, "keyframes' poses, TUM format")->type_name("FILE");
     map_out->add_option("--json", map_export.json, "all of it")->type_name("FILE");
     map_out->add_flag("--moving", map_export.has_moving, "points that turned out to move as well");
-    add_grid_options(*map_out, map_export.grid, "", "");
+    add_grid_options(*map_out, map_export.grid, "", "", false);
     map_out->add_option("--octomap", map_export.octomap, "what was seen empty and occupied, in cubes: an OctoMap, .bt")
         ->type_name("FILE");
     map_out->footer(
         "Coordinates: m, in the frame of the first camera, x right, y down, z forward; a grid's are level.\n"
         "Exit codes: 0 done; 1 could not be made or written; 2 no map, or bad usage.");
+
+    MapMergeOptions map_merge;
+    CLI::App* const merge_app = add_map_merge_command(*map_command, map_merge);
 
     ReportArguments compared;
     CLI::App* const report_app = add_report_command(app, compared);
@@ -530,6 +535,7 @@ int program(int argc, char** argv) {
     if (train_command->parsed()) return vocabulary_train_command(training);
     if (map_info->parsed()) return map_info_command(map_export.file, is_map_json);
     if (map_out->parsed()) return map_export_command(map_export);
+    if (merge_app->parsed()) return map_merge_command(map_merge);
     if (report_app->parsed()) return stillmesh::report_command(compared);
     if (info_command->parsed()) return vocabulary_info_command(vocabulary_file, is_info_json);
     arguments.command = command_without_token(argc, argv);

@@ -1,4 +1,5 @@
-// `stillmesh map info | export`: what a map file holds, for people and for other programs.
+// `stillmesh map info | export` (merge: map_merge_command.hpp): what a map file holds, for people and for other
+// programs.
 #pragma once
 
 #include <string>

@@ -1,5 +1,7 @@
 #include "platform/cli/map_grid.hpp"
 
+#include <optional>
+
 #include "platform/cli/complaint.hpp"
 #include "platform/cli/exit_code.hpp"
 #include "platform/grid/grid_files.hpp"
@@ -54,13 +56,14 @@ int write_grid_of(const SavedMap& map, const std::string& name, const GridOutput
     } else if (!octomap.empty() && !job.floor().is_known) {
         lacks("--octomap " + octomap + ": is not level: ");
     }
-    const bool is_level = options.is_level && job.floor().is_known;
     if (options.cloud.empty()) return is_done ? kExitDone : kExitFailed;
-    if (!write_whole_file(options.cloud, cloud_ply(map, job, is_level), message)) {
+    std::optional<RigidTransform> level_from_map;
+    if (options.level == Level::kFloor && job.floor().is_known) level_from_map = job.floor().level_from_map;
+    if (!write_whole_file(options.cloud, cloud_ply(map, job, level_from_map), message)) {
         complain(message);
         is_done = false;
     }
-    if (is_level != options.is_level) lacks("--cloud " + options.cloud + ": is not level: ");
+    if (options.level == Level::kFloor && !level_from_map) lacks("--cloud " + options.cloud + ": is not level: ");
     return is_done ? kExitDone : kExitFailed;
 }
 

@@ -1,8 +1,10 @@
 #include "platform/cli/motion_of_run.hpp"
 
 #include <filesystem>
+#include <system_error>
 #include <utility>
 
+#include "platform/motion/accelerometer_file.hpp"
 #include "platform/motion/motion_file.hpp"
 #include "platform/ros2/ros_motion.hpp"
 
@@ -71,6 +73,32 @@ bool open_motion(const RunArguments& arguments, const std::string& folder, std::
     }
     motion = std::move(heard);
     return true;
+}
+
+bool open_accelerometer(const RunArguments& arguments, const std::string& folder, std::vector<Acceleration>& readings,
+                        std::string& message) {
+    const bool is_asked = arguments.session.grid.level == Level::kGravity;
+    if (!is_asked && arguments.accelerometer.empty()) return true;
+    if (!is_asked) {
+        message = "--accelerometer: says where up is, which --level gravity asks for; give both.";
+        return false;
+    }
+    if (!arguments.live.camera.empty()) {
+        message =
+            "--level gravity: an accelerometer's file knows no live camera; give --replay DIR or --simulate SCENE.";
+        return false;
+    }
+    std::error_code error;
+    const std::string own = folder.empty() ? "" : folder + "/accelerometer.txt";
+    const std::string file =
+        arguments.accelerometer.empty() && std::filesystem::exists(own, error) ? own : arguments.accelerometer;
+    if (file.empty()) {
+        message =
+            "--level gravity: needs an accelerometer; give --accelerometer FILE, or a recording that has "
+            "accelerometer.txt.";
+        return false;
+    }
+    return read_accelerometer(file, readings, message) == Status::kOk;
 }
 
 }  // namespace stillmesh

@@ -4,8 +4,10 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "platform/cli/run_command.hpp"
+#include "platform/motion/gravity_finder.hpp"
 #include "platform/motion/motion_samples.hpp"
 
 namespace stillmesh {
@@ -17,5 +19,9 @@ namespace stillmesh {
 // `motion` stays empty where nobody says anything. False: `message`.
 [[nodiscard]] bool open_motion(const RunArguments& arguments, const std::string& folder,
                                std::unique_ptr<MotionSource>& motion, std::string& message);
+
+// What --level gravity needs; `readings` stays empty where nobody asked. False: `message`.
+[[nodiscard]] bool open_accelerometer(const RunArguments& arguments, const std::string& folder,
+                                      std::vector<Acceleration>& readings, std::string& message);
 
 }  // namespace stillmesh

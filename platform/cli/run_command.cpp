@@ -90,6 +90,8 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         return refuse("--mask: a folder of masks is a recording's; give an image, or --replay.");
     std::string message, note;
     if (!open_motion(arguments, folder, motion, message)) return refuse(message);
+    std::vector<Acceleration> accelerations;
+    if (!open_accelerometer(arguments, folder, accelerations, message)) return refuse(message);
     PreparedCamera prepared(source.camera);
     if (prepared.prepare(arguments.mask, arguments.is_half, note, message) != Status::kOk) return refuse(message);
     if (!note.empty()) record.notes.push_back(note);
@@ -102,6 +104,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     const bool is_live = source.times != nullptr;
     const bool is_realtime = arguments.is_realtime && !is_live;  // a live camera is
     options.motion = motion.get();
+    if (!accelerations.empty()) options.accelerations = &accelerations;
     options.can_wait = !is_realtime && !is_live;
     if (create_engine_session(options, camera.info(), session, message) != Status::kOk) return refuse(message);
     if (!arguments.report.empty()) {
@@ -428,16 +431,15 @@ int live(const RunArguments& arguments) {
     for (const std::string& to : arguments.loop.poses) {
         if (is_file_destination(to)) given.push_back({"--poses", to, kLines, true});
     }
-    std::vector<Origin> origins = {{"--config", session.configuration},
-                                   {"--calibration", arguments.calibration},
-                                   {"--vocabulary", session.vocabulary},
-                                   {"--mask", arguments.mask},
-                                   {"--replay", arguments.replay}};
+    std::vector<Origin> origins = {
+        {"--config", session.configuration},          {"--calibration", arguments.calibration},
+        {"--vocabulary", session.vocabulary},         {"--mask", arguments.mask},
+        {"--accelerometer", arguments.accelerometer}, {"--replay", arguments.replay}};
     for (const auto& [option, file] : {std::pair{"--odometry", arguments.odometry}, {"--gyro", arguments.gyroscope}}) {
         if (file != "none" && !is_ros_motion(file)) origins.push_back({option, file});
     }
-    for (const char* const name :
-         {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml", "camera.toml", "odometry.txt", "gyro.txt"}) {
+    for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml", "camera.toml",
+                                   "odometry.txt", "gyro.txt", "accelerometer.txt"}) {
         if (!arguments.replay.empty()) origins.push_back({"--replay", arguments.replay + "/" + name});
     }
     origins.push_back({"--map-in", session.map_in, "--map-out"});  // a run may go on in its own map

@@ -23,6 +23,7 @@ struct RunArguments {
     double replay_depth_offset_s = 0;  // that depth's clock is ahead of colour's
     std::string odometry;              // file; empty: the folder's own, if it has one; "none": none
     std::string gyroscope;             // likewise
+    std::string accelerometer;         // likewise; with --level gravity alone
     MotionErrors motion_errors;
     LiveCameraOptions live;                              // its calibration is `calibration`
     std::string inject;                                  // a seed for faults; empty: none

@@ -17,8 +17,9 @@
 #include "platform/cli/exit_code.hpp"
 #include "platform/evaluation/trajectory.hpp"
 #include "platform/linux/process.hpp"
-#include "platform/motion/motion_file.hpp"
+#include "platform/motion/simulated_accelerometer.hpp"
 #include "platform/motion/simulated_motion.hpp"
+#include "platform/motion/triple_lines.hpp"
 #include "platform/record/png_file.hpp"
 
 namespace stillmesh {
@@ -76,18 +77,24 @@ private:
     return out;
 }
 
-// What wheels and a gyroscope would say of the frames.
+// What wheels, a gyroscope and an accelerometer would say of the frames.
 class MotionLists {
 public:
-    explicit MotionLists(std::uint64_t seed) : motion_(seed) {}
-    [[nodiscard]] bool open(const std::string& odometry, const std::string& gyroscope, const std::string& what) {
+    explicit MotionLists(std::uint64_t seed) : motion_(seed), accelerometer_(seed) {}
+    [[nodiscard]] bool open(const std::string& odometry, const std::string& gyroscope, const std::string& accelerometer,
+                            const std::string& what) {
         is_open_ =
             odometry_.open(odometry, what + "# timestamp tx ty tz qx qy qz qw (camera in a frame that drifts)\n") &&
-            gyroscope_.open(gyroscope, what + "# timestamp wx wy wz (rad/s in the camera's frame)\n");
+            gyroscope_.open(gyroscope, what + "# timestamp wx wy wz (rad/s in the camera's frame)\n") &&
+            accelerations_.open(accelerometer, what + "# timestamp ax ay az (m/s^2 in the camera's axes)\n");
         return is_open_;
     }
     [[nodiscard]] bool add(const TrajectoryPose& truth) {
         if (!is_open_) return true;
+        if (accelerometer_.step(truth) &&
+            !accelerations_.add(triple_line(accelerometer_.reading().time_ns, accelerometer_.reading().m_s2))) {
+            return false;
+        }
         if (!motion_.step(truth)) {
             pose_.time_ns = truth.time_ns;
             return odometry_.add(pose_line(pose_));
@@ -96,13 +103,14 @@ public:
         const std::int64_t begin_ns = pose_.time_ns + (is_first_step_ ? 0 : 1);
         is_first_step_ = false;
         pose_ = moved_by(pose_, motion_.wheels().last_from_camera, truth.time_ns);
-        return odometry_.add(pose_line(pose_)) && gyroscope_.add(rate_line(begin_ns, motion_.gyroscope_rad_s())) &&
-               gyroscope_.add(rate_line(truth.time_ns, motion_.gyroscope_rad_s()));
+        return odometry_.add(pose_line(pose_)) && gyroscope_.add(triple_line(begin_ns, motion_.gyroscope_rad_s())) &&
+               gyroscope_.add(triple_line(truth.time_ns, motion_.gyroscope_rad_s()));
     }
 
 private:
     SimulatedMotion motion_;
-    List odometry_, gyroscope_;
+    SimulatedAccelerometer accelerometer_;
+    List odometry_, gyroscope_, accelerations_;
     TrajectoryPose pose_;
     bool is_open_ = false;
     bool is_first_step_ = true;
@@ -153,7 +161,8 @@ int simulate_command(const SimulateOptions& options) {
         return complain(kExitUsage, options.out + ": cannot be written: " + std::strerror(errno) + ".");
     }
     MotionLists motion(options.seed);
-    if (options.has_motion && !motion.open(path_of("odometry.txt"), path_of("gyro.txt"), what)) {
+    if (options.has_motion &&
+        !motion.open(path_of("odometry.txt"), path_of("gyro.txt"), path_of("accelerometer.txt"), what)) {
         return complain(kExitUsage, options.out + ": cannot be written: " + std::strerror(errno) + ".");
     }
 

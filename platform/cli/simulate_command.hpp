@@ -18,7 +18,7 @@ struct SimulateOptions {
     std::uint32_t height = 0;        // px; 0: three quarters of the width
     std::uint32_t every = 1;         // of the camera's frames each so many-th is written: a camera that moves faster
     bool is_depth_separate = false;  // depth of a camera of its own, as a RealSense D435 has it, not registered
-    bool has_motion = false;         // odometry.txt and gyro.txt, with errors of the seed
+    bool has_motion = false;         // odometry.txt, gyro.txt and accelerometer.txt, with errors of the seed
     bool is_json = false;            // summary as JSON, no progress
     std::string dirt = {};  // strengths, as shake=1,rolling=.5 (hal/simulated/dirt.hpp); what the scene has if empty
 };

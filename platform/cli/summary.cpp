@@ -63,6 +63,13 @@ using Json = nlohmann::ordered_json;
                               static_cast<double>(g.memory_bytes) / (1024.0 * 1024.0));
 }
 
+[[nodiscard]] std::string gravity_line(const GravityRecord& g) {
+    if (!g.is_asked) return {};
+    if (!g.is_known) return "gravity       unknown: " + g.why_not + "\n";
+    return fmt::format("gravity       up is {:.4f} {:.4f} {:.4f} in the map, to {:.1f} degrees, of {:.0f} s\n", g.up[0],
+                       g.up[1], g.up[2], g.doubt_degrees, g.seconds);
+}
+
 }  // namespace
 
 std::string evaluation_text(const Evaluation& e) {
@@ -172,6 +179,7 @@ std::string summary_text(const RunRecord& record, const std::string& report) {
         text += map.times > 1 ? fmt::format(", {} times\n", map.times) : "\n";
     }
     for (const GridRecord& g : record.grids) text += grid_line(g);
+    text += gravity_line(record.gravity);
     if (const StoreRecord& s = record.store; !s.folder.empty()) {
         text += fmt::format(
             "map store     {}: {} regions, {:.1f} MB; {} written, {} brought back ({} of use), {} asked for; {} "
@@ -264,6 +272,13 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
                                 {"ms", 1e3 * map.seconds},
                                 {"times", map.times}});
     }
+    const GravityRecord& gravity = record.gravity;
+    json["gravity"] = !gravity.is_asked ? Json(nullptr)
+                                        : Json{{"known", gravity.is_known},
+                                               {"up", gravity.up},
+                                               {"doubt_degrees", gravity.doubt_degrees},
+                                               {"seconds", gravity.seconds},
+                                               {"why_not", gravity.why_not}};
     json["grids"] = Json::array();
     for (const GridRecord& g : record.grids) {
         json["grids"].push_back({{"grid", g.grid},

@@ -41,12 +41,14 @@ std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::
         level.rotation_xyzw[2], level.rotation_xyzw[3]);
 }
 
-std::string cloud_ply(const DepthSource& images, const GridJob& job, bool is_level) {
+std::string cloud_ply(const DepthSource& images, const GridJob& job, const std::optional<RigidTransform>& level_from_map) {
+    const RigidTransform out_from_map = level_from_map.value_or(RigidTransform{});
     std::string points;
     std::size_t count = 0;
     for (const GridJob::Look& look : job.looks()) {
         const DepthImage depth = images.depth_image(look.index);
         const RigidTransform level = compose(job.floor().level_from_map, look.map_from_camera);
+        const RigidTransform out_from_camera = compose(out_from_map, look.map_from_camera);
         for (std::size_t i = 0; i < depth.depth_mm.size(); ++i) {
             if (!depth.is_still(i)) continue;
             const double z = depth.depth_mm[i] * 1e-3;
@@ -54,7 +56,7 @@ std::string cloud_ply(const DepthSource& images, const GridJob& job, bool is_lev
                                              static_cast<double>(depth.rays[2 * i + 1]) * z, z};
             const std::array<double, 3> on_floor = transformed(level, p);
             if (job.has_grid() && !job.grid().stands(on_floor[0], on_floor[1], on_floor[2])) continue;
-            const std::array<double, 3> at = is_level ? on_floor : transformed(look.map_from_camera, p);
+            const std::array<double, 3> at = transformed(out_from_camera, p);
             const float xyz[3] = {static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2])};
             char bytes[sizeof(xyz)];
             std::memcpy(bytes, xyz, sizeof(xyz));
@@ -65,7 +67,9 @@ std::string cloud_ply(const DepthSource& images, const GridJob& job, bool is_lev
     return fmt::format(
                "ply\nformat binary_little_endian 1.0\ncomment {}\nelement vertex {}\nproperty float x\nproperty float "
                "y\nproperty float z\nend_header\n",
-               is_level ? "m; z up, floor at 0" : "m; the first camera: x right, y down, z forward", count) +
+               level_from_map ? "m; z up, floor at 0 where it is known"
+                              : "m; the first camera: x right, y down, z forward",
+               count) +
            points;
 }
 

@@ -2,6 +2,7 @@
 // cloud (binary PLY). Each file is replaced as a whole or not at all.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "platform/grid/grid_job.hpp"
@@ -12,8 +13,9 @@ namespace stillmesh {
 [[nodiscard]] std::string grid_pgm(const OccupancyGrid& grid);
 // `picture`: its file's name, in the same folder.
 [[nodiscard]] std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::string& picture);
-// All that keyframes see, but what a grid knows to have gone. `is_level`: z up, floor at 0; else as the map lies.
-[[nodiscard]] std::string cloud_ply(const DepthSource& images, const GridJob& job, bool is_level);
+// All that keyframes see, but what a grid knows to have gone. `level_from_map`: z up; else as the map lies.
+[[nodiscard]] std::string cloud_ply(const DepthSource& images, const GridJob& job,
+                                    const std::optional<RigidTransform>& level_from_map);
 
 // NAME.pgm, then NAME.yaml. False: `message`.
 [[nodiscard]] bool write_grid(const GridJob& job, const std::string& name, std::string& message);

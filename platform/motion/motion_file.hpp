@@ -32,12 +32,11 @@ public:
 
 private:
     [[nodiscard]] Status take_odometry(const std::string& file, std::string& message);
+    template <typename Read>
+    [[nodiscard]] Status take_gyroscope(const std::string& file, const Read& read);
 
     MotionSamples samples_;
     std::string sources_;
 };
-
-// One line with its line feed.
-[[nodiscard]] std::string rate_line(std::int64_t time_ns, const Triple& rad_s);
 
 }  // namespace stillmesh

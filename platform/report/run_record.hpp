@@ -2,6 +2,7 @@
 // kept in bounded memory: when the frames are full, every second one is dropped.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -55,6 +56,15 @@ struct GridRecord {
     std::uint32_t width = 0, height = 0;
     std::size_t looks = 0, memory_bytes = 0;
     double build_ms = 0;
+};
+
+// Where up is, by an accelerometer (--level gravity).
+struct GravityRecord {
+    bool is_asked = false, is_known = false;
+    std::array<double, 3> up{};  // in the map
+    double doubt_degrees = 0;
+    double seconds = 0;   // that it is of
+    std::string why_not;  // a clause
 };
 
 // The map store of a run.
@@ -146,6 +156,7 @@ struct RunRecord {
     Percentiles record_ms;  // what recording a frame costs the engine's thread
     std::vector<MapRecord> maps;
     std::vector<GridRecord> grids;  // one a map, if any were asked for
+    GravityRecord gravity;
     StoreRecord store;
     StreamRecord streams;
     struct NewMap {

@@ -35,8 +35,10 @@ READS = [
     "rerun {record} --replay {frames} --map-store {odd}",
     "capture --camera auto --out captured --calibration {odd}",
     "run --replay {frames} --mask {odd}",
+    "run --replay {frames} --level gravity --accelerometer {odd}",
     "map info {odd}",
     "map export {odd} --ply points.ply",
+    "map merge {odd} {odd} --out merged.map",
     "vocabulary info {odd}",
 ]
 # What is written as a whole, as a folder, or kept open; a pipe takes lines, and a reader may come later.

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <string>
 
+#include "platform/motion/triple_lines.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace stillmesh {
@@ -139,7 +140,7 @@ TEST_F(MotionFiles, ALeapIsNoHint) {
 
 // Promise: a line of the gyroscope is read back as it was written.
 TEST_F(MotionFiles, LinesComeBack) {
-    const std::string text = rate_line(1'234'567'890, {0.25, -0.5, 1}) + rate_line(1'300'000'000, {0.25, -0.5, 1});
+    const std::string text = triple_line(1'234'567'890, {0.25, -0.5, 1}) + triple_line(1'300'000'000, {0.25, -0.5, 1});
     ASSERT_EQ(motion_.parse_gyroscope(text, "gyro.txt", message_), Status::kOk) << message_;
     const auto hint = motion_.between_times(1'234'567'890, 1'300'000'000);
     ASSERT_TRUE(hint.has_value());

@@ -99,6 +99,38 @@ TEST_F(ProgramMaps, LeavesForOtherPrograms) {
     EXPECT_EQ(stillmesh_says("map export " + at("room.map") + " --ply /dev/full").code, 1);
 }
 
+// Promise: `map merge` makes a map of two of one room, in which a camera is found, and says by its exit code and in a
+// sentence why two others are none; then, and where it would write over what it reads, nothing is written.
+TEST_F(ProgramMaps, TwoBecomeOne) {
+    const auto make = [](const std::string& scene, const std::string& name) {
+        return stillmesh_says("run --simulate " + scene + " --frames 20 --json --map-out " + at(name)).code;
+    };
+    ASSERT_EQ(make("walking_xyz:1+7", "day.map"), 0);
+    ASSERT_EQ(make("static_xyz:2", "other.map"), 0);
+    const auto merge = [](const std::string& second, const std::string& more) {
+        return stillmesh_says("map merge " + at("room.map") + " " + at(second) + " --out " + more);
+    };
+    const Answer joined = merge("day.map", at("both.map") + " --json");
+    ASSERT_EQ(joined.code, 0) << joined.text;
+    EXPECT_NE(joined.text.find("\"keyframes_left_out\": 0"), std::string::npos) << joined.text;
+    ASSERT_TRUE(is_map(at("both.map")));
+    const Answer found =
+        stillmesh_says("run --simulate static_xyz:1+5 --frames 40 --localize --map-in " + at("both.map"));
+    EXPECT_EQ(found.code, 0) << found.text;
+    const Answer pocket = merge("day.map", at("small.map") + " --limits pocket");
+    EXPECT_EQ(pocket.code, 2) << pocket.text;  // room's features do not fit
+    EXPECT_NE(pocket.text.find("limits.features_max"), std::string::npos) << pocket.text;
+    const Answer refused = merge("other.map", at("none.map"));
+    EXPECT_EQ(refused.code, 1) << refused.text;
+    EXPECT_NE(refused.text.find("cannot be joined"), std::string::npos) << refused.text;
+    EXPECT_FALSE(std::filesystem::exists(at("none.map")));
+    const std::string before = text_of(at("room.map"));
+    EXPECT_EQ(merge("day.map", at("room.map")).code, 2);
+    EXPECT_EQ(text_of(at("room.map")), before);
+    write_text(at("no.map"), "no map at all");
+    EXPECT_EQ(merge("no.map", at("none.map")).code, 2);
+}
+
 // Promise: a map is written, read, localised in and gone on with; the summary says so.
 TEST_F(ProgramMaps, ThereAndBack) {
     ASSERT_EQ(made.code, 0) << made.text;
