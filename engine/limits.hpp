@@ -25,7 +25,7 @@ struct Limits {
         return {640, 480, 8, 500, 40, 5500, 64, 3000, 10000, 0, 0};
     }
     // For tests: every full pool happens within seconds; at most 512 KiB.
-    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 290, 16, 200, 230, 0, 0}; }
+    [[nodiscard]] static constexpr Limits tiny() noexcept { return {160, 120, 3, 100, 8, 262, 16, 200, 230, 0, 0}; }
 };
 
 // Calls visitor(name, value, min, max, unit, sentence) for every limit, as visit_parameters does for a configuration;

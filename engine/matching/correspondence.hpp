@@ -25,6 +25,7 @@ struct Correspondence {
     double drift_var = 0;                  // of odometry since the point was last seen where it is, m^2: for verdicts
     double anchor_var_z = 0;               // of p_anchor, m^2
     double anchor_var_lateral = 0;
+    double extent = 1;                // of the surface that it stands for, in squares of its distance
     double weight = 1;                // what the past says: 0 moves, 1 is known to stand still
     std::uint32_t distance_bits = 0;  // Hamming
     bool has_depth = false;

@@ -13,6 +13,20 @@ bool is_same_motion(const SE3& a, const SE3& b, const RegionParameters& region) 
            rotation_angle(off.rotation) < region.edge_sigma_floor_m;
 }
 
+// Of what the other explains, more than half is not explained by this one.
+bool is_another_body(const RegionInput& input, const Hypotheses& hypotheses, std::size_t other,
+                     std::size_t one) noexcept {
+    double all = 0;
+    double alone = 0;
+    for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
+        if (!hypotheses.explains(other, k)) continue;
+        const double area = surface_of(input.correspondences[k]);
+        all += area;
+        if (!hypotheses.explains(one, k)) alone += area;
+    }
+    return alone > 0.5 * all;
+}
+
 }  // namespace
 
 std::size_t best_of(const Hypotheses& hypotheses) noexcept {
@@ -23,11 +37,21 @@ std::size_t best_of(const Hypotheses& hypotheses) noexcept {
     return best;
 }
 
+std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
+    std::size_t largest = best;
+    for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
+        if (hypotheses.all()[i].surface > hypotheses.all()[largest].surface &&
+            is_another_body(input, hypotheses, i, best))
+            largest = i;
+    }
+    return largest;
+}
+
 double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
     const RegionParameters& region = input.configuration.region;
     const Hypothesis& ours = hypotheses.all()[best];
     double area_all = 0;
-    for (const Correspondence& c : input.correspondences) area_all += area_of(c);
+    for (const Correspondence& c : input.correspondences) area_all += surface_of(c);
     double margin = 1.0;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
         const Hypothesis& theirs = hypotheses.all()[i];
@@ -37,8 +61,8 @@ double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::si
         for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
             const bool is_ours = hypotheses.explains(best, k);
             const bool is_theirs = hypotheses.explains(i, k);
-            if (is_ours && !is_theirs) only_ours += area_of(input.correspondences[k]);
-            if (!is_ours && is_theirs) only_theirs += area_of(input.correspondences[k]);
+            if (is_ours && !is_theirs) only_ours += surface_of(input.correspondences[k]);
+            if (!is_ours && is_theirs) only_theirs += surface_of(input.correspondences[k]);
         }
         only_theirs *= std::min(theirs.plausibility / ours.plausibility, 1.0);
         if (only_theirs < region.rival_area_min * area_all) continue;  // noise
@@ -53,7 +77,7 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
     choice.iterations = hypotheses.iterations();
     chosen.clear();
     if (hypotheses.all().empty()) return choice;
-    const std::size_t best = best_of(hypotheses);
+    const std::size_t best = largest_of(input, hypotheses, best_of(hypotheses));
     choice.world_from_camera = hypotheses.all()[best].world_from_camera;
     choice.score = hypotheses.all()[best].score;
     choice.plausibility = hypotheses.all()[best].plausibility;

@@ -22,6 +22,10 @@ struct RegionChoice {
 // The highest score, ties by the first; there is at least one hypothesis.
 [[nodiscard]] std::size_t best_of(const Hypotheses& hypotheses) noexcept;
 
+// Before points have a past: the body with the largest surface, if it is another one than the best's; else the best.
+// Nothing but its size tells the room from a body then, and hypotheses of one body differ by noise.
+[[nodiscard]] std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
+
 // Against every other motion: of the area that only one of both explains, what the best one does minus what the other
 // one does; the least of it. 1 without a rival.
 [[nodiscard]] double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;

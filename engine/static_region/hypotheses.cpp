@@ -103,7 +103,9 @@ void Hypotheses::add(const RegionInput& input, const SE3& world_from_camera, dou
                     region.wide_factor * (reach * region.point_chi2_max), input.scratch);
     const PoseFit fit = optimise_pose(input.correspondences, input.scratch.span(), world_from_camera,
                                       region.point_chi2_max, input.configuration.pose.coarse_passes_max);
-    const Hypothesis scored = score(input, fit.is_valid ? fit.world_from_camera : world_from_camera);
+    Hypothesis scored = score(input, fit.is_valid ? fit.world_from_camera : world_from_camera);
+    if (!input.context.has_past && !input.context.hint.is_whole && region.reach > 0)
+        scored.surface = surface_share(input, scored.world_from_camera);
     const std::size_t bit = hypotheses_.size();
     for (std::size_t i = 0; i < input.correspondences.size(); ++i) {
         if (is_inlier_[i] != 0) explained_by_[i] = static_cast<std::uint16_t>(explained_by_[i] | 1U << bit);
@@ -135,6 +137,26 @@ Hypothesis Hypotheses::score(const RegionInput& input, const SE3& world_from_cam
     }
     out.score = weight_sum > 0 ? score / weight_sum : 0.0;
     return out;
+}
+
+// Of the surface in view, as far as the motion is to be expected: not the pose of its points alone, whose noise would
+// speak against it where they are few and far, but the one nearest to what is expected that they leave room for.
+double Hypotheses::surface_share(const RegionInput& input, const SE3& world_from_camera) const noexcept {
+    const RegionParameters& region = input.configuration.region;
+    const RegionContext& context = input.context;
+    Share surface;
+    for (std::size_t i = 0; i < input.correspondences.size(); ++i) {
+        const double area = surface_of(input.correspondences[i]);
+        surface.all += area;
+        if (is_inlier_[i] != 0) surface.agreeing += area * motions_.agreement_of(input.groups.group_of(i));
+    }
+    if (!(surface.all > 0) || !context.has_prediction) return 0;
+    const MotionPrior prior{context.world_from_camera_predicted, context.prediction_sigma_m,
+                            context.prediction_sigma_rad};
+    const PoseFit held = optimise_pose(input.correspondences, input.scratch.span(), world_from_camera,
+                                       region.point_chi2_max, input.configuration.pose.coarse_passes_max, &prior);
+    const double d2 = deviation2(context, held.is_valid ? held.world_from_camera : world_from_camera);
+    return surface.agreeing / surface.all / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
 }
 
 // Which correspondences agree with a pose, and how far each group does.

@@ -19,11 +19,16 @@ struct Hypothesis {
     SE3 world_from_camera;
     double score = 0;         // Eq. 1 with weights, [0, 1]
     double plausibility = 1;  // of the motion, beside the expected one
+    double surface = 0;       // share that it explains, before points have a past
 };
 
 // What a feature stands for in square metres, up to a factor, times its weight.
 [[nodiscard]] inline double area_of(const Correspondence& c) noexcept {
     return c.has_depth ? c.weight * c.p_camera.z() * c.p_camera.z() : 0.0;
+}
+// And the same of the surface around it.
+[[nodiscard]] inline double surface_of(const Correspondence& c) noexcept {
+    return c.extent * area_of(c);
 }
 
 class Hypotheses {
@@ -60,6 +65,7 @@ private:
     void propose_left_over(const RegionInput& input, Random& random) noexcept;
     void add(const RegionInput& input, const SE3& world_from_camera, double reach) noexcept;
     void judge(const RegionInput& input, const SE3& world_from_camera) noexcept;
+    [[nodiscard]] double surface_share(const RegionInput& input, const SE3& world_from_camera) const noexcept;
     struct Share {
         double agreeing = 0;
         double all = 0;

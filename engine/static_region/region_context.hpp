@@ -26,6 +26,7 @@ struct RegionContext {
     double travelled = 0;       // the odometer's
     std::uint32_t image_width_px = 640;
     bool has_prediction = false;
+    bool has_past = true;  // points have had time to prove that they stand still
     HintWeight hint;
 };
 

@@ -23,6 +23,7 @@ void FrameEstimator::create(Arena& arena, World& world, TrackedShutter& shutter)
     const std::uint32_t features_max = world.limits.features_max;
     matcher_.create(arena, world.limits, world.parameters.matching, world.camera, world.pixel_noise.scales());
     region_.create(arena, world.limits);
+    surfaces_.create(arena, world.limits, world.parameters);
     correspondences_.create(arena, features_max);
     chosen_.create(arena, features_max);
     groups_ = arena.array<std::uint16_t>(features_max);
@@ -61,6 +62,7 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     Estimate out;
     out.expected = expected;
     out.expected.image_width_px = world_->camera.width;
+    out.expected.has_past = seconds_between(camera.start_time_ns, time_ns_) >= c.weights.proven_s;
     out.noise = camera.noise;
     out.noise.begin_frame();
     match(camera, out);
@@ -97,7 +99,7 @@ void FrameEstimator::match(const CameraState& camera, Estimate& estimate) noexce
         world_->local_map.build(world_->map, predicted);
     // Until the past can tell what stands still, and after a choice that was not sure, the motion expected may be that
     // of a body that moves: what stands still has to be found beside it, or it never gets a say.
-    const bool is_wide = !camera.is_choice_sure || seconds_between(camera.start_time_ns, time_ns_) < c.weights.proven_s;
+    const bool is_wide = !camera.is_choice_sure || !expected.has_past;
     matcher_.by_projection(world_->map, local, predicted, is_wide ? c.matching.radius_wide_px : c.matching.radius_px);
     take_matches(estimate.noise.factors(), expected);
     if (!is_wide && chosen_.size() < c.matching.matches_min) {
@@ -266,6 +268,8 @@ void FrameEstimator::gather(const NoiseFactors& noise, const RegionContext& expe
     gather_correspondences(matcher_, *frame_, world_->map, noise, expected, time_ns_, world_->parameters,
                            correspondences_);
     const RegionParameters& region = world_->parameters.region;
+    if (!expected.has_past && region.reach > 0)
+        surfaces_.share_out(frame_->frame(), frame_->keypoints(), correspondences_.span());
     if (region.is_enabled && !region.is_paper()) frame_->mask().weigh(frame_->keypoints(), correspondences_.span());
 }
 

@@ -13,6 +13,7 @@
 #include "engine/matching/map_matcher.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/static_region/static_region.hpp"
+#include "engine/static_region/surface_shares.hpp"
 #include "engine/tracking/camera_state.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/tracked_shutter.hpp"
@@ -37,6 +38,7 @@ public:
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         MapMatcher::plan(arena, limits);
         StaticRegion::plan(arena, limits);
+        SurfaceShares::plan(arena, limits);
         FixedVector<Correspondence>::plan(arena, limits.features_max);
         FixedVector<std::uint16_t>::plan(arena, limits.features_max);
         arena.array<std::uint16_t>(limits.features_max);
@@ -104,6 +106,7 @@ private:
     std::int64_t time_ns_ = 0;
     MapMatcher matcher_;
     StaticRegion region_;
+    SurfaceShares surfaces_;
     FixedVector<Correspondence> correspondences_;
     FixedVector<std::uint16_t> chosen_;
     std::span<std::uint16_t> groups_;

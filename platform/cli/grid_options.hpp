@@ -24,7 +24,8 @@ struct GridOutputOptions {
     [[nodiscard]] bool is_any() const { return !grid.empty() || !cloud.empty(); }
 };
 
-// `when`: they are written, for the help; `group`: of the help, may be empty; `has_gravity`: an accelerometer may be there.
+// `when`: they are written, for the help; `group`: of the help, may be empty; `has_gravity`: an accelerometer may be
+// there.
 void add_grid_options(CLI::App& app, GridOutputOptions& options, const std::string& when, const char* group,
                       bool has_gravity);
 // What the grid is to be made with. False: `message` says what cannot be.

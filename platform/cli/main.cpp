@@ -461,8 +461,8 @@ int program(int argc, char** argv) {
         ->type_name("FILE");
     info_command->add_flag("--json", is_info_json, "as JSON");
 
-    CLI::App* const map_command =
-        app.add_subcommand("map", "what a map file holds; points, grid and cloud of it for other programs; two maps in one");
+    CLI::App* const map_command = app.add_subcommand(
+        "map", "what a map file holds; points, grid and cloud of it for other programs; two maps in one");
     map_command->require_subcommand(1);
     MapExport map_export;
     bool is_map_json = false;

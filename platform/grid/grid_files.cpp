@@ -41,7 +41,8 @@ std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::
         level.rotation_xyzw[2], level.rotation_xyzw[3]);
 }
 
-std::string cloud_ply(const DepthSource& images, const GridJob& job, const std::optional<RigidTransform>& level_from_map) {
+std::string cloud_ply(const DepthSource& images, const GridJob& job,
+                      const std::optional<RigidTransform>& level_from_map) {
     const RigidTransform out_from_map = level_from_map.value_or(RigidTransform{});
     std::string points;
     std::size_t count = 0;

@@ -149,7 +149,7 @@ TEST(MapFile, KeyframesThatChangeTooLate) {
         MapCopy copy;
         const auto step = [&](std::uint32_t units) {
             WorkBudget budget(units);
-            const Progress progress = copy.step(*map, {kKeyframes, 7}, budget);
+            const Progress progress = copy.step(*map, DepthImages{}, {kKeyframes, 7}, budget);
             const std::uint64_t of_one = 2 * kFeatures / 16 + 1;
             EXPECT_LE(budget.units_spent(), units + of_one * MapCopy::kLateMax + map->points().slots_count() / 16 + 8);
             return progress;

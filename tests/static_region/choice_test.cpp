@@ -191,5 +191,44 @@ TEST(Choice, ChosenIsWhatAgrees) {
     }
 }
 
+// Promise: before points have a past, a body that most points lie on is not chosen over the room whose few points stand
+// for more surface; nor is it once they have a past, when its points alone count, as they did before.
+TEST(Choice, TheLargerSurfaceBeforeThereIsAPast) {
+    std::size_t captured = 0;
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        Rig rig(30, 330, moved(0.05), random);
+        for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
+            rig.scene.correspondences[i].weight = 1;
+            rig.scene.correspondences[i].extent = rig.scene.body[i] == 0 ? 20 : 1;
+        }
+        const SE3 body_pose = moved(0.05) * rig.pose;
+        rig.context.has_past = false;
+        rig.propose(random);
+        RegionChoice choice = choose_best(rig.input(), *rig.hypotheses, *rig.chosen);
+        EXPECT_LT(metres_between(choice.world_from_camera, rig.pose), 0.02) << "seed " << seed;
+        EXPECT_GE(choice.margin, 0) << "seed " << seed;
+        for (const std::uint16_t i : *rig.chosen) EXPECT_EQ(rig.scene.body[i], 0);
+        rig.context.has_past = true;
+        rig.propose(random);
+        choice = choose_best(rig.input(), *rig.hypotheses, *rig.chosen);
+        captured += metres_between(choice.world_from_camera, body_pose) < 0.02 ? 1U : 0U;
+    }
+    EXPECT_GT(captured, 15U) << "the scene tells nothing";
+}
+
+// Promise: of hypotheses of one body none is preferred for its surface: more than half of what it explains has to be
+// explained by it alone.
+TEST(Choice, OneBodyIsNotAnother) {
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        Rig rig(300, 0, SE3{}, random);
+        rig.context.has_past = false;
+        rig.propose(random);
+        const std::size_t best = best_of(*rig.hypotheses);
+        EXPECT_EQ(largest_of(rig.input(), *rig.hypotheses, best), best) << "seed " << seed;
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh
