@@ -1,9 +1,9 @@
 // Two maps of one place become one. The engine holds the first, loaded and not used yet; the second comes as the bytes
-// of its file. Where both show the same place is found by words and verified by geometry, keyframe by keyframe
-// (engine/recognition/map_overlap.hpp); what cannot be told from a place that looks alike is refused. Then the second
-// map moves as one body, is numbered behind the first, hangs below it in the spanning tree, and points that both have
-// become one. What is left of both maps' drift goes when the engine is given background work: loop closing looks every
-// keyframe up, and all of it is adjusted once. For tools: it takes some milliseconds a keyframe.
+// of its file. Where both show the same place is found by words and verified by geometry, keyframe by keyframe; what
+// cannot be told from a place that looks alike is refused. Then the second map moves as one body, is numbered behind
+// the first, hangs below it in the spanning tree, and points that both have become one. What is left of both maps'
+// drift goes when the engine is given background work: loop closing looks every keyframe up, and all of it is adjusted
+// once. For tools: it takes some milliseconds a keyframe.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +38,7 @@ struct MapMerge {
 //   kNotFound     no place that both show for certain; the engine has forgotten its map
 [[nodiscard]] STILLMESH_API Status merge_map(Engine& engine, std::span<const std::byte> second, MapFileProblem& problem,
                                              MapMerge& merge, std::uint8_t extractor = 0) noexcept;
-// Forgets, in the order in which full pools do (engine/map/eviction.hpp), what a map has above these; the newest
+// Forgets, in the order in which full pools do, what a map has above these; the newest
 // keyframe stays.
 STILLMESH_API void fit_map(Engine& engine, std::uint32_t keyframes_max, std::uint32_t points_max) noexcept;
 

@@ -4,7 +4,7 @@
 // processor. Writing: Engine::begin_map_copy and step_map_copy fill a workspace of map_copy_bytes(limits) between
 // frames, in slices; from then on the workspace is the caller's, and MapFileWriter turns it into bytes on any thread,
 // piece by piece. Reading: Engine::load_map checks all of a file before it touches anything. Limits: those of the
-// engine. Depth images (engine/map/depth_images.hpp) are a part that a file may have: one without them loads anywhere,
+// engine. Depth images are a part that a file may have: one without them loads anywhere,
 // and of one that has more than limits.depth_images_max those of the keyframes' own moments are taken rather than later
 // ones, of each the newest; the rest is left in the file. Cost: one pass over the map to copy it, one to hash and one
 // to write it; about 68 bytes a feature, 184 a point, 9.5 KiB a depth image.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "engine/record/map_bytes.hpp"
 #include "engine/record/map_checks.hpp"
 
 namespace stillmesh {
@@ -21,73 +22,6 @@ Status fail(MapFileProblem& problem, MapFault fault, const char* part, double va
     problem = {fault, part, value, limit};
     return kStatusOf[static_cast<std::size_t>(fault)];
 }
-
-MapBounds bounds_of(const MapFileInfo& info) noexcept {
-    return {info.time_ns, info.frames, info.pyramid_levels};
-}
-
-// A file, record by record.
-struct MapFile {
-    std::span<const std::byte> bytes;
-    const MapFileInfo& info;
-
-    // The n-th record of a section, from the byte `at` of it on.
-    [[nodiscard]] ByteReader record(Section section, std::uint32_t index, std::size_t at = 0) const noexcept {
-        const auto s = static_cast<std::uint32_t>(section);
-        const std::size_t begin =
-            static_cast<std::size_t>(records_at(info, s)) + std::size_t{index} * record_bytes(info, s);
-        return ByteReader(bytes.subspan(begin + at, record_bytes(info, s) - at));
-    }
-    [[nodiscard]] Keyframe keyframe(std::uint32_t index, std::uint32_t& parent_plus_one) const noexcept {
-        ByteReader reader = record(Section::kKeyframes, index);
-        Keyframe keyframe;
-        keyframe_fields(reader, keyframe, parent_plus_one);
-        return keyframe;
-    }
-    // Single fields, for loops within loops.
-    [[nodiscard]] std::uint32_t parent(std::uint32_t index) const noexcept {
-        return record(Section::kKeyframes, index, kKeyframeParentAt).u32();
-    }
-    [[nodiscard]] std::uint64_t frame(std::uint32_t index) const noexcept {
-        return record(Section::kKeyframes, index, kKeyframeFrameAt).u64();
-    }
-    [[nodiscard]] std::uint32_t link(std::uint32_t index) const noexcept {
-        return record(Section::kLinks, index).u32();
-    }
-    // False: a byte of it cannot be.
-    [[nodiscard]] bool point(std::uint32_t index, MapPoint& point, std::uint32_t& reference_plus_one) const noexcept {
-        ByteReader reader = record(Section::kPoints, index);
-        point_fields(reader, point, reference_plus_one);
-        return reader.is_ok();
-    }
-    [[nodiscard]] bool feature(std::uint32_t index, Observation& observation, Descriptor& descriptor) const noexcept {
-        ByteReader reader = record(Section::kFeatures, index);
-        feature_fields(reader, observation, descriptor);
-        return reader.is_ok();
-    }
-    // Likewise.
-    [[nodiscard]] bool depth(std::uint32_t index, DepthImages::Owner& owner,
-                             std::uint32_t& keyframe_plus_one) const noexcept {
-        ByteReader reader = record(Section::kDepth, index);
-        depth_fields(reader, owner, keyframe_plus_one);
-        return reader.is_ok();
-    }
-    [[nodiscard]] std::uint64_t depth_frame(std::uint32_t index) const noexcept {
-        return record(Section::kDepth, index, kDepthFrameAt).u64();
-    }
-    // What a depth image is worth where there is no room for all: what a keyframe saw itself, then what is new.
-    [[nodiscard]] std::uint64_t depth_worth(std::uint32_t index) const noexcept {
-        const bool is_later = record(Section::kDepth, index, kDepthLaterAt).u8() != 0;
-        return depth_frame(index) + (is_later ? 0U : 2 * kFramesMax);
-    }
-    [[nodiscard]] CameraModel camera(double& readout_s) const noexcept {
-        ByteReader reader = record(Section::kCamera, 0);
-        CameraModel camera;
-        camera_fields(reader, camera);
-        readout_s = reader.f64();
-        return camera;
-    }
-};
 
 Status check_sections(const MapFile& file, MapFileProblem& problem) noexcept {
     for (std::uint32_t s = 0; s < sections_of(file.info); ++s) {
@@ -240,16 +174,6 @@ const char* check_depth(const MapFile& file, const DepthLayout& layout) noexcept
     return nullptr;
 }
 
-// Whether there is room for it among `places`: fewer than that are worth more.
-bool is_kept(const MapFile& file, std::uint32_t index, std::size_t places) noexcept {
-    if (file.info.depth_images <= places) return true;
-    const std::uint64_t worth = file.depth_worth(index);
-    std::size_t better = 0;
-    for (std::uint32_t other = 0; other < file.info.depth_images; ++other)
-        better += file.depth_worth(other) > worth ? 1U : 0U;
-    return better < places;
-}
-
 // Counts and sizes that a header of its version can have.
 bool is_possible(const MapFileInfo& info, std::uint32_t version) noexcept {
     if (version != info.version() || info.depth_images > kDepthImagesMax) return false;
@@ -312,101 +236,6 @@ Status check_map_file(std::span<const std::byte> bytes, const Limits& limits, co
     const char* fault = info.keyframes == 0 ? "a map without keyframes" : check_records(file, map.scratch());
     if (fault == nullptr) fault = check_depth(file, depth_layout(origin.camera));
     return fault == nullptr ? Status::kOk : fail(problem, MapFault::kImpossible, fault);
-}
-
-namespace {
-
-// The records of a file into slots behind those that are taken: a pool that has released nothing since it was reset
-// gives its slots in order.
-void add_records(const MapFile& file, const MapEnd& end, Map& map) noexcept {
-    const MapFileInfo& info = file.info;
-    const auto first_point = static_cast<std::uint32_t>(map.points().size());
-    const auto first_keyframe = static_cast<std::uint32_t>(map.keyframes().size());
-    for (std::uint32_t i = 0; i < info.points; ++i) {
-        const Result<Handle<MapPoint>> taken = map.add_point();
-        STILLMESH_CHECK(taken.is_ok() && taken.value().slot() == first_point + i);
-        MapPoint& point = map.points().at(first_point + i);
-        std::uint32_t reference = 0;
-        STILLMESH_CHECK(file.point(i, point, reference));
-        point.last_seen_frame += end.frames;
-        point.created_ns += end.time_ns;
-        point.anchor_ns += end.time_ns;
-    }
-    for (std::uint32_t k = 0; k < info.keyframes; ++k) {
-        const Handle<Keyframe> handle = map.add_keyframe();
-        STILLMESH_CHECK(!handle.is_null() && handle.slot() == first_keyframe + k);
-    }
-    std::uint32_t at = 0;
-    for (std::uint32_t k = 0; k < info.keyframes; ++k) {
-        std::uint32_t parent = 0;
-        const Handle<Keyframe> handle = map.keyframes().handle_of(first_keyframe + k);
-        Keyframe& keyframe = map.keyframes().at(handle.slot());
-        keyframe = file.keyframe(k, parent);
-        keyframe.frame += end.frames;
-        keyframe.last_useful_frame += end.frames;
-        keyframe.time_ns += end.time_ns;
-        const std::uint32_t features_end = at + keyframe.observations;
-        keyframe.observations = 0;
-        if (parent != 0) keyframe.parent = map.keyframes().handle_of(first_keyframe + parent - 1);
-        for (; at < features_end; ++at) {
-            Observation observation;
-            Descriptor descriptor;
-            STILLMESH_CHECK(file.feature(at, observation, descriptor));
-            const std::uint32_t link = file.link(at);
-            if (link != 0) observation.point = map.points().handle_of(first_point + link - 1);
-            map.add_observation(handle, observation, descriptor);
-        }
-    }
-    for (std::uint32_t i = 0; i < info.points; ++i) {
-        MapPoint point;
-        std::uint32_t reference = 0;
-        STILLMESH_CHECK(file.point(i, point, reference));
-        map.points().at(first_point + i).reference =
-            reference == 0 ? Handle<Keyframe>{} : map.keyframes().handle_of(first_keyframe + reference - 1);
-    }
-}
-
-}  // namespace
-
-void restore_map(std::span<const std::byte> bytes, const MapFileInfo& info, Map& map) noexcept {
-    const MapFile file{bytes, info};
-    map.reset();
-    add_records(file, {}, map);
-    double readout_s = 0;
-    static_cast<void>(file.camera(readout_s));
-    map.begin_with_readout(readout_s);
-    map.note_change(info.hash);
-}
-
-void restore_depth_images(std::span<const std::byte> bytes, const MapFileInfo& info, const Map& map,
-                          DepthImages& images) noexcept {
-    const MapFile file{bytes, info};
-    images.reset();
-    std::uint32_t place = 0;
-    for (std::uint32_t i = 0; i < info.depth_images; ++i) {
-        if (!is_kept(file, i, images.owners().size())) continue;
-        DepthImages::Owner owner;
-        std::uint32_t keyframe = 0;
-        STILLMESH_CHECK(file.depth(i, owner, keyframe));
-        owner.keyframe = map.keyframes().handle_of(keyframe - 1);
-        std::span<std::uint16_t> depth_mm = images.put(place++, owner);
-        for (std::uint32_t row = 0; row < info.depth_rows; ++row) {
-            ByteReader cells = file.record(Section::kCells, i * info.depth_rows + row);
-            for (std::uint16_t& mm : depth_mm.first(info.depth_columns)) mm = cells.u16();
-            depth_mm = depth_mm.subspan(info.depth_columns);
-        }
-    }
-}
-
-void append_map(std::span<const std::byte> bytes, const MapFileInfo& info, const MapEnd& end, Map& map) noexcept {
-    const MapFile file{bytes, info};
-    const double readout_before_s = map.readout_s();
-    double readout_s = 0;
-    static_cast<void>(file.camera(readout_s));
-    map.express_with_readout(readout_s);
-    add_records(file, end, map);
-    map.express_with_readout(readout_before_s);
-    map.note_change(info.hash);
 }
 
 }  // namespace stillmesh

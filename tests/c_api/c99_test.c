@@ -207,7 +207,7 @@ static void results(sm_engine* engine) {
     EXPECT(all.frames_refused == 0x7777777777777777U && all.size == offsetof(sm_statistics, frames_refused));
     all.size = sizeof all;
     EXPECT(sm_get_statistics(engine, &all) == SM_OK && all.frames_refused == 10 && all.arena_used_bytes > 100000);
-    EXPECT(all.keyframes_size > 0 && all.keyframes_capacity == 8 && all.map_points_capacity == 290);
+    EXPECT(all.keyframes_size > 0 && all.keyframes_capacity == 8 && all.map_points_capacity == 262);
     EXPECT(all.schedule_steps == 10 && all.schedule_units_granted == 200000);
     EXPECT(sm_get_frame_statistics(engine, &frame) == SM_OK && frame.frame == 9 && frame.features > 20);
     EXPECT(frame.static_matches > 8 && frame.static_matches <= frame.matches);

@@ -4,6 +4,7 @@
 #include <map>
 #include <string>
 
+#include "engine/record/map_bytes.hpp"
 #include "engine/record/map_records.hpp"
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
@@ -65,12 +66,13 @@ struct Damage : testing::Test {
     // Where the links to a point are, and by which keyframes, 1 for the first.
     [[nodiscard]] std::map<std::uint32_t, std::size_t> links_to(std::uint32_t point) const {
         std::map<std::uint32_t, std::size_t> out;
+        const MapFileInfo info = test::info_of(file);
+        const MapFile records{file, info};
         std::uint32_t i = 0;
-        for (std::uint32_t k = 0; k < test::info_of(file).keyframes; ++k) {
+        for (std::uint32_t k = 0; k < info.keyframes; ++k) {
             const std::uint64_t end = i + test::number_at(file, at(Section::kKeyframes, k) + 300, 4);
             for (; i < end; ++i) {
-                const std::size_t link = at(Section::kLinks, i);
-                if (test::number_at(file, link, 4) == point + 1) out[k + 1] = link;
+                if (records.link(i) == point + 1) out[k + 1] = at(Section::kLinks, i);
             }
         }
         return out;
@@ -339,14 +341,16 @@ TEST_F(Damage, RecordsThatContradictEachOther) {
 TEST_F(Damage, NoKeyframes) {
     MapFileInfo none = test::info_of(file);
     none.keyframes = none.points = none.features = none.features_of_keyframe = 0;
+    none.depth_images = none.depth_columns = none.depth_rows = 0;
     Bytes empty(file.begin(), file.begin() + static_cast<std::ptrdiff_t>(at(Section::kCamera, 0) + kCameraBytes + 4));
-    for (const std::size_t count : {24U, 28U, 32U, 36U}) test::put(empty, count, 0, 4);
-    test::put(empty, 16, records_at(none, kSections), 8);
-    for (std::uint32_t s = 1; s < kSections; ++s) {
+    for (const std::size_t count : {24U, 28U, 32U, 36U, 84U, 88U}) test::put(empty, count, 0, 4);
+    test::put(empty, 8, none.version(), 4);
+    test::put(empty, 16, file_bytes(none), 8);
+    for (std::uint32_t s = 1; s < sections_of(none); ++s) {
         for (const char letter : kTags[s]) empty.push_back(static_cast<std::byte>(letter));
         empty.insert(empty.end(), 16, std::byte{0});  // none, of no size, and its checksum
     }
-    ASSERT_EQ(empty.size(), records_at(none, kSections));
+    ASSERT_EQ(empty.size(), file_bytes(none));
     test::mend(empty);
     Status status = Status::kOk;
     const MapFileProblem problem = refused(empty, status);
@@ -362,14 +366,14 @@ TEST_F(Damage, APointThatNobodyShowsIsNone) {
     test::put(forgotten, links_to(point).begin()->second, 0, 4);
     test::put(forgotten, at(Section::kPoints, point) + 136, 0, 4);
     test::mend(forgotten);
-    EngineRig other(Limits::tiny(), sequence().camera);
+    EngineRig other(small(), sequence().camera);
     MapFileProblem problem;
     ASSERT_EQ(other->load_map(forgotten, MapUse::kContinue, problem), Status::kOk) << problem.part;
     const Map& map = test::map_of(*other);
     EXPECT_EQ(map.points().size(), test::info_of(file).points);
     EXPECT_EQ(test::find_fault(map), nullptr);
     EXPECT_EQ(map.points().at(point).observers, 0U);
-    EXPECT_TRUE(test::saved(*other, Limits::tiny()).size() == file.size());
+    EXPECT_TRUE(test::saved(*other, small()).size() == file.size());
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ public:
         return sequence;
     }
     static const Sequence& another_day() {
-        static const Sequence sequence = test::rendered("walking_xyz", 60, kWidth, kHeight, 1, 7);
+        static const Sequence sequence = test::rendered("sitting_xyz", 60, kWidth, kHeight, 1, 7);
         return sequence;
     }
     static const Sequence& another_room() {
