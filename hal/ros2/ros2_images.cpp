@@ -103,6 +103,10 @@ Status lens_of(const RosLensView& lens, CameraInfo& info, std::string& problem) 
         problem = "has no focal length: the driver is not calibrated.";
         return Status::kInvalid;
     }
+    if (lens.k[6] != 0 || lens.k[7] != 0) {  // a file may have it column by column; a message has it row by row
+        problem = "has a camera matrix K whose last row is not 0 0 1.";
+        return Status::kInvalid;
+    }
     std::string text = "image_width: " + std::to_string(lens.width) + "\nimage_height: " + std::to_string(lens.height);
     const auto append = [&text](const char* key, std::span<const double> numbers) {
         text += std::string("\n") + key + ": [";

@@ -122,6 +122,9 @@ TEST(Ros2Images, LensesAreRead) {
     EXPECT_NE(problem.find("binned or cut"), std::string::npos) << problem;
     EXPECT_EQ(lens_of({640, 480, "plumb_bob\nfx: 3", brown, k, false}, info, problem), Status::kInvalid);
     EXPECT_EQ(lens_of({640, 480, "omnidirectional", brown, k, false}, info, problem), Status::kInvalid);
+    const std::array<double, 9> by_columns{517, 0, 0, 0, 516, 0, 318, 255, 1};
+    EXPECT_EQ(lens_of({640, 480, "plumb_bob", brown, by_columns, false}, info, problem), Status::kInvalid);
+    EXPECT_NE(problem.find("last row"), std::string::npos) << problem;
     const std::array<double, 9> nan{std::numeric_limits<double>::quiet_NaN(), 0, 1, 0, 1, 1, 0, 0, 1};
     EXPECT_EQ(lens_of({640, 480, "plumb_bob", brown, nan, false}, info, problem), Status::kInvalid);
 }
