@@ -14,16 +14,14 @@ constexpr std::int64_t kPause_ns = 1'000'000'000;  // between both on the map's 
 // Whether both together are within limits and clocks; the file is right by itself.
 Status check_both(const EngineState& state, const MapFileInfo& second, MapFileProblem& problem) noexcept {
     const World& world = state.world;
-    const struct {
-        const char* key;
-        std::size_t value;
-        std::uint32_t limit;
-    } counts[] = {{"limits.keyframes_max", world.map.keyframes().size() + second.keyframes, world.limits.keyframes_max},
-                  {"limits.map_points_max", world.map.points().size() + second.points, world.limits.map_points_max}};
-    for (const auto& count : counts) {
-        if (count.value <= count.limit) continue;
-        problem = {MapFault::kTooManyFor, count.key, static_cast<double>(count.value),
-                   static_cast<double>(count.limit)};
+    const auto is_within = [&problem](const char* key, std::size_t value, std::uint32_t limit) {
+        if (value > limit)
+            problem = {MapFault::kTooManyFor, key, static_cast<double>(value), static_cast<double>(limit)};
+        return value <= limit;
+    };
+    const Map& map = world.map;
+    if (!is_within("limits.keyframes_max", map.keyframes().size() + second.keyframes, world.limits.keyframes_max) ||
+        !is_within("limits.map_points_max", map.points().size() + second.points, world.limits.map_points_max)) {
         return Status::kFull;
     }
     if (second.time_ns <= map_checks::kTimeMax_ns - kPause_ns - world.clock.time_ns &&
