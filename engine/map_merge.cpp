@@ -28,7 +28,8 @@ Status check_both(const EngineState& state, const MapFileInfo& second, MapFilePr
         second.frames <= map_checks::kFramesMax - world.clock.frame) {
         return Status::kOk;
     }
-    problem = {MapFault::kImpossible, "the time of both maps together", 0, 0};
+    problem.fault = MapFault::kImpossible;  // one by one: gcc for arm64 keeps whole constants with addresses in .data
+    problem.part = "the time of both maps together";
     return Status::kCorrupt;
 }
 
