@@ -104,7 +104,7 @@ void Hypotheses::add(const RegionInput& input, const SE3& world_from_camera, dou
     const PoseFit fit = optimise_pose(input.correspondences, input.scratch.span(), world_from_camera,
                                       region.point_chi2_max, input.configuration.pose.coarse_passes_max);
     Hypothesis scored = score(input, fit.is_valid ? fit.world_from_camera : world_from_camera);
-    if (!input.context.has_past && !input.context.hint.is_whole && region.reach > 0)
+    if (region.is_enabled && !input.context.has_past && !input.context.hint.is_whole && region.reach > 0)
         scored.surface = surface_share(input, scored.world_from_camera);
     const std::size_t bit = hypotheses_.size();
     for (std::size_t i = 0; i < input.correspondences.size(); ++i) {

@@ -268,9 +268,10 @@ void FrameEstimator::gather(const NoiseFactors& noise, const RegionContext& expe
     gather_correspondences(matcher_, *frame_, world_->map, noise, expected, time_ns_, world_->parameters,
                            correspondences_);
     const RegionParameters& region = world_->parameters.region;
+    if (!region.is_enabled || region.is_paper()) return;
     if (!expected.has_past && region.reach > 0)
         surfaces_.share_out(frame_->frame(), frame_->keypoints(), correspondences_.span());
-    if (region.is_enabled && !region.is_paper()) frame_->mask().weigh(frame_->keypoints(), correspondences_.span());
+    frame_->mask().weigh(frame_->keypoints(), correspondences_.span());
 }
 
 }  // namespace stillmesh

@@ -237,5 +237,20 @@ TEST(Choice, OneBodyIsNotAnother) {
     }
 }
 
+// Promise: with the static region switched off no body is told from another by its surface either.
+TEST(Choice, NoSurfaceWithoutARegion) {
+    Random random(1);
+    Rig rig(30, 330, moved(0.05), random);
+    for (const bool is_enabled : {false, true}) {
+        rig.configuration.region.is_enabled = is_enabled;
+        rig.context.has_past = false;
+        rig.propose(random);
+        ASSERT_FALSE(rig.hypotheses->all().empty());
+        double most = 0;
+        for (const Hypothesis& h : rig.hypotheses->all()) most = std::max(most, h.surface);
+        EXPECT_EQ(most > 0, is_enabled);
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh
