@@ -1,16 +1,13 @@
 #include "engine/static_region/surface_shares.hpp"
 
 #include "engine/base/numbers.hpp"
+#include "engine/frame/depth_cells.hpp"
 
 namespace stillmesh {
 namespace {
 
-// From one cell to the next on one surface: floor at 3 m, seen from 1.3 m, falls back by .2 m a cell.
-bool goes_on(std::uint32_t a_mm, std::uint32_t b_mm) noexcept {
-    constexpr std::uint32_t kStepMin_mm = 30, kStepPerDepth_permille = 80;
-    const std::uint32_t nearer = std::min(a_mm, b_mm), farther = std::max(a_mm, b_mm);
-    return nearer > 0 && farther - nearer <= kStepMin_mm + nearer * kStepPerDepth_permille / 1000;
-}
+// Floor at 3 m, seen from 1.3 m, falls back by .2 m a cell.
+constexpr DepthStep kStep{.base_mm = 30, .share_permille = 80};
 
 std::uint16_t millimetres(double z_m) noexcept {
     return static_cast<std::uint16_t>(round_clamped(1000 * z_m, 0, 65535));
@@ -71,7 +68,7 @@ std::uint16_t SurfaceShares::cell_of(const Keypoint& keypoint, double z_m) const
     const auto row = static_cast<std::uint32_t>(keypoint.y) / cell_px_;
     if (column >= columns_ || row >= rows_) return kNone;
     const std::uint32_t cell = row * columns_ + column;
-    return goes_on(millimetres(z_m), depth_mm_[cell]) ? static_cast<std::uint16_t>(cell) : kNone;
+    return goes_on(millimetres(z_m), depth_mm_[cell], kStep) ? static_cast<std::uint16_t>(cell) : kNone;
 }
 
 void SurfaceShares::claim_own(std::span<const Keypoint> keypoints,
@@ -92,17 +89,13 @@ void SurfaceShares::claim_around() noexcept {
         const std::size_t end = queued_;
         for (; i < end; ++i) {
             const std::uint16_t cell = queue_[i];
-            const std::uint32_t column = cell % columns_;
-            if (column > 0) claim(cell, cell - 1U);
-            if (column + 1 < columns_) claim(cell, cell + 1U);
-            if (cell >= columns_) claim(cell, cell - columns_);
-            if (cell + columns_ < columns_ * rows_) claim(cell, cell + columns_);
+            for_each_neighbour(cell, columns_, std::size_t{columns_} * rows_, [&](std::size_t to) { claim(cell, to); });
         }
     }
 }
 
-void SurfaceShares::claim(std::uint16_t from, std::uint32_t to) noexcept {
-    if (owners_[to] != kNone || !goes_on(depth_mm_[from], depth_mm_[to])) return;
+void SurfaceShares::claim(std::uint16_t from, std::size_t to) noexcept {
+    if (owners_[to] != kNone || !goes_on(depth_mm_[from], depth_mm_[to], kStep)) return;
     owners_[to] = owners_[from];
     queue_[queued_++] = static_cast<std::uint16_t>(to);
 }

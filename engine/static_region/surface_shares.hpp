@@ -45,7 +45,7 @@ private:
     void begin(const Frame& frame) noexcept;
     void claim_own(std::span<const Keypoint> keypoints, std::span<const Correspondence> correspondences) noexcept;
     void claim_around() noexcept;
-    void claim(std::uint16_t from, std::uint32_t to) noexcept;
+    void claim(std::uint16_t from, std::size_t to) noexcept;
     // The cell that a match lies in, if it shows the surface that the match lies on; or kNone.
     [[nodiscard]] std::uint16_t cell_of(const Keypoint& keypoint, double z_m) const noexcept;
 

@@ -3,12 +3,13 @@
 #include <algorithm>
 
 #include "engine/base/numbers.hpp"
+#include "engine/frame/depth_cells.hpp"
 
 namespace stillmesh {
 namespace {
 
-// From one cell to the next on one surface: floor at 3 m, seen from 1.3 m, falls back by .1 m a cell.
-constexpr std::uint32_t kStepMin_mm = 20, kStepPerDepth_permille = 40;
+// Floor at 3 m, seen from 1.3 m, falls back by .1 m a cell.
+constexpr DepthStep kStep{.base_mm = 20, .share_permille = 40};
 
 constexpr std::uint32_t kSamples = 5, kSamplesMin = 3;
 
@@ -54,25 +55,20 @@ std::uint16_t StillDepth::reduce(const Frame& frame, std::uint32_t x, std::uint3
     return static_cast<std::uint16_t>(round_clamped(1000 * z_m, 0, DepthImage::kDepth));
 }
 
-bool StillDepth::goes_on(std::size_t a, std::size_t b) const noexcept {
-    const std::uint32_t nearer = std::min(depth_mm_[a], depth_mm_[b]), farther = std::max(depth_mm_[a], depth_mm_[b]);
-    return nearer > 0 && farther - nearer <= kStepMin_mm + nearer * kStepPerDepth_permille / 1000;
-}
-
 void StillDepth::note(const Keypoint& keypoint, double z_m, bool is_moving) noexcept {
     const auto column = static_cast<std::uint32_t>(round_clamped(static_cast<double>(keypoint.x), 0, 65535)) / cell_px_;
     const auto row = static_cast<std::uint32_t>(round_clamped(static_cast<double>(keypoint.y), 0, 65535)) / cell_px_;
     if (column >= columns_ || row >= rows_) return;
     const std::size_t cell = std::size_t{row} * columns_ + column;
     const std::int32_t off_mm = round_clamped(1000 * z_m, 0, 65535) - depth_mm_[cell];
-    const auto step = static_cast<std::int32_t>(kStepMin_mm + depth_mm_[cell] * kStepPerDepth_permille / 1000);
+    const auto step = static_cast<std::int32_t>(kStep.base_mm + depth_mm_[cell] * kStep.share_permille / 1000);
     if (depth_mm_[cell] == 0 || off_mm > step || off_mm < -step) return;  // the cell shows another surface
     if (labels_[cell] == Label::kNone) queue_[queued_++] = static_cast<std::uint16_t>(cell);
     if (labels_[cell] != Label::kMoving) labels_[cell] = is_moving ? Label::kMoving : Label::kStill;
 }
 
 void StillDepth::reach(std::size_t from, std::size_t to) noexcept {
-    if (labels_[to] != Label::kNone || !goes_on(from, to)) return;
+    if (labels_[to] != Label::kNone || !goes_on(depth_mm_[from], depth_mm_[to], kStep)) return;
     labels_[to] = labels_[from];
     queue_[queued_++] = static_cast<std::uint16_t>(to);
 }
@@ -80,11 +76,7 @@ void StillDepth::reach(std::size_t from, std::size_t to) noexcept {
 void StillDepth::finish(std::span<std::uint16_t> out) noexcept {
     for (std::size_t i = 0; i < queued_; ++i) {
         const std::size_t cell = queue_[i];
-        const std::size_t column = cell % columns_;
-        if (column > 0) reach(cell, cell - 1);
-        if (column + 1 < columns_) reach(cell, cell + 1);
-        if (cell >= columns_) reach(cell, cell - columns_);
-        if (cell + columns_ < out.size()) reach(cell, cell + columns_);
+        for_each_neighbour(cell, columns_, out.size(), [&](std::size_t to) { reach(cell, to); });
     }
     for (std::uint32_t row = 0; row < rows_; ++row) {
         for (std::uint32_t column = 0; column < columns_; ++column) {

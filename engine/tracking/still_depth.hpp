@@ -33,7 +33,6 @@ public:
 private:
     enum class Label : std::uint8_t { kNone, kStill, kMoving };
     [[nodiscard]] std::uint16_t reduce(const Frame& frame, std::uint32_t x, std::uint32_t y) const noexcept;
-    [[nodiscard]] bool goes_on(std::size_t a, std::size_t b) const noexcept;
     void reach(std::size_t from, std::size_t to) noexcept;
     [[nodiscard]] bool is_by_moving(std::uint32_t column, std::uint32_t row) const noexcept;
 

@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
+#include "engine/frame/depth_cells.hpp"
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
@@ -121,6 +123,29 @@ TEST(SurfaceShares, EveryCellOnceByBruteForce) {
         }
         EXPECT_NEAR(sum, reached(picture), 1e-3 * sum) << "seed " << seed;
         EXPECT_GT(sum, 100);
+    }
+}
+
+// Promise: depth goes on over no more than the step, from either side, and nowhere from a cell without depth; the
+// neighbours of a cell are those that share a side with it, within the picture.
+TEST(DepthCells, SurfacesAndNeighbours) {
+    constexpr DepthStep kStep{.base_mm = 30, .share_permille = 80};
+    for (const std::uint32_t z_mm : {500U, 1000U, 4000U, 9000U}) {
+        const std::uint32_t most = z_mm + 30 + z_mm * 80 / 1000;
+        EXPECT_TRUE(goes_on(z_mm, most, kStep) && goes_on(most, z_mm, kStep));
+        EXPECT_FALSE(goes_on(z_mm, most + 1, kStep) || goes_on(most + 1, z_mm, kStep));
+        EXPECT_FALSE(goes_on(0, z_mm, kStep) || goes_on(z_mm, 0, kStep) || goes_on(0, 0, kStep));
+    }
+    constexpr std::size_t kWide = 5, kCells = 15;
+    for (std::size_t a = 0; a < kCells; ++a) {
+        std::vector<std::size_t> wanted, found;
+        for (std::size_t b = 0; b < kCells; ++b) {
+            const auto apart = [](std::size_t x, std::size_t y) { return x > y ? x - y : y - x; };
+            if (apart(a % kWide, b % kWide) + apart(a / kWide, b / kWide) == 1) wanted.push_back(b);
+        }
+        for_each_neighbour(a, kWide, kCells, [&](std::size_t b) { found.push_back(b); });
+        std::sort(found.begin(), found.end());
+        EXPECT_EQ(found, wanted) << a;
     }
 }
 
