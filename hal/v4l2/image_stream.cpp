@@ -1,6 +1,5 @@
 #include "hal/v4l2/image_stream.hpp"
 
-#include <algorithm>
 #include <cerrno>
 
 #include "engine/base/check.hpp"
@@ -36,20 +35,6 @@ int ImageStream::set_mode(const Mode& mode) {
     return 0;
 }
 
-int ImageStream::map_buffers() {
-    step_ = "its buffers";
-    std::uint32_t count = kBuffers;
-    if (const int error = link_.request_buffers(handle_, count); error != 0) return error;
-    buffer_count_ = std::min(count, kBuffers);
-    if (count < kBuffersMin) return ERANGE;
-    for (std::uint32_t i = 0; i < buffer_count_; ++i) {
-        if (const int error = link_.map(handle_, i, buffers_[i]); error != 0) return error;
-        if (buffers_[i].size() < format_.bytes) return ERANGE;
-        if (const int error = link_.queue(handle_, i); error != 0) return error;
-    }
-    return 0;
-}
-
 int ImageStream::start(int handle, const Mode& mode) {
     stop();
     handle_ = handle;
@@ -57,7 +42,10 @@ int ImageStream::start(int handle, const Mode& mode) {
     returned_ = 0;
     has_failed_ = has_sequence_ = false;
     int error = set_mode(mode);
-    if (error == 0) error = map_buffers();
+    if (error == 0) {
+        step_ = "its buffers";
+        error = buffers_.map(link_, handle_, kBuffersMin, format_.bytes);
+    }
     if (error == 0) {
         step_ = "its start";
         error = link_.set_streaming(handle_, true);
@@ -72,14 +60,7 @@ void ImageStream::stop() noexcept {
     STILLMESH_CHECK((held_ & ~returned_) == 0);
     if (is_on_) static_cast<void>(link_.set_streaming(handle_, false));
     is_on_ = false;
-    for (auto& buffer : buffers_) {
-        if (!buffer.empty()) link_.unmap(buffer);
-        buffer = {};
-    }
-    // Given back, so that another mode can be set, and another process may stream.
-    std::uint32_t none = 0;
-    if (buffer_count_ > 0) static_cast<void>(link_.request_buffers(handle_, none));
-    buffer_count_ = 0;
+    buffers_.unmap(link_, handle_);
     handle_ = -1;
 }
 
@@ -90,7 +71,7 @@ void ImageStream::give_back(std::uint32_t index) noexcept {
 void ImageStream::queue_returned() noexcept {
     const std::uint32_t returned = returned_.exchange(0);
     held_ &= ~returned;
-    for (std::uint32_t i = 0; i < buffer_count_; ++i) {
+    for (std::uint32_t i = 0; i < buffers_.size(); ++i) {
         if ((returned >> i & 1U) != 0 && link_.queue(handle_, i) != 0) has_failed_ = true;
     }
 }
@@ -103,7 +84,7 @@ int ImageStream::take(Image& image) noexcept {
     if (error == ENODEV) return error;
     if (has_failed_) return EIO;
     if (error == EAGAIN) return error;
-    if (error != 0 || buffer.index >= buffer_count_ || (held_ >> buffer.index & 1U) != 0) {
+    if (error != 0 || buffer.index >= buffers_.size() || (held_ >> buffer.index & 1U) != 0) {
         // A buffer whose number is wrong is nobody's: it is lost.
         ++broken_;
         return ++errors_ > kErrorsMax ? EIO : EBADMSG;

@@ -11,6 +11,7 @@
 #include <span>
 #include <utility>
 
+#include "hal/v4l2/mapped_buffers.hpp"
 #include "hal/v4l2/realsense_metadata.hpp"
 #include "hal/v4l2/stream_modes.hpp"
 #include "hal/v4l2/v4l2_link.hpp"
@@ -86,7 +87,6 @@ private:
     static constexpr std::uint32_t kErrorsMax = 32;  // in a row, of dequeuing: then it has failed for good
 
     [[nodiscard]] int set_mode(const Mode& mode);
-    [[nodiscard]] int map_buffers();
     void give_back(std::uint32_t index) noexcept;
     void queue_returned() noexcept;
 
@@ -95,8 +95,7 @@ private:
     const char* step_ = "";
     Mode mode_;
     V4l2Format format_;
-    std::array<std::span<const std::uint8_t>, kBuffers> buffers_{};
-    std::uint32_t buffer_count_ = 0;
+    MappedBuffers<kBuffers> buffers_;
     std::uint32_t held_ = 0;                   // bits of buffers that are out, or returned
     std::atomic<std::uint32_t> returned_ = 0;  // of those that may be queued again
     std::uint32_t errors_ = 0;                 // in a row

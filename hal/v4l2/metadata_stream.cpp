@@ -1,6 +1,5 @@
 #include "hal/v4l2/metadata_stream.hpp"
 
-#include <algorithm>
 #include <cerrno>
 
 namespace stillmesh::v4l2 {
@@ -24,18 +23,6 @@ int MetadataStream::set_format() {
     return format_.fourcc == best && format_.bytes >= kBytesMin && format_.bytes <= kBytesMax ? 0 : ERANGE;
 }
 
-int MetadataStream::map_buffers() {
-    std::uint32_t count = kBuffers;
-    if (const int error = link_.request_buffers(handle_, count); error != 0) return error;
-    buffer_count_ = std::min(count, kBuffers);
-    if (buffer_count_ == 0) return ERANGE;
-    for (std::uint32_t i = 0; i < buffer_count_; ++i) {
-        if (const int error = link_.map(handle_, i, buffers_[i]); error != 0) return error;
-        if (const int error = link_.queue(handle_, i); error != 0) return error;
-    }
-    return link_.set_streaming(handle_, true);
-}
-
 int MetadataStream::start(const std::string& path) {
     stop();
     if (path.empty()) return ENOTSUP;
@@ -46,7 +33,8 @@ int MetadataStream::start(const std::string& path) {
     int error = link_.query_capability(handle_, capabilities);
     if (error == 0 && (capabilities & kV4l2Metadata) == 0) error = ENOTSUP;
     if (error == 0) error = set_format();
-    if (error == 0) error = map_buffers();
+    if (error == 0) error = buffers_.map(link_, handle_, 1, 0);
+    if (error == 0) error = link_.set_streaming(handle_, true);
     is_on_ = error == 0;
     if (error != 0) stop();
     return error;
@@ -56,13 +44,7 @@ void MetadataStream::stop() noexcept {
     if (handle_ < 0) return;
     if (is_on_) static_cast<void>(link_.set_streaming(handle_, false));
     is_on_ = false;
-    for (auto& buffer : buffers_) {
-        if (!buffer.empty()) link_.unmap(buffer);
-        buffer = {};
-    }
-    std::uint32_t none = 0;
-    if (buffer_count_ > 0) static_cast<void>(link_.request_buffers(handle_, none));
-    buffer_count_ = 0;
+    buffers_.unmap(link_, handle_);
     link_.close(handle_);
     handle_ = -1;
     read_ = {};
@@ -74,7 +56,7 @@ void MetadataStream::read_all() noexcept {
         V4l2Buffer buffer;
         const int error = link_.dequeue(handle_, buffer);
         if (error == EAGAIN || error == ENODEV) return;
-        if (error != 0 || buffer.index >= buffer_count_) continue;
+        if (error != 0 || buffer.index >= buffers_.size()) continue;
         const std::span<const std::uint8_t> bytes = buffers_[buffer.index];
         Read& read = read_[buffer.sequence % kBuffers];
         read = {.sequence = buffer.sequence, .is_there = true, .facts = {}};

@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 
+#include "hal/v4l2/mapped_buffers.hpp"
 #include "hal/v4l2/realsense_metadata.hpp"
 #include "hal/v4l2/v4l2_link.hpp"
 
@@ -41,15 +42,13 @@ private:
     };
 
     [[nodiscard]] int set_format();
-    [[nodiscard]] int map_buffers();
     void read_all() noexcept;
 
     V4l2Link& link_;
     int handle_ = -1;
     bool is_on_ = false;
     V4l2Format format_;
-    std::array<std::span<const std::uint8_t>, kBuffers> buffers_{};
-    std::uint32_t buffer_count_ = 0;
+    MappedBuffers<kBuffers> buffers_;
     std::array<Read, kBuffers> read_{};  // the last, by sequence
 };
 
