@@ -12,9 +12,9 @@
 #include "hal/ros2/messages.hpp"
 #include "hal/ros2/packed_images.hpp"
 #include "hal/ros2/ros2_images.hpp"
-#include "hal/ros2/ros_context.hpp"
 #include "hal/ros2/ros_loan.hpp"
 #include "hal/ros2/ros_name.hpp"
+#include "hal/ros2/ros_readers.hpp"
 
 namespace stillmesh {
 namespace {
@@ -23,7 +23,6 @@ using live::monotonic_ns;
 
 constexpr std::size_t kStampsForRate = 5;
 constexpr std::int64_t kPeriodMin_us = 4'000, kPeriodMax_us = 1'000'000;
-constexpr std::int64_t kLookAround_ns = 50'000'000;  // between two looks whether to end
 constexpr RosQos kSensorData{.is_reliable = false, .depth = 4};
 
 // An image of either kind.
@@ -113,7 +112,7 @@ struct Ros2Camera::Session : live::LiveSession<Image> {
 
     Ros2Options options;
     std::array<dds_entity_t, kStreams> readers{};
-    dds_entity_t waiting = 0;
+    RosReaders all;
     bool has_lens = false;  // this and all below: under the mutex
     std::string problem;    // frames came that cannot be used
     CameraInfo lens;
@@ -131,10 +130,6 @@ struct Ros2Camera::Session : live::LiveSession<Image> {
         }
         if (thread.joinable()) thread.join();
         release_images();  // to a shelf that is still there
-        if (waiting > 0) static_cast<void>(dds_delete(waiting));
-        for (const dds_entity_t reader : readers) {
-            if (reader > 0) static_cast<void>(dds_delete(reader));
-        }
     }
     Session(const Session&) = delete;
     Session& operator=(const Session&) = delete;
@@ -173,13 +168,10 @@ bool Ros2Camera::Session::subscribe(const RosContext& context, std::string& mess
         return is_packed_topic(name(stream)) ? &ros::kCompressedImage : &ros::kImage;
     };
     const dds_topic_descriptor_t* const types[kStreams] = {image_type(kColour), image_type(kDepth), &ros::kCameraInfo};
-    waiting = dds_create_waitset(DDS_CYCLONEDDS_HANDLE);
     for (std::size_t i = 0; i < kStreams; ++i) {
         if (i == kLens && !options.calibration.empty()) continue;
-        readers[i] = context.reader(name(i), *types[i], kSensorData, message);
+        readers[i] = all.add(context, name(i), *types[i], kSensorData, message);
         if (readers[i] < 0) return false;
-        static_cast<void>(dds_set_status_mask(readers[i], DDS_DATA_AVAILABLE_STATUS));
-        static_cast<void>(dds_waitset_attach(waiting, readers[i], 0));
     }
     thread = std::jthread([this] { serve(); });
     return true;
@@ -188,7 +180,7 @@ bool Ros2Camera::Session::subscribe(const RosContext& context, std::string& mess
 void Ros2Camera::Session::serve() noexcept {
     if (options.thread_begins) options.thread_begins();
     for (;;) {
-        static_cast<void>(dds_waitset_wait(waiting, nullptr, 0, kLookAround_ns));
+        all.wait();
         {
             const std::lock_guard lock(mutex);
             counts.reader_cpu_ns = live::clock_ns(CLOCK_THREAD_CPUTIME_ID);

@@ -7,14 +7,13 @@
 #include <thread>
 
 #include "hal/ros2/messages.hpp"
-#include "hal/ros2/ros_context.hpp"
 #include "hal/ros2/ros_loan.hpp"
+#include "hal/ros2/ros_readers.hpp"
 #include "platform/poses/body_frames.hpp"
 
 namespace stillmesh {
 namespace {
 
-constexpr std::int64_t kLookAround_ns = 50'000'000;    // between two looks whether to end
 constexpr std::int64_t kClockBack_ns = 1'000'000'000;  // farther back than late messages: another clock
 constexpr RosQos kSensorData{.is_reliable = false, .depth = 100};
 
@@ -43,22 +42,12 @@ public:
         samples_.odometry.reserve(kSamplesMax);
         samples_.gyroscope.reserve(kSamplesMax);
     }
-    ~Listener() {
-        if (thread_.joinable()) {
-            thread_.request_stop();
-            thread_.join();
-        }
-        for (const dds_entity_t entity : {waiting_, odometry_, imu_}) {
-            if (entity > 0) static_cast<void>(dds_delete(entity));
-        }
-    }
     Listener(const Listener&) = delete;
     Listener& operator=(const Listener&) = delete;
 
     [[nodiscard]] bool open(const RosMotionOptions& options, std::string& message) {
         context_ = RosContext::get(message);
         if (context_ == nullptr) return false;
-        waiting_ = dds_create_waitset(DDS_CYCLONEDDS_HANDLE);
         if (!subscribe(options.odometry, ros::kOdometry, odometry_, message) ||
             !subscribe(options.imu, ros::kImu, imu_, message)) {
             return false;
@@ -78,17 +67,14 @@ public:
 
 private:
     [[nodiscard]] bool subscribe(const std::string& topic, const dds_topic_descriptor_t& type, dds_entity_t& reader,
-                                 std::string& message) const {
+                                 std::string& message) {
         if (topic.empty()) return true;
-        reader = context_->reader(topic, type, kSensorData, message);
-        if (reader < 0) return false;
-        static_cast<void>(dds_set_status_mask(reader, DDS_DATA_AVAILABLE_STATUS));
-        static_cast<void>(dds_waitset_attach(waiting_, reader, 0));
-        return true;
+        reader = readers_.add(*context_, topic, type, kSensorData, message);
+        return reader >= 0;
     }
     void serve(const std::stop_token& stop) {
         while (!stop.stop_requested()) {
-            static_cast<void>(dds_waitset_wait(waiting_, nullptr, 0, kLookAround_ns));
+            readers_.wait();
             while (odometry_ > 0 && take_pose() && !stop.stop_requested()) {
             }
             while (imu_ > 0 && take_rate() && !stop.stop_requested()) {
@@ -126,10 +112,11 @@ private:
 
     RigidTransform base_from_optical_, optical_from_base_;
     std::shared_ptr<RosContext> context_;
-    dds_entity_t waiting_ = 0, odometry_ = 0, imu_ = 0;
+    RosReaders readers_;
+    dds_entity_t odometry_ = 0, imu_ = 0;
     mutable std::mutex mutex_;  // of the samples
     MotionSamples samples_;
-    std::jthread thread_;
+    std::jthread thread_;  // ends before what it reads
 };
 
 RosMotion::RosMotion() = default;
