@@ -23,6 +23,7 @@
 #include "platform/cli/motion_of_run.hpp"
 #include "platform/cli/prepared_camera.hpp"
 #include "platform/cli/recording_source.hpp"
+#include "platform/cli/scene_name.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/cli/view_of_run.hpp"
 #include "platform/linux/process.hpp"
@@ -325,25 +326,10 @@ int replay(const RunArguments& arguments, std::int64_t begin_ns) {
 
 int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
     if (!arguments.calibration.empty()) return refuse("--calibration: the simulated camera brings its own.");
-    SimulationOptions options;
-    const std::size_t colon = arguments.simulate.find(':');
-    options.scene = arguments.simulate.substr(0, colon);
-    if (colon != std::string::npos) {
-        const std::string_view seeds = std::string_view(arguments.simulate).substr(colon + 1);
-        const std::size_t plus = std::min(seeds.find('+'), seeds.size());
-        const auto read = [](std::string_view text, std::uint64_t& number) {
-            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-            return error == std::errc() && end == text.data() + text.size();
-        };
-        if (!read(seeds.substr(0, plus), options.seed) ||
-            (plus < seeds.size() && (!read(seeds.substr(plus + 1), options.day) || options.day == 0))) {
-            return refuse(fmt::format(
-                "--simulate {}: the seed is a whole number, as in walking_xyz:2; walking_xyz:2+7 is the same room on "
-                "day 7, with other people, another camera's way and other light.",
-                arguments.simulate));
-        }
-    }
+    SceneName scene;
     std::string wrong;
+    if (!parse_scene_name(arguments.simulate, scene, wrong)) return refuse("--simulate " + wrong + ".");
+    SimulationOptions options{.scene = scene.name, .seed = scene.seed, .day = scene.day};
     if (!parse_dirt(arguments.dirt, options.dirt, wrong)) return refuse("--dirt: " + wrong + ".");
     // As `stillmesh simulate --frames N`: the same frames.
     if (arguments.loop.frames_max > 1'000'000) return refuse("--frames: at most 1000000 simulated frames.");

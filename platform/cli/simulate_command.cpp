@@ -119,13 +119,15 @@ private:
 }  // namespace
 
 int simulate_command(const SimulateOptions& options) {
-    Dirt dirt;
+    SceneName scene = options.scene;
     std::string wrong;
+    if (!parse_scene_name(options.scene.name, scene, wrong)) return complain(kExitUsage, wrong + ".");
+    Dirt dirt;
     if (!parse_dirt(options.dirt, dirt, wrong)) return complain(kExitUsage, "--dirt: " + wrong + ".");
     SimulatedCamera camera(
-        {.scene = options.scene,
-         .seed = options.seed,
-         .day = options.day,
+        {.scene = scene.name,
+         .seed = scene.seed,
+         .day = scene.day,
          .frames = options.frames,
          .width = options.width,
          .height = options.height > 0 ? options.height : options.width * 3 / 4,
@@ -145,7 +147,7 @@ int simulate_command(const SimulateOptions& options) {
             return complain(kExitUsage, (out / name).string() + ": cannot be made, or somebody else is writing here.");
         }
     }
-    const std::string what = "# simulated: " + options.scene + ", seed " + std::to_string(options.seed) + "\n";
+    const std::string what = "# simulated: " + scene.name + ", seed " + std::to_string(scene.seed) + "\n";
     List rgb_list;
     List depth_list;
     List mask_list;
@@ -160,7 +162,7 @@ int simulate_command(const SimulateOptions& options) {
                           options.is_depth_separate ? calibration_toml(camera.info()) : camera_yaml(camera.info()))) {
         return complain(kExitUsage, options.out + ": cannot be written: " + std::strerror(errno) + ".");
     }
-    MotionLists motion(options.seed);
+    MotionLists motion(scene.seed);
     if (options.has_motion &&
         !motion.open(path_of("odometry.txt"), path_of("gyro.txt"), path_of("accelerometer.txt"), what)) {
         return complain(kExitUsage, options.out + ": cannot be written: " + std::strerror(errno) + ".");
@@ -211,7 +213,7 @@ int simulate_command(const SimulateOptions& options) {
         if (!options.is_json && now_ns - shown_ns > (is_terminal ? 200'000'000 : 10'000'000'000)) {
             const double left_s = static_cast<double>(now_ns - begin_ns) * 1e-9 / count * (frame_count - count);
             std::fprintf(stderr, "%s%s: frame %u of %u, %.0f s left%s", is_terminal ? "\r\033[K" : "",
-                         options.scene.c_str(), count, frame_count, left_s, is_terminal ? "" : "\n");
+                         scene.name.c_str(), count, frame_count, left_s, is_terminal ? "" : "\n");
             shown_ns = now_ns;
         }
     }
@@ -219,14 +221,14 @@ int simulate_command(const SimulateOptions& options) {
     const double mean = count > 0 ? share_sum / count : 0.0;
     const double above_share = count > 0 ? static_cast<double>(above) / count : 0.0;
     if (options.is_json) {
-        const nlohmann::ordered_json summary = {{"scene", options.scene},     {"seed", options.seed},
+        const nlohmann::ordered_json summary = {{"scene", scene.name},     {"seed", scene.seed},
                                                 {"folder", options.out},      {"frames", count},
                                                 {"dynamic_share_mean", mean}, {"frames_above_30_percent", above_share}};
         std::printf("%s\n", summary.dump(2).c_str());
     } else {
         std::printf(
             "%s, seed %llu: %u frames in %s; moving pixels %.1f %% in the mean, above 30 %% in %.0f %% of the frames\n",
-            options.scene.c_str(), static_cast<unsigned long long>(options.seed), count, options.out.c_str(),
+            scene.name.c_str(), static_cast<unsigned long long>(scene.seed), count, options.out.c_str(),
             100 * mean, 100 * above_share);
     }
     if (!problem.empty()) {

@@ -6,13 +6,13 @@
 #include <cstdint>
 #include <string>
 
+#include "platform/cli/scene_name.hpp"
+
 namespace stillmesh {
 
 struct SimulateOptions {
-    std::string scene;  // such as walking_xyz
-    std::string out;    // folder to make; must not be there, or be empty
-    std::uint64_t seed = 1;
-    std::uint64_t day = 0;           // not 0: the same room, another day
+    SceneName scene;            // its name as it was given: a seed or day in it goes before the other
+    std::string out;                 // folder to make; must not be there, or be empty
     std::uint32_t frames = 0;        // of the camera; 0: the scene's own length
     std::uint32_t width = 640;       // px
     std::uint32_t height = 0;        // px; 0: three quarters of the width

@@ -673,6 +673,19 @@ TEST(EndToEnd, SimulatedScenesByName) {
         EXPECT_EQ(answer.code, 2) << bad.arguments;
         EXPECT_NE(answer.error.find(bad.sentence), std::string::npos) << bad.arguments << ": " << answer.error;
     }
+    EXPECT_EQ(stillmesh_says("simulate walking_xyz:1x --out never").code, 2);
+}
+
+// Promise: `simulate` takes a scene as `run` does, SCENE:SEED+DAY, and that says the same as --seed and --day.
+TEST(EndToEnd, SimulatesASceneByItsWholeName) {
+    const test::TemporaryFolder folder;
+    const std::string whole = folder.path() + "/whole";
+    const std::string parts = folder.path() + "/parts";
+    const std::string rest = " --frames 1 --width 64 --out ";
+    ASSERT_EQ(stillmesh_says("simulate static_xyz:2+7" + rest + whole).code, 0);
+    ASSERT_EQ(stillmesh_says("simulate static_xyz --seed 2 --day 7" + rest + parts).code, 0);
+    for (const char* const file : {"groundtruth.txt", "rgb.txt"})
+        EXPECT_EQ(test::read_text(whole + "/" + file), test::read_text(parts + "/" + file)) << file;
 }
 
 }  // namespace
