@@ -58,8 +58,8 @@ public:
     [[nodiscard]] std::uint32_t left_next(std::uint32_t e) const noexcept { return previous(twin(e)); }
     [[nodiscard]] std::uint32_t right_previous(std::uint32_t e) const noexcept { return next(twin(e)); }
 
-    // After a merge, or before the first. No slot is free then: an edge that goes lets a point in at its side of the gap,
-    // and each of these gets a cross edge later, so that a merge ends with as many edges as it ever had.
+    // After a merge, or before the first. No slot is free then: an edge that goes lets a point in at its side of the
+    // gap, and each of these gets a cross edge later, so that a merge ends with as many edges as it ever had.
     [[nodiscard]] std::uint32_t slots_used() const noexcept {
         STILLMESH_CHECK(free_ == kNone);
         return used_;

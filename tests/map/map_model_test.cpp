@@ -88,6 +88,18 @@ TEST(MapModel, Parents) {
     }
 }
 
+// Promise: a keyframe that is alone is the root, new or returned.
+TEST(MapModel, ALoneKeyframeIsTheRoot) {
+    MapInMemory map(small(2, 4, 4));
+    const Handle<Keyframe> alone = add_keyframe(*map, 5);
+    for (const bool is_returned : {false, true}) {
+        map->keyframes().find(alone)->parent = alone;
+        is_returned ? map->attach_returned(alone) : map->attach(alone);
+        EXPECT_TRUE(map->keyframes().find(alone)->parent.is_null());
+        EXPECT_EQ(test::find_fault(*map), nullptr);
+    }
+}
+
 // Promise: of two points made one, the longer past has the say about weight and suspicion, and the one that stays where
 // both are as long; the seeing of both counts, up to what the number holds; times are the later, or of birth the
 // earlier where the one that goes has the say.
