@@ -33,8 +33,9 @@ public:
         rig.at(candidate).world_from_camera = world_from_place_;
         rig.at(candidate).frame = 5;
         for (std::uint32_t i = 0; i < kFeatures; ++i) {
-            const Observation there =
-                rig.seen_at(random.uniform(60, 580), random.uniform(50, 430), random.uniform(2, 4));
+            const double x = random.uniform(60, 580);  // one draw a statement: arguments have no order of evaluation
+            const double y = random.uniform(50, 430);
+            const Observation there = rig.seen_at(x, y, random.uniform(2, 4));
             const Descriptor descriptor = random_descriptor(random);
             Observation o = there;
             o.point = rig.add_point(world_from_place_, there, descriptor);

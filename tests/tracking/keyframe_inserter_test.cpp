@@ -332,7 +332,7 @@ TEST_F(Inserter, KeepsWhatItSeesOnceASecond) {
         const auto kept = [&] {
             std::uint32_t count = 0;
             for (const DepthImages::Owner& owner : world.depth_images.owners())
-                count += owner.keyframe.is_null() ? 0 : 1;
+                count += owner.keyframe.is_null() ? 0U : 1U;
             return count;
         };
         (*inserter_)->look(source(0, kNumber - 1), world);
