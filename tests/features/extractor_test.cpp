@@ -4,9 +4,12 @@
 #include <set>
 #include <vector>
 
+#include "engine/base/crc.hpp"
 #include "engine/base/hash.hpp"
 #include "engine/base/random.hpp"
 #include "engine/features/orb_extractor.hpp"
+#include "engine/features/orb_pattern.hpp"
+#include "engine/features/own_extractor.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/features/images.hpp"
 #include "tests/features/rig.hpp"
@@ -124,6 +127,20 @@ TEST(OrbExtractor, golden) {
     Rig rig(Limits::room(), cpu_kernels());
     ASSERT_EQ(rig.extractor.extract(image.view(), rig.features), Status::kOk);
     EXPECT_EQ(digest(rig.features), 11812093216202693258ULL);
+}
+
+// Promise: what a vocabulary names its pattern by is the checksum of every offset of every turn, 16 bits each, the low
+// byte first.
+TEST(OrbExtractor, pattern_has_a_checksum) {
+    std::vector<std::byte> bytes;
+    for (const auto& turn : turned_pattern().offsets) {
+        for (const std::int16_t offset : turn) {
+            const int number = offset < 0 ? offset + 65536 : offset;
+            bytes.push_back(static_cast<std::byte>(number % 256));
+            bytes.push_back(static_cast<std::byte>(number / 256));
+        }
+    }
+    EXPECT_EQ(descriptor_pattern_crc(), crc32(bytes));
 }
 
 // Promise: where there are strong corners they come before weak ones, and a dim corner of the image still gets

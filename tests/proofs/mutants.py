@@ -15,7 +15,7 @@ without; what the compiler refuses is no mutant and another is drawn.
 No mutants, since no test of results can tell them from the engine, by rule and not by list:
   memory  fetching ahead, and room that is reserved: lines with `prefetch`, `kAhead`, `arena` or `create(`
   work    what a piece of work is said to have cost: lines that assign to `units`, call `spend(` or return units, and *units_max
-          and *_units functions, whole
+          and *_units functions, whole; a share of a limit that is returned
   bound   `>=` for `>` in `if (x > y) y = x;`, which does the same, and `<=` for `<` in a loop over the slots of a pool that first
           asks whether the slot is taken, which behind the last one it is not
   tie     `<` for `<=` and the like between two computed floating-point numbers, which differ only where both are equal to the

@@ -13,8 +13,10 @@ TURNS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "),
          (r"(?<=[( ])!(?=[a-z(])", ""), (r"\btrue\b", "false"), (r"\bfalse\b", "true")]
 MEMORY = re.compile(r"prefetch|\bkAhead\b|\barena\b|\bcreate\(")
 WORK = re.compile(r"\b\w*units\w* (\+)?= |\breturn .*\bunits\b|spend\(|units_max")
-# What it may cost at most, or costs, as a function of its own: `piece_units_max()` and its like.
+# What it may cost at most, or costs, as a function of its own, `piece_units_max()` and its like; and a share of a limit that
+# is returned: nothing but costs is.
 COST = re.compile(r"^std::uint32_t \w+::\w*_units(_max)?\(.*\{$")
+COST_OF_LIMITS = re.compile(r"\breturn .*\blimits\.\w+_max / \d")
 # `if (x > y) y = x;` and the like does the same with `>=`.
 BOUND = re.compile(r"if \((\S+) [<>]=? (\S+)\) (?:\1 = \2|\2 = \1);")
 # Pools answer false to whoever asks for a slot behind their last one.
@@ -62,7 +64,9 @@ def mutants_of(name):
 
 
 def is_cost(mutant):
-    """Whether the line stands in a function that says what a piece of work costs, or may cost at most."""
+    """Whether the line says what a piece of work costs, or may cost at most."""
+    if COST_OF_LIMITS.search(mutant.before):
+        return True
     before = (ROOT / mutant.file).read_text().splitlines()[:mutant.line]
     begin = next((line for line in reversed(before) if line and line[0] not in " }/"), "")
     return bool(COST.match(begin))
