@@ -77,8 +77,7 @@ Status Pyramid::build(const GreyView& image) noexcept {
     if (image.is_empty() || image.stride < image.width) return Status::kInvalid;
     if (image.width > width_max_ || image.height > height_max_) return Status::kInvalid;
     if (image.width < kLevelSideMin || image.height < kLevelSideMin) return Status::kInvalid;
-    if (image.width != views_[0].width || image.height != views_[0].height)
-        lay_out(image.width, image.height);
+    if (image.width != views_[0].width || image.height != views_[0].height) lay_out(image.width, image.height);
     for (std::uint32_t y = 0; y < image.height; ++y)
         std::memcpy(pixels_.data() + y * views_[0].stride, image.row(y), image.width);
     for (std::uint32_t i = 1; i < laid_out_levels_; ++i) {
