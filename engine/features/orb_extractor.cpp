@@ -41,9 +41,8 @@ std::uint32_t score_of(const Tensor& tensor) noexcept {
     const std::int32_t trace = tensor.xx + tensor.yy;
     constexpr float kLeast = 1024;
     constexpr std::uint32_t kDropped = 18;  // of the 23 bits of a mantissa
-    if (trace <= 0) return 0;
     const float ratio = static_cast<float>(static_cast<double>(determinant) / static_cast<double>(trace));
-    if (!(ratio > kLeast)) return 0;
+    if (!(ratio > kLeast)) return 0;  // nor where there are no gradients: 0 / 0 is no number
     const std::uint32_t score =
         (std::bit_cast<std::uint32_t>(ratio) - std::bit_cast<std::uint32_t>(kLeast)) >> kDropped;
     return minimum(score, 511);  // 2^26 and more
@@ -244,13 +243,13 @@ void OrbExtractor::share_out(std::uint32_t total) noexcept {
         corners.wanted = minimum(share, corners.strong);
         left -= corners.wanted;
     }
-    for (std::uint32_t i = 0; i < levels_ && left > 0; ++i) {
+    for (std::uint32_t i = 0; i < levels_; ++i) {
         LevelCorners& corners = level_corners_[i];
         const std::uint32_t more = minimum(left, corners.strong - corners.wanted);
         corners.wanted += more;
         left -= more;
     }
-    for (std::uint32_t i = 0; i < levels_ && left > 0; ++i) {
+    for (std::uint32_t i = 0; i < levels_; ++i) {
         LevelCorners& corners = level_corners_[i];
         const std::uint32_t more = minimum(left, corners.count - corners.wanted);
         corners.wanted += more;

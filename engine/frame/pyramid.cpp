@@ -7,7 +7,7 @@ namespace {
 
 // Where the centre of output pixel `i` of `to` lies between two of `from` source pixels.
 struct Sample {
-    std::uint32_t left;         // and its right neighbour, left + 1 <= from - 1
+    std::uint32_t left;         // and its right neighbour; left + 1 <= from - 1, as a level is smaller by a sixth or so
     std::uint8_t weight_right;  // of 128, in 1..127: the ends are left out, so that a weight fits a signed byte
 };
 
@@ -15,14 +15,9 @@ Sample sample_at(std::uint32_t i, std::uint32_t to, std::uint32_t from) noexcept
     // ((i + 1/2) * from / to - 1/2) * 128, rounded; never negative because from > to. Below 2047 * 2 * 2047 * 128.
     const std::uint64_t numerator = (static_cast<std::uint64_t>(2 * i + 1) * from - to) * 128 + to;
     const std::uint64_t position = numerator / (2 * static_cast<std::uint64_t>(to));
-    std::uint32_t left = static_cast<std::uint32_t>(position / 128);
-    std::uint32_t weight = static_cast<std::uint32_t>(position % 128);
-    if (left > from - 2) {  // beyond the last centre: no further than the last pixel
-        left = from - 2;
-        weight = 127;
-    }
-    if (weight < 1) weight = 1;
-    return {left, static_cast<std::uint8_t>(weight)};
+    const auto left = static_cast<std::uint32_t>(position / 128);
+    const auto weight = static_cast<std::uint32_t>(position % 128);
+    return {left, static_cast<std::uint8_t>(weight < 1 ? 1 : weight)};
 }
 
 }  // namespace
@@ -82,8 +77,7 @@ Status Pyramid::build(const GreyView& image) noexcept {
     if (image.is_empty() || image.stride < image.width) return Status::kInvalid;
     if (image.width > width_max_ || image.height > height_max_) return Status::kInvalid;
     if (image.width < kLevelSideMin || image.height < kLevelSideMin) return Status::kInvalid;
-    if (laid_out_levels_ == 0 || image.width != views_[0].width || image.height != views_[0].height)
-        lay_out(image.width, image.height);
+    if (image.width != views_[0].width || image.height != views_[0].height) lay_out(image.width, image.height);
     for (std::uint32_t y = 0; y < image.height; ++y)
         std::memcpy(pixels_.data() + y * views_[0].stride, image.row(y), image.width);
     for (std::uint32_t i = 1; i < laid_out_levels_; ++i) {

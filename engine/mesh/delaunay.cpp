@@ -58,8 +58,12 @@ public:
     [[nodiscard]] std::uint32_t left_next(std::uint32_t e) const noexcept { return previous(twin(e)); }
     [[nodiscard]] std::uint32_t right_previous(std::uint32_t e) const noexcept { return next(twin(e)); }
 
-    [[nodiscard]] std::uint32_t slots_used() const noexcept { return used_; }
-    [[nodiscard]] bool is_alive(std::uint32_t e) const noexcept { return edges_[e].origin != kNone; }
+    // After a merge, or before the first. No slot is free then: an edge that goes lets a point in at its side of the
+    // gap, and each of these gets a cross edge later, so that a merge ends with as many edges as it ever had.
+    [[nodiscard]] std::uint32_t slots_used() const noexcept {
+        STILLMESH_CHECK(free_ == kNone);
+        return used_;
+    }
 
     // Two or three points in the order of the cut.
     [[nodiscard]] Piece make_pair(const std::uint32_t* v, const PixelPoint* at) noexcept {
@@ -191,7 +195,6 @@ private:
         leave_ring(e);
         leave_ring(twin(e));
         e &= ~1U;
-        edges_[e].origin = kNone;
         edges_[e].next = free_;
         free_ = e;
     }
@@ -351,7 +354,6 @@ void Delaunay::write_out(const Subdivision& subdivision) noexcept {
     std::fill_n(begin_by_a, n, 0U);
     std::uint32_t edges_count = 0;
     for (std::uint32_t e = 0; e < slots_used; e += 2) {
-        if (!subdivision.is_alive(e)) continue;
         const std::uint32_t ab = e + static_cast<std::uint32_t>(subdivision.origin(e) > subdivision.destination(e));
         ++begin_by_a[subdivision.origin(ab)];
         ++begin_by_b[subdivision.destination(ab)];

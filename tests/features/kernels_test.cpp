@@ -118,6 +118,70 @@ TEST(Kernels, equal_plain_bits) {
     }
 }
 
+// Promise: the plain kernels write what they were asked for and no byte beside it, and scale a row as the formula says.
+TEST(Kernels, plain_writes_no_more) {
+    Random random(6);
+    const Kernels& plain = plain_kernels();
+    for (std::uint32_t width = 9; width < 80; ++width) {
+        std::vector<std::uint8_t> rows[7];
+        const std::uint8_t* starts[7];
+        for (std::uint32_t i = 0; i < 7; ++i) {
+            for (std::uint32_t x = 0; x < width; ++x) rows[i].push_back(static_cast<std::uint8_t>(random.below(256)));
+            starts[i] = rows[i].data();
+        }
+        const auto is_untouched = [&](const std::vector<std::uint8_t>& bytes, std::size_t begin) {
+            for (std::size_t i = begin; i < bytes.size(); ++i)
+                if (bytes[i] != 77) return false;
+            return true;
+        };
+        // Rows, and what a smaller level's pixels are made of.
+        const std::uint32_t out_width = 1 + random.below(width - 1);
+        std::vector<ScaleBlock> blocks(out_width / kScaleBlock + 1);
+        for (ScaleBlock& block : blocks) {
+            block.first = static_cast<std::uint16_t>(random.below(width / 2));
+            for (std::uint32_t i = 0; i < kScaleBlock; ++i) {
+                block.picks[2 * i] = static_cast<std::uint8_t>(random.below(width / 2));
+                block.picks[2 * i + 1] = static_cast<std::uint8_t>(random.below(width / 2));
+                block.weights[2 * i] = static_cast<std::uint8_t>(1 + random.below(127));
+                block.weights[2 * i + 1] = static_cast<std::uint8_t>(128 - block.weights[2 * i]);
+            }
+        }
+        const auto below = static_cast<std::uint8_t>(1 + random.below(127));
+        std::vector<std::uint8_t> scratch(width + 8, 77), out(width + 8, 77);
+        plain.scale_row(starts[0], starts[1], width, below, blocks.data(), out_width, scratch.data(), out.data());
+        EXPECT_TRUE(is_untouched(scratch, width) && is_untouched(out, out_width)) << width;
+        for (std::uint32_t x = 0; x < out_width; ++x) {
+            const ScaleBlock& block = blocks[x / kScaleBlock];
+            const auto at = [&](std::uint32_t side) {
+                const std::uint32_t i = 2 * (x % kScaleBlock) + side, from = block.first + block.picks[i];
+                return block.weights[i] * (((128 - below) * rows[0][from] + below * rows[1][from] + 64) / 128);
+            };
+            ASSERT_EQ(out[x], (at(0) + at(1) + 64) / 128) << width << " " << x;
+        }
+        // The blur has three bytes to each side of its scratch.
+        std::vector<std::uint8_t> wide(width + 2 * kBlurRadius + 2, 77);
+        out.assign(width + 8, 77);
+        plain.blur_row(starts, width, wide.data() + 1 + kBlurRadius, out.data());
+        EXPECT_TRUE(wide.front() == 77 && wide.back() == 77 && is_untouched(out, width)) << width;
+        // Corners within [4, width - 4), or fewer; none of the neighbours is asked to be one.
+        Image image(width, 7);
+        fill_noise(image, width);
+        out.assign(width + 8, 77);
+        const std::uint32_t end = width - 4;
+        static_cast<void>(
+            plain.fast_row(image.row(3), static_cast<std::ptrdiff_t>(image.stride), 4, end, 5, out.data()));
+        EXPECT_TRUE(is_untouched(out, end) && out[3] == 77 && out[4] != 77) << width;
+        std::vector<std::uint8_t> low(width, 0), high(width, 0);
+        for (std::uint32_t x = 1; x < width; x += 2) high[x] = 9;
+        std::vector<std::uint16_t> maxima(width, 777);
+        const std::uint32_t count = plain.local_maxima(low.data(), high.data(), low.data(), 3, end, maxima.data());
+        std::uint32_t expected = 0;
+        for (std::uint32_t x = 3; x < end; x += 2) ASSERT_EQ(maxima[expected++], x);
+        EXPECT_EQ(count, expected);
+        EXPECT_EQ(maxima[count], 777);
+    }
+}
+
 // Promise: moments are the plain sums over the disc u^2 + v^2 <= 15^2 + 15.
 TEST(Kernels, moments_are_sums) {
     Image image(40, 40);

@@ -263,5 +263,20 @@ TEST(Se3, RotationAngle) {
     EXPECT_EQ(rotation_angle(Matrix3::Identity()), 0.0);
 }
 
+// Promise: a pose goes to a quaternion and back; a quaternion that is not of length one turns as the one that is.
+TEST(Se3, QuaternionsAndBack) {
+    Random random(21);
+    for (int i = 0; i < 2000; ++i) {
+        const SE3 pose = se3_exp(random_xi(random, kPi, 3.0));
+        RigidTransform transform = transform_of(pose);
+        ASSERT_TRUE(is_pose(transform));
+        const double length = random.uniform(0.5, 2.0);
+        for (double& q : transform.rotation_xyzw) q *= length;
+        const SE3 back = pose_of(transform);
+        ASSERT_LT((back.rotation - pose.rotation).norm(), 1e-12) << i;
+        ASSERT_EQ(back.translation, pose.translation);
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh

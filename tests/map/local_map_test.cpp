@@ -117,7 +117,7 @@ TEST(LocalMap, ListsPointsOnce) {
 // Promise: where more is in view than the list holds, what the local keyframes observe comes first, the rest in the
 // order of the pool; a list says the same however often it was built before, and who is spared is who is listed.
 TEST(LocalMap, LocalKeyframesComeFirst) {
-    Limits limits = small(8, 60, 20);
+    Limits limits = small(8, 60, 24);
     limits.local_points_max = 25;
     MapInMemory map(limits);
     test::InMemory<LocalMap> local(limits);
@@ -130,6 +130,11 @@ TEST(LocalMap, LocalKeyframesComeFirst) {
         map->add_observation(far, observation_of(points[i]));
         map->add_observation(here, observation_of(points[20 + i]));
     }
+    // What shows no point, one that is out of view, or one that is gone, says nothing.
+    const Handle<MapPoint> gone = add_point_ahead(*map);
+    for (const Handle<MapPoint> point : {Handle<MapPoint>{}, add_point_ahead(*map, {0, 0, -2}), gone})
+        map->add_observation(here, observation_of(point));
+    map->release_point(gone);
     std::vector<std::uint32_t> expected;
     for (std::size_t i = 20; i < 40; ++i) expected.push_back(points[i].slot());
     for (std::size_t i = 0; i < 5; ++i) expected.push_back(points[i].slot());

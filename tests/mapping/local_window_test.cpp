@@ -108,6 +108,33 @@ TEST(LocalWindow, WhatIsNewerGoesAlong) {
     EXPECT_LT((rig.ring->camera().translation - by.translation).norm(), 1e-12);
 }
 
+// Promise: what tracking has learnt of a point while the adjustment ran is added to what the adjustment found.
+TEST(LocalWindow, WhatWasLearntMeanwhileStays) {
+    const Vector3 learnt(0.01, -0.02, 0.03);
+    std::vector<Vector3> found[2];
+    for (const bool is_learning : {false, true}) {
+        Rig rig;
+        static_cast<void>(rig.choose(3));
+        rig.collect();
+        Pool<MapPoint>& points = rig.map().points();
+        for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot) {
+            if (is_learning && points.is_taken(slot))
+                store(vector_of(points.at(slot).world) + learnt, points.at(slot).world);
+        }
+        rig.finish();
+        for (std::uint32_t slot = 0; slot < points.slots_count(); ++slot)
+            if (points.is_taken(slot)) found[is_learning ? 1 : 0].push_back(vector_of(points.at(slot).world));
+    }
+    ASSERT_EQ(found[0].size(), found[1].size());
+    std::size_t to_the_bit = 0;
+    for (std::size_t i = 0; i < found[0].size(); ++i) {
+        const double off_m = (found[1][i] - found[0][i] - learnt).norm();
+        ASSERT_LT(off_m, 0.1 * learnt.norm()) << i;  // what follows a keyframe turns with it
+        to_the_bit += off_m < 1e-12 ? 1U : 0U;
+    }
+    EXPECT_GT(to_the_bit, 100U);
+}
+
 // Promise: keyframes of an earlier visit hold still; where all of a window would move, the oldest holds.
 TEST(LocalWindow, TheWorldIsHeld) {
     Parameters configuration = test::configuration_of_ring();

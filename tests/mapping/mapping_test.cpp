@@ -260,6 +260,35 @@ TEST(Mapping, EveryPoolMayBeFull) {
     }
 }
 
+// Promise: after each keyframe room is made ahead of need in full pools: one keyframe of 64 and at least one, and
+// points for a frame or a sixth of the pool, whichever is less; where there is room nothing goes.
+TEST(Mapping, MakesRoomAheadOfNeed) {
+    for (const std::uint32_t keyframes : {3U, 64U, 127U, 128U, 200U}) {
+        for (const std::uint32_t points : {300U, 900U}) {
+            const Limits limits = limits_of(keyframes, points);
+            const std::uint32_t keyframes_spare = std::max(keyframes / 64, 1U);
+            const std::uint32_t points_spare = std::min(limits.features_max, points / 6);
+            for (const std::uint32_t free : {0U, 1U, keyframes_spare, keyframes_spare + 1}) {
+                Rig rig(sequence().camera, limits, fitting(limits));
+                Map& map = rig.world().map;
+                rig.world().clock.frame = 1000;
+                for (std::uint32_t i = 0; i + free < keyframes; ++i) {
+                    Keyframe& keyframe = *map.keyframes().find(map.add_keyframe());
+                    keyframe.frame = i + 1;
+                    keyframe.world_from_camera.translation.x() = 10.0 * i;
+                }
+                const std::uint32_t points_free = free == 0 ? 0 : points_spare + free - 2;
+                for (std::uint32_t i = 0; i + points_free < points; ++i)
+                    map.points().find(map.add_point().value())->seen = 20;
+                ASSERT_TRUE(rig.world().keyframe_queue.push(map.recent_keyframe(0)));
+                rig.work(1'000'000);
+                EXPECT_EQ(keyframes - map.keyframes().size(), std::max(free, keyframes_spare)) << keyframes << free;
+                EXPECT_EQ(points - map.points().size(), std::max(points_free, points_spare)) << points << free;
+            }
+        }
+    }
+}
+
 // Takes all but `left` points of the pool, for good: nobody forgets what was seen in the far future.
 std::vector<Handle<MapPoint>> rob(Map& map, std::size_t left) {
     std::vector<Handle<MapPoint>> taken;

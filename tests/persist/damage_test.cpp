@@ -5,6 +5,7 @@
 #include <string>
 
 #include "engine/record/map_bytes.hpp"
+#include "engine/record/map_checks.hpp"
 #include "engine/record/map_records.hpp"
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
@@ -305,6 +306,51 @@ TEST_F(Damage, ImpossibleContents) {
     test::put(turned, at(Section::kCells, 0) - 12, std::uint64_t{info.depth_images} * info.depth_columns, 4);
     test::mend(turned);
     EXPECT_EQ(fault_of(turned), MapFault::kImpossible);
+}
+
+// Promise: a header has depth images from the first to the last that there can be, of one cell to the most, or none of
+// no cells; its time and frames end where the format says, and the version says whether there are images.
+TEST_F(Damage, HeadersUpToTheirLimits) {
+    const Bytes header(file.begin(), file.begin() + kMapHeaderBytes);
+    const auto is_read = [](Bytes bytes, const MapFileInfo& info, std::uint32_t version) {
+        test::put(bytes, 8, version, 4);
+        test::put(bytes, 16, file_bytes(info), 8);
+        test::put(bytes, 56, static_cast<std::uint64_t>(info.time_ns), 8);
+        test::put(bytes, 64, info.frames, 8);
+        test::put(bytes, 84, info.depth_images, 4);
+        test::put(bytes, 88, info.depth_columns, 2);
+        test::put(bytes, 90, info.depth_rows, 2);
+        test::mend(bytes);
+        MapFileInfo read;
+        MapFileProblem problem;
+        return read_map_header(bytes, read, problem) == Status::kOk;
+    };
+    MapFileInfo info = test::info_of(file);
+    for (info.depth_images = 0; info.depth_images < 1026; info.depth_images += info.depth_images == 2 ? 1021 : 1) {
+        for (const std::uint32_t columns : {0U, 1U, 2U, 79U, 80U, 81U}) {
+            for (const std::uint32_t rows : {0U, 1U, 2U, 59U, 60U, 61U}) {
+                info.depth_columns = static_cast<std::uint16_t>(columns);
+                info.depth_rows = static_cast<std::uint16_t>(rows);
+                const bool has_size = columns >= 1 && columns <= 80 && rows >= 1 && rows <= 60;
+                const bool has_none = columns == 0 && rows == 0;
+                const bool is_possible = info.depth_images <= 1024 && (info.depth_images == 0 ? has_none : has_size);
+                EXPECT_EQ(is_read(header, info, info.version()), is_possible) << columns << "x" << rows;
+                EXPECT_FALSE(is_read(header, info, info.depth_images == 0 ? kMapVersionWithDepth : kMapVersion));
+            }
+        }
+    }
+    info = test::info_of(file);
+    const std::uint64_t frames = info.frames;
+    for (const std::int64_t beyond : {-1, 0, 1}) {
+        info.time_ns = map_checks::kTimeMax_ns + beyond;
+        EXPECT_EQ(is_read(header, info, info.version()), beyond <= 0);
+        info.time_ns = beyond;
+        EXPECT_EQ(is_read(header, info, info.version()), beyond >= 0);
+        info.time_ns = 0;
+        info.frames = map_checks::kFramesMax + static_cast<std::uint64_t>(beyond);
+        EXPECT_EQ(is_read(header, info, info.version()), beyond <= 0);
+        info.frames = frames;
+    }
 }
 
 // Promise: records each of which can be, but not together, are refused: a keyframe that shows a point twice, a

@@ -266,5 +266,37 @@ TEST(Vocabulary, WhatIsOpenedCanBeWalked) {
     EXPECT_EQ(open_status(ByteVector(64, std::byte{'S'})), Status::kNotFound);
 }
 
+// Promise: a name is printable letters and then zeros, one at least; a file with any other is refused, whatever is
+// wrong with it and where.
+TEST(Vocabulary, NamesAreLettersThenZeros) {
+    ByteVector file = test::vocabulary_bytes({});
+    constexpr std::size_t kNameAt = 72;
+    Random random(5);
+    int good = 0;
+    for (int round = 0; round < 2000; ++round) {
+        char name[kVocabularyNameBytes];
+        const std::uint32_t letters = round == 1 ? kVocabularyNameBytes : random.below(kVocabularyNameBytes + 1);
+        for (std::uint32_t i = 0; i < kVocabularyNameBytes; ++i)
+            name[i] = i >= letters ? '\0' : random.below(2) == 0 ? ' ' : '~';
+        if (round % 2 == 0) {
+            constexpr char kOther[] = {'\0', '\x1f', ' ', '~', '\x7f'};
+            name[random.below(kVocabularyNameBytes)] = kOther[random.below(5)];
+        }
+        std::uint32_t end = 0;
+        while (end < kVocabularyNameBytes && name[end] != '\0') ++end;
+        bool is_name = end < kVocabularyNameBytes;
+        for (std::uint32_t i = 0; i < kVocabularyNameBytes; ++i) {
+            const bool is_printable = name[i] >= ' ' && name[i] <= '~';
+            is_name = is_name && (i < end ? is_printable : name[i] == '\0');
+            file[kNameAt + i] = static_cast<std::byte>(name[i]);
+        }
+        seal(file);
+        ASSERT_EQ(open_status(file) == Status::kOk, is_name) << round;
+        good += is_name ? 1 : 0;
+    }
+    EXPECT_GT(good, 900);
+    EXPECT_LT(good, 1900);
+}
+
 }  // namespace
 }  // namespace stillmesh

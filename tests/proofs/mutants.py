@@ -5,8 +5,8 @@ usage: mutants.py [--count N] [--minutes M] [--seed S] [--rooms A,B] [--jobs N] 
                   [BUILD]
 
 A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped or
-turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and libstdc++'s checks
-of indices: who reads past an end dies), and linked before the engine's library: nothing that was built is touched, so mutants are
+turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and checks of
+indices, libstdc++'s and the compiler's: who reads past an end dies), and linked before the engine's library: nothing that was built is touched, so mutants are
 tried side by side (--jobs). Then the unit tests of its room
 run, and if they notice nothing the golden runs and stories of the program, one after another until one notices (recordings:
 STILLMESH_TEST_DATA; what the stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as
@@ -15,6 +15,7 @@ without; what the compiler refuses is no mutant and another is drawn.
 No mutants, since no test of results can tell them from the engine, by rule and not by list:
   memory  fetching ahead, and room that is reserved: lines with `prefetch`, `kAhead`, `arena` or `create(`
   work    what a piece of work is said to have cost: lines that assign to `units`, call `spend(` or return units, and *units_max
+          and *_units functions, whole; a share of a limit that is returned
   bound   `>=` for `>` in `if (x > y) y = x;`, which does the same, and `<=` for `<` in a loop over the slots of a pool that first
           asks whether the slot is taken, which behind the last one it is not
   tie     `<` for `<=` and the like between two computed floating-point numbers, which differ only where both are equal to the
@@ -95,8 +96,9 @@ class Build:
         original = ROOT / mutant.file
         source, made = work / original.name, work / "mutant.o"
         source.write_text(with_line(original.read_text(), mutant.line, mutant.after))
-        # Indices are checked in the mutated source: who reads one past the end of a span dies, and is caught.
-        words = [*self.without_header(mutant.file), "-D_GLIBCXX_ASSERTIONS", "-o", str(made), "-c", str(source)]
+        # Indices are checked in the mutated source: who reads one past the end of a span or an array dies, and is caught.
+        checks = ("-D_GLIBCXX_ASSERTIONS", "-fsanitize=bounds", "-fsanitize-trap=bounds")
+        words = [*self.without_header(mutant.file), *checks, "-o", str(made), "-c", str(source)]
         ran = subprocess.run(words, cwd=self.folder, capture_output=True, check=False)
         return made if ran.returncode == 0 else None
 

@@ -13,6 +13,10 @@ TURNS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "),
          (r"(?<=[( ])!(?=[a-z(])", ""), (r"\btrue\b", "false"), (r"\bfalse\b", "true")]
 MEMORY = re.compile(r"prefetch|\bkAhead\b|\barena\b|\bcreate\(")
 WORK = re.compile(r"\b\w*units\w* (\+)?= |\breturn .*\bunits\b|spend\(|units_max")
+# What it may cost at most, or costs, as a function of its own, `piece_units_max()` and its like; and a share of a limit that
+# is returned: nothing but costs is.
+COST = re.compile(r"^std::uint32_t \w+::\w*_units(_max)?\(.*\{$")
+COST_OF_LIMITS = re.compile(r"\breturn .*\blimits\.\w+_max / \d")
 # `if (x > y) y = x;` and the like does the same with `>=`.
 BOUND = re.compile(r"if \((\S+) [<>]=? (\S+)\) (?:\1 = \2|\2 = \1);")
 # Pools answer false to whoever asks for a slot behind their last one.
@@ -59,6 +63,15 @@ def mutants_of(name):
             yield Mutant(name, number, line, f"{line[:found.start()]}{int(found[1]) + 1}{found[2]}{line[found.end():]}")
 
 
+def is_cost(mutant):
+    """Whether the line says what a piece of work costs, or may cost at most."""
+    if COST_OF_LIMITS.search(mutant.before):
+        return True
+    before = (ROOT / mutant.file).read_text().splitlines()[:mutant.line]
+    begin = next((line for line in reversed(before) if line and line[0] not in " }/"), "")
+    return bool(COST.match(begin))
+
+
 def room_of(name):
     return name.split("/")[1] if name.count("/") > 1 else ""
 
@@ -66,7 +79,7 @@ def room_of(name):
 def is_no_change(mutant):
     """Whether what was changed does the same for every input, as the text alone says."""
     is_equality = any(mutant.before.replace(old, new, 1) == mutant.after for old, new in EQUALITY.items())
-    if is_equality and BOUND.search(mutant.before):
+    if is_equality and BOUND.search(mutant.before) or is_cost(mutant):
         return True
     if mutant.after != mutant.before.replace("slot < ", "slot <= ", 1) or not SLOTS.search(mutant.before):
         return False

@@ -365,6 +365,24 @@ TEST(PaperChoice, TwoGroupsNeverMergeAndAWildOneMakesOthersSimilar) {
     }
 }
 
+// Promise: what is similar is measured by the largest difference of all pairs, that of the first two groups too.
+TEST(PaperChoice, AnyPairMayBeTheMostDifferent) {
+    for (const double second_m : {5.6, 4.7}) {
+        Random random(6);
+        Scene scene;
+        add_block(scene, 100, 0, 0, random);
+        add_fence(scene, 200, random);
+        add_block(scene, 300, second_m, 1, random);
+        add_fence(scene, 328, random);
+        add_block(scene, 332, second_m - 1, 2, random);
+        Rig rig(std::move(scene));
+        ASSERT_TRUE(rig.choose(random).is_valid);
+        ASSERT_EQ(rig.group_of_body(0), 0U);
+        ASSERT_EQ(rig.group_of_body(1), 1U);
+        EXPECT_EQ(rig.group_of_body(1) == rig.group_of_body(2), second_m > 5) << second_m;
+    }
+}
+
 // Promise: clustering goes on until no two groups are eligible: of blocks in a row, with motions that differ, those
 // stand together in the end that are connected through neighbours of the same motion nearer than the limit; the cluster
 // with the most of Eq. 1 is chosen, whole.

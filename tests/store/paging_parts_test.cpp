@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/paging/map_pager.hpp"
 #include "engine/paging/map_store.hpp"
 #include "engine/paging/paging_state.hpp"
 #include "engine/paging/region.hpp"
@@ -224,6 +225,30 @@ TEST(RegionKeeper, WaitsUntilAKeyframeIsOutOfView) {
     ASSERT_EQ(rig.store.kept.size(), 1U);
     EXPECT_EQ(rig.store.kept[0].id, 10U);
     EXPECT_EQ(rig.keeper.keep_next(false), 0U) << "the newest";
+}
+
+// Promise: after each frame a few keyframes are kept and no more, the oldest first, however the work is cut.
+TEST(MapPager, KeepsAFewARound) {
+    for (const std::uint32_t slice : {1U, UINT32_MAX}) {
+        Rig rig;
+        rig.store.is_mute = true;
+        ArenaPlan plan;
+        MapPager::plan(plan, limits_of_test());
+        const test::Memory memory(plan.used_bytes());
+        Arena arena(memory.span());
+        MapPager pager;
+        pager.create(arena, rig.world(), rig.places.places, &rig.store);
+        for (std::uint32_t i = 0; i < 11; ++i) rig.places.look_up(rig.add_keyframe(10 + i, 20.0 * i));
+        for (std::uint32_t round = 1; round <= 4; ++round) {
+            rig.world().clock.frame = 100 + round;
+            for (int again = 0; again < 100; ++again) {
+                WorkBudget budget(slice);
+                static_cast<void>(pager.step(budget));
+            }
+            ASSERT_EQ(rig.store.kept.size(), std::min(MapPager::kKeptPerRound * round, 10U)) << "the newest waits";
+        }
+        for (std::uint32_t i = 0; i < 10; ++i) EXPECT_EQ(rig.store.kept[i].id, 10U + i);
+    }
 }
 
 // Promise: a store without room is asked again after the next frame, or when it is told to, not before.

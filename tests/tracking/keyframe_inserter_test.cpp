@@ -299,6 +299,85 @@ TEST_F(Inserter, SharesAndWhatIsComparedWith) {
     frame_->measure();
     (*judge_)->clear(0);
     EXPECT_EQ(insert(), 0) << "of an empty frame";
+    start(test::small_parameters());
+    add(Shows::kNew);
+    match();
+    EXPECT_EQ(insert(), 1) << "all that there is";
+}
+
+// Promise: what a frame sees is kept with the keyframe that it becomes, or beside the nearest one, from a second after
+// the first that could have been kept and then once a second, from where it was seen, and what moves is marked; a
+// keyframe's own is kept whenever it is made, and a world without depth images or keyframes keeps none.
+TEST_F(Inserter, KeepsWhatItSeesOnceASecond) {
+    for (const bool is_mapping : {true, false}) {
+        Limits limits = Limits::tiny();
+        limits.depth_images_max = 4;
+        Parameters parameters = test::small_parameters();
+        parameters.mapping.is_enabled = is_mapping;
+        start(parameters, limits);
+        World& world = **world_;
+        const std::size_t still = add(Shows::kStill), moving = add(Shows::kMoving);
+        for (int i = 0; i < 10; ++i) add(Shows::kStill);
+        match();
+        for (Correspondence& c : (*correspondences_)->span()) c.is_moving = c.feature == moving;
+        const auto source = [&](int after_ms, std::uint64_t number) {
+            const std::int64_t time_ns = kNow_ns + std::int64_t{1'000'000} * after_ms;
+            return KeyframeInserter::Source{{frame_->measured, shutter_, pose_, number, time_ns, 8.5},
+                                            frame_->matcher,
+                                            **judge_,
+                                            static_count(),
+                                            1.25,
+                                            (*correspondences_)->span()};
+        };
+        const auto kept = [&] {
+            std::uint32_t count = 0;
+            for (const DepthImages::Owner& owner : world.depth_images.owners())
+                count += owner.keyframe.is_null() ? 0U : 1U;
+            return count;
+        };
+        (*inserter_)->look(source(0, kNumber - 1), world);
+        (*inserter_)->insert(source(0, kNumber), world);
+        const Handle<Keyframe> first = newest();
+        const SE3 first_pose = pose_;
+        (*inserter_)->look(source(999, kNumber + 1), world);
+        ASSERT_EQ(kept(), 0U);
+        (*inserter_)->look(source(1000, kNumber + 2), world);
+        ASSERT_EQ(kept(), 1U);
+        pose_ = pose_ * se3_exp((Vector6() << 0.01, 0.02, -0.01, 0.01, 0, 0.02).finished());
+        (*inserter_)->look(source(1999, kNumber + 3), world);
+        ASSERT_EQ(kept(), 1U);
+        (*inserter_)->look(source(2000, kNumber + 4), world);
+        ASSERT_EQ(kept(), 2U);
+        (*inserter_)->insert(source(2001, kNumber + 5), world);
+        ASSERT_EQ(kept(), 3U);
+        (*inserter_)->look(source(3000, kNumber + 6), world);
+        ASSERT_EQ(kept(), 3U) << "a second after the keyframe's own";
+        const auto owners = world.depth_images.owners();
+        const std::uint64_t frames[] = {kNumber + 2, kNumber + 4, kNumber + 5};
+        for (std::uint32_t i = 0; i < 3; ++i) {
+            EXPECT_EQ(owners[i].frame, frames[i]);
+            EXPECT_EQ(owners[i].is_later, i < 2) << i;
+            EXPECT_TRUE(owners[i].keyframe == (i < 2 ? first : newest()));
+            const SE3 expected = i == 1 ? first_pose.inverse() * pose_ : SE3{};
+            EXPECT_LT(se3_log(expected.inverse() * owners[i].keyframe_from_camera).norm(), 1e-9) << i;
+            const DepthImage image = world.depth_images.at(i, map().keyframes());
+            const auto cell_of = [&](std::size_t feature) {
+                const Keypoint& at = frame_->measured.keypoint(feature);
+                return static_cast<std::size_t>(at.y / 2) * image.columns + static_cast<std::size_t>(at.x / 2);
+            };
+            EXPECT_TRUE(image.is_moving(cell_of(moving)));
+            EXPECT_FALSE(image.is_moving(cell_of(still)));
+            EXPECT_EQ(image.depth_mm[cell_of(still)], 2000);
+        }
+    }
+    start(test::small_parameters());
+    add(Shows::kStill);
+    match();
+    insert();
+    (*inserter_)
+        ->look({{frame_->measured, shutter_, pose_, kNumber + 1, 2 * kNow_ns, 8.5}, frame_->matcher, **judge_},
+               **world_);
+    EXPECT_TRUE((*world_)->depth_images.owners().empty());
 }
 
 // Promise: a new feature with more moving than still ones near it, at its depth, begins without a weight and renews
