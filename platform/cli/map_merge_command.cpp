@@ -146,8 +146,8 @@ struct Both {
         info.depth_images,
         keyframes_left_out + points_left_out + images_left_out == 0
             ? ""
-            : fmt::format(" ({}, {} and {} left out: the limits '{}')", keyframes_left_out, points_left_out,
-                          images_left_out, options.limits),
+            : fmt::format(" ({} keyframes, {} points and {} depth images left out: the limits '{}')",
+                          keyframes_left_out, points_left_out, images_left_out, options.limits),
         merge.agreeing, merge.keyframes, whole.points_fused, t[0], t[1], t[2], degrees_of(merge.map_from_second)));
 }
 
