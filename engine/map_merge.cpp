@@ -100,7 +100,8 @@ Status merge_map(Engine& engine, std::span<const std::byte> second, MapFileProbl
     STILLMESH_TRY(check_both(state, info, problem));
     const auto first_keyframe = static_cast<std::uint32_t>(map.keyframes().size());
     const auto first_point = static_cast<std::uint32_t>(map.points().size());
-    append_map(second, info, {world.clock.frame, world.clock.time_ns + kPause_ns}, map);
+    const MapEnd end{world.clock.frame, world.clock.time_ns + kPause_ns};
+    append_map(second, info, end, map);
     merge.keyframes = info.keyframes;
     MapOverlap overlap(map, world.parameters, state.places, state.relocalisation, first_keyframe);
     const Overlap found = overlap.find();
@@ -115,23 +116,25 @@ Status merge_map(Engine& engine, std::span<const std::byte> second, MapFileProbl
         return Status::kNotFound;
     }
     move_second(map, first_keyframe, first_point, found.map_from_other);
+    append_depth_images(second, info, end, map, world.depth_images);
     hang_below(map, found.keyframe, found.place);
     merge.points_fused = fuse_points(state, overlap, first_keyframe);
     state.places.reset();
     state.relocalisation.reset();
-    state.tracking.begin_in_map(world.clock.frame + info.frames, world.clock.time_ns + kPause_ns + info.time_ns, false);
+    state.tracking.begin_in_map(end.frames + info.frames, end.time_ns + info.time_ns, false);
     ++world.loops_closed;  // all of it is to be adjusted
     return Status::kOk;
 }
 
-void fit_map(Engine& engine, std::uint32_t keyframes_max, std::uint32_t points_max) noexcept {
+void fit_map(Engine& engine, const Limits& limits) noexcept {
     World& world = static_cast<EngineState&>(engine).world;
     Map& map = world.map;
-    while (map.keyframes().size() > keyframes_max && evict_keyframe(map, {})) {
+    while (map.keyframes().size() > limits.keyframes_max && evict_keyframe(map, {})) {
     }
-    if (map.points().size() <= points_max) return;
+    world.depth_images.thin(limits.depth_images_max, map.keyframes());
+    if (map.points().size() <= limits.map_points_max) return;
     // All may go: none was seen in a frame to come.
-    const auto above = static_cast<std::uint32_t>(map.points().size() - points_max);
+    const auto above = static_cast<std::uint32_t>(map.points().size() - limits.map_points_max);
     static_cast<void>(make_room_for_points(map, above, world.clock.frame + 1, {}));
 }
 

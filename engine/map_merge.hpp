@@ -3,7 +3,8 @@
 // cannot be told from a place that looks alike is refused. Then the second map moves as one body, is numbered behind
 // the first, hangs below it in the spanning tree, and points that both have become one. What is left of both maps'
 // drift goes when the engine is given background work: loop closing looks every keyframe up, and all of it is adjusted
-// once. For tools: it takes some milliseconds a keyframe.
+// once. Depth images of both stay, each where its keyframe lies (engine/map/depth_images.hpp says which, if there are
+// too many). For tools: it takes some milliseconds a keyframe.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +13,7 @@
 #include "engine/base/api.hpp"
 #include "engine/base/status.hpp"
 #include "engine/geometry/rigid_transform.hpp"
+#include "engine/limits.hpp"
 #include "engine/record/map_file.hpp"
 
 namespace stillmesh {
@@ -38,8 +40,8 @@ struct MapMerge {
 //   kNotFound     no place that both show for certain; the engine has forgotten its map
 [[nodiscard]] STILLMESH_API Status merge_map(Engine& engine, std::span<const std::byte> second, MapFileProblem& problem,
                                              MapMerge& merge, std::uint8_t extractor = 0) noexcept;
-// Forgets, in the order in which full pools do, what a map has above these; the newest
-// keyframe stays.
-STILLMESH_API void fit_map(Engine& engine, std::uint32_t keyframes_max, std::uint32_t points_max) noexcept;
+// Forgets, in the order in which full pools do, what a map has above keyframes_max, map_points_max and depth_images_max
+// of these; the newest keyframe stays. Depth images of a keyframe that goes, go with it.
+STILLMESH_API void fit_map(Engine& engine, const Limits& limits) noexcept;
 
 }  // namespace stillmesh

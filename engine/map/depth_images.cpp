@@ -1,8 +1,10 @@
 #include "engine/map/depth_images.hpp"
 
 #include <algorithm>
+#include <limits>
 
 #include "engine/geometry/camera.hpp"
+#include "engine/geometry/view_distance.hpp"
 
 namespace stillmesh {
 
@@ -58,6 +60,59 @@ std::span<std::uint16_t> DepthImages::add(const Owner& owner, const Pool<Keyfram
     Owner kept = owner;
     kept.is_later = is_later;
     return put(static_cast<std::uint32_t>(place), kept);
+}
+
+// Of the two views nearest to each other the one that has a third nearest to it: were it always the older, the way of
+// the first map would be eaten up from its begin.
+std::size_t DepthImages::least_needed(const Owner* newcomer, const Pool<Keyframe>& keyframes) const noexcept {
+    const std::size_t end = owners_.size() + (newcomer == nullptr ? 0 : 1);
+    const auto owner_at = [&](std::size_t i) -> const Owner& { return i < owners_.size() ? owners_[i] : *newcomer; };
+    // Calls visitor(i, m^2) for those before `until` and how far they are from one of them.
+    const auto visit_others = [&](std::size_t from, std::size_t until, auto&& visitor) {
+        const Keyframe* const keyframe = keyframes.find(owner_at(from).keyframe);
+        if (keyframe == nullptr) return;
+        const SE3 view = keyframe->world_from_camera * owner_at(from).keyframe_from_camera;
+        for (std::size_t i = 0; i < until; ++i) {
+            const Keyframe* const there = i != from ? keyframes.find(owner_at(i).keyframe) : nullptr;
+            if (there == nullptr) continue;
+            visitor(i, view_distance_m2(view, there->world_from_camera * owner_at(i).keyframe_from_camera));
+        }
+    };
+    constexpr double kFar_m2 = std::numeric_limits<double>::max();
+    std::size_t one = end, other = end;
+    double least_m2 = kFar_m2;
+    for (std::size_t i = 0; i < end; ++i) {
+        if (one == end && keyframes.find(owner_at(i).keyframe) != nullptr) one = other = i;  // it may be the only one
+        visit_others(i, i, [&](std::size_t k, double m2) {
+            if (m2 >= least_m2) return;
+            least_m2 = m2;
+            one = owner_at(i).frame < owner_at(k).frame ? i : k;
+            other = one == i ? k : i;
+        });
+    }
+    double third_of_one_m2 = kFar_m2, third_of_other_m2 = kFar_m2;
+    visit_others(one, end, [&](std::size_t i, double m2) {
+        if (i != other) third_of_one_m2 = std::min(third_of_one_m2, m2);
+    });
+    visit_others(other, end, [&](std::size_t i, double m2) {
+        if (i != one) third_of_other_m2 = std::min(third_of_other_m2, m2);
+    });
+    return third_of_one_m2 <= third_of_other_m2 ? one : other;  // if equal the older
+}
+
+std::span<std::uint16_t> DepthImages::join(const Owner& owner, const Pool<Keyframe>& keyframes) noexcept {
+    STILLMESH_CHECK(is_on());
+    const auto is_free = [&](const Owner& other) { return keyframes.find(other.keyframe) == nullptr; };
+    auto place = static_cast<std::size_t>(std::find_if(owners_.begin(), owners_.end(), is_free) - owners_.begin());
+    if (place == owners_.size()) place = least_needed(&owner, keyframes);
+    if (place == owners_.size()) return {};
+    return put(static_cast<std::uint32_t>(place), owner);
+}
+
+void DepthImages::thin(std::size_t most, const Pool<Keyframe>& keyframes) noexcept {
+    std::size_t count = 0;
+    for (const Owner& owner : owners_) count += keyframes.find(owner.keyframe) != nullptr ? 1U : 0U;
+    for (; count > most; --count) owners_[least_needed(nullptr, keyframes)] = {};
 }
 
 std::span<std::uint16_t> DepthImages::put(std::uint32_t index, const Owner& owner) noexcept {

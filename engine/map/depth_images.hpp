@@ -4,7 +4,9 @@
 // nearby, which say what has changed there. Which pixels are left out: engine/tracking/still_depth.hpp. Poses,
 // decisions and the state hash do not depend on them. Limit: depth_images_max. Full: those of keyframes that are gone
 // are used again first; then a keyframe takes the oldest of the later ones, a later one the oldest of its keyframe.
-// Memory: 9.5 KiB each, and 38 KiB for the rays of all. Cost: one pass over their owners.
+// Where two maps become one, of the two views that are nearest to each other the one goes that has a third nearest to
+// it, so that what either map alone has seen stays. Memory: 9.5 KiB each, and 38 KiB for the rays of all. Cost: one
+// pass over their owners; for each that goes of two maps a distance for each pair of them.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +37,7 @@ public:
         Handle<Keyframe> keyframe;  // null: free
         SE3 keyframe_from_camera;
         std::uint64_t frame = 0;
-        bool is_later = false;  // than the keyframe, which has another
+        bool is_later = false;  // than the keyframe, which has or had another
     };
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
@@ -53,6 +55,10 @@ public:
     [[nodiscard]] std::uint32_t cell_px() const noexcept { return layout_.cell_px; }
     // A new image, to be written row by row, as DepthImage has it. Only while is_on().
     [[nodiscard]] std::span<std::uint16_t> add(const Owner& owner, const Pool<Keyframe>& keyframes) noexcept;
+    // As add(), of a map that is joined to this one. Empty: all places are needed more than this one.
+    [[nodiscard]] std::span<std::uint16_t> join(const Owner& owner, const Pool<Keyframe>& keyframes) noexcept;
+    // Leaves at most so many, those that join() would.
+    void thin(std::size_t most, const Pool<Keyframe>& keyframes) noexcept;
     // Without cells: none has this index, or its keyframe is gone.
     [[nodiscard]] DepthImage at(std::uint32_t index, const Pool<Keyframe>& keyframes) const noexcept;
 
@@ -69,6 +75,8 @@ public:
 private:
     [[nodiscard]] std::size_t cells() const noexcept { return std::size_t{layout_.columns} * layout_.rows; }
     [[nodiscard]] std::size_t place_for(const Owner& owner, const Pool<Keyframe>& keyframes) const noexcept;
+    // Of all that hang on keyframes, and of `newcomer` (may be null), whose place is owners_.size().
+    [[nodiscard]] std::size_t least_needed(const Owner* newcomer, const Pool<Keyframe>& keyframes) const noexcept;
 
     std::span<Owner> owners_;
     std::span<std::uint16_t> depth_mm_;  // kDepthCellsMax per image

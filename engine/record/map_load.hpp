@@ -29,5 +29,9 @@ struct MapEnd {
 // The map that a checked file holds behind one that was just restored, which there is room for: in slots, frames and
 // times behind its own, expressed with its readout, in coordinates of its own, with a root of its own.
 void append_map(std::span<const std::byte> bytes, const MapFileInfo& info, const MapEnd& end, Map& map) noexcept;
+// Its depth images beside those of the first, for a map that was just appended and lies where it is to lie: where both
+// are more than there is room for, DepthImages::join() says which stay.
+void append_depth_images(std::span<const std::byte> bytes, const MapFileInfo& info, const MapEnd& end, const Map& map,
+                         DepthImages& images) noexcept;
 
 }  // namespace stillmesh

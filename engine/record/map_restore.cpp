@@ -16,6 +16,16 @@ bool is_kept(const MapFile& file, std::uint32_t index, std::size_t places) noexc
     return better < places;
 }
 
+// The cells of its n-th depth image.
+void read_cells(const MapFile& file, std::uint32_t index, std::span<std::uint16_t> depth_mm) noexcept {
+    const MapFileInfo& info = file.info;
+    for (std::uint32_t row = 0; row < info.depth_rows; ++row) {
+        ByteReader cells = file.record(Section::kCells, index * info.depth_rows + row);
+        for (std::uint16_t& mm : depth_mm.first(info.depth_columns)) mm = cells.u16();
+        depth_mm = depth_mm.subspan(info.depth_columns);
+    }
+}
+
 // The records of a file into slots behind those that are taken: a pool that has released nothing since it was reset
 // gives its slots in order.
 void add_records(const MapFile& file, const MapEnd& end, Map& map) noexcept {
@@ -89,12 +99,7 @@ void restore_depth_images(std::span<const std::byte> bytes, const MapFileInfo& i
         std::uint32_t keyframe = 0;
         STILLMESH_CHECK(file.depth(i, owner, keyframe));
         owner.keyframe = map.keyframes().handle_of(keyframe - 1);
-        std::span<std::uint16_t> depth_mm = images.put(place++, owner);
-        for (std::uint32_t row = 0; row < info.depth_rows; ++row) {
-            ByteReader cells = file.record(Section::kCells, i * info.depth_rows + row);
-            for (std::uint16_t& mm : depth_mm.first(info.depth_columns)) mm = cells.u16();
-            depth_mm = depth_mm.subspan(info.depth_columns);
-        }
+        read_cells(file, i, images.put(place++, owner));
     }
 }
 
@@ -107,6 +112,22 @@ void append_map(std::span<const std::byte> bytes, const MapFileInfo& info, const
     add_records(file, end, map);
     map.express_with_readout(readout_before_s);
     map.note_change(info.hash);
+}
+
+void append_depth_images(std::span<const std::byte> bytes, const MapFileInfo& info, const MapEnd& end, const Map& map,
+                         DepthImages& images) noexcept {
+    if (!images.is_on()) return;
+    const MapFile file{bytes, info};
+    const auto first_keyframe = static_cast<std::uint32_t>(map.keyframes().size()) - info.keyframes;
+    for (std::uint32_t i = 0; i < info.depth_images; ++i) {
+        DepthImages::Owner owner;
+        std::uint32_t keyframe = 0;
+        STILLMESH_CHECK(file.depth(i, owner, keyframe));
+        owner.keyframe = map.keyframes().handle_of(first_keyframe + keyframe - 1);
+        owner.frame += end.frames;
+        const std::span<std::uint16_t> depth_mm = images.join(owner, map.keyframes());
+        if (!depth_mm.empty()) read_cells(file, i, depth_mm);
+    }
 }
 
 }  // namespace stillmesh

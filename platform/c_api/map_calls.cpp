@@ -1,8 +1,12 @@
 // Maps on disk and in memory.
 #include <new>
+#include <span>
 #include <string>
 
+#include "engine/map_merge.hpp"
 #include "platform/c_api/engine_memory.hpp"
+#include "platform/linux/atomic_file.hpp"
+#include "platform/linux/memory_block.hpp"
 #include "platform/record/map_saver.hpp"
 
 namespace stillmesh::c_api {
@@ -19,6 +23,30 @@ static_assert(sizeof(MapFileWriter) <= sizeof(sm_map_writer::inside) && alignof(
 }
 [[nodiscard]] sm_status say_fault(Status status, const MapFileProblem& fault, sm_problem* problem) {
     return say(problem, static_cast<sm_status>(status), "%s", map_sentence("the map", fault).c_str());
+}
+
+// `name`: of the second map, for sentences.
+[[nodiscard]] sm_status join_map(sm_engine& engine, std::span<const std::byte> second, const std::string& name,
+                                 sm_map_merge* out, sm_problem* problem) {
+    if (out != nullptr && out->size < 2 * sizeof(std::uint32_t)) return say(problem, SM_INVALID, "merge has no size.");
+    MapFileProblem fault;
+    MapMerge merge;
+    const Status status = merge_map(*engine.engine, second, fault, merge, extractor_of(engine));
+    const sm_map_merge to{0,
+                          merge.is_alike ? 1U : 0U,
+                          merge.keyframes,
+                          merge.found,
+                          merge.agreeing,
+                          merge.points_fused,
+                          merge.elsewhere_share,
+                          transform_of(merge.map_from_second)};
+    if (out != nullptr) static_cast<void>(write_struct(to, out));
+    if (status == Status::kOk) return say_ok(problem);
+    const std::string why = status == Status::kNotFound ? merge_sentence(name, "the map", merge)
+                            : status == Status::kUnavailable
+                                ? "a map is joined to one that was just loaded, by an engine with a vocabulary."
+                                : map_sentence(name, fault);
+    return say(problem, static_cast<sm_status>(status), "%s", why.c_str());
 }
 
 }  // namespace
@@ -74,6 +102,32 @@ sm_status sm_set_map_use(sm_engine* engine, std::int32_t use, sm_problem* proble
     return say_ok(problem);
 }
 
+sm_status sm_merge_map(sm_engine* engine, const void* bytes, std::size_t size, sm_map_merge* merge,
+                       sm_problem* problem) {
+    if (engine == nullptr || bytes == nullptr) return say(problem, SM_INVALID, "engine or bytes are NULL.");
+    return guarded(problem, [&] {
+        return join_map(*engine, {static_cast<const std::byte*>(bytes), size}, "the second map", merge, problem);
+    });
+}
+sm_status sm_merge_map_file(sm_engine* engine, const char* file, sm_map_merge* merge, sm_problem* problem) {
+    if (engine == nullptr || file == nullptr) return say(problem, SM_INVALID, "engine or file is NULL.");
+    return guarded(problem, [&] {
+        MemoryBlock block;
+        std::span<const std::byte> bytes;
+        std::string message;
+        if (!read_whole_file(file, kMapFileBytesMax, block, bytes, message))
+            return say(problem, SM_UNAVAILABLE, "%s", message.c_str());
+        return join_map(*engine, bytes, file, merge, problem);
+    });
+}
+sm_status sm_fit_map(sm_engine* engine, const sm_settings* settings, sm_problem* problem) {
+    Settings in;
+    if (engine == nullptr || !read_settings(settings, in))
+        return say(problem, SM_INVALID, "engine is NULL, or settings are none: sm_settings_init.");
+    fit_map(*engine->engine, in.limits);
+    return say_ok(problem);
+}
+
 sm_status sm_read_map_header(const void* bytes, std::size_t size, sm_map_info* info, sm_problem* problem) {
     if (bytes == nullptr) return say(problem, SM_INVALID, "bytes are NULL.");
     MapFileInfo in;
@@ -82,7 +136,8 @@ sm_status sm_read_map_header(const void* bytes, std::size_t size, sm_map_info* i
     if (status != Status::kOk) return guarded(problem, [&] { return say_fault(status, fault, problem); });
     static_cast<void>(say_ok(problem));
     return write_struct({0, in.extractor, in.size_bytes, in.keyframes, in.points, in.features, in.features_of_keyframe,
-                         in.pyramid_levels, in.lens_crc, in.scale_factor, in.time_ns, in.frames, in.hash},
+                         in.pyramid_levels, in.lens_crc, in.scale_factor, in.time_ns, in.frames, in.hash,
+                         in.depth_images, in.depth_columns, in.depth_rows},
                         info);
 }
 

@@ -386,7 +386,20 @@ typedef struct sm_map_info {
     int64_t time_ns;
     uint64_t frames;
     uint64_t hash;
+    uint32_t depth_images;
+    uint16_t depth_columns, depth_rows; /* of each; 0 where there is none */
 } sm_map_info;
+/* What came of joining two maps, joined or not. */
+typedef struct sm_map_merge {
+    uint32_t size;
+    uint32_t is_alike;            /* enough agree, but too much looks alike to be sure */
+    uint32_t keyframes;           /* of the second map */
+    uint32_t found;               /* of them, that look like a place of the first */
+    uint32_t agreeing;            /* of them, whose place is where the second map as a whole would lie */
+    uint32_t points_fused;        /* by those keyframes alone */
+    double elsewhere_share;       /* how much other places of the first look like them, of how much that one does */
+    sm_transform map_from_second; /* where it would lie; nothing where none was found */
+} sm_map_merge;
 
 /* Writes the map to a file, which is replaced as a whole. Allocates a workspace of sm_map_copy_bytes. */
 SM_API sm_status sm_save_map(sm_engine* engine, const char* file, sm_problem* problem);
@@ -396,6 +409,18 @@ SM_API sm_status sm_load_map_file(sm_engine* engine, const char* file, int32_t u
 SM_API sm_status sm_load_map(sm_engine* engine, const void* bytes, size_t size, int32_t use, sm_problem* problem);
 /* How the map that is there is used from the next frame on, until the next sm_load_map or sm_reset. */
 SM_API sm_status sm_set_map_use(sm_engine* engine, int32_t use, sm_problem* problem);
+/* Joins another map of one place to the one that was just loaded, in the coordinates of that (engine/map_merge.hpp):
+ * then sm_step until SM_IDLE, and save it. For tools: it takes some milliseconds a keyframe. merge: or NULL.
+ *   SM_UNAVAILABLE: no vocabulary, a frame was taken since the load, nothing was loaded; or the file cannot be read.
+ *   SM_FULL, SM_INVALID, SM_CORRUPT, SM_END: no map for this engine, or both together are more than its limits.
+ *   SM_NOT_FOUND: no place that both show for certain; the engine has forgotten its map. Else nothing changed. */
+SM_API sm_status sm_merge_map(sm_engine* engine, const void* bytes, size_t size, sm_map_merge* merge,
+                              sm_problem* problem);
+/* The same from a file. Allocates. */
+SM_API sm_status sm_merge_map_file(sm_engine* engine, const char* file, sm_map_merge* merge, sm_problem* problem);
+/* Forgets, in the order in which full pools do, what a map has above limits.keyframes_max, .map_points_max and
+ * .depth_images_max of these settings. */
+SM_API sm_status sm_fit_map(sm_engine* engine, const sm_settings* settings, sm_problem* problem);
 SM_API sm_status sm_read_map_header(const void* bytes, size_t size, sm_map_info* info, sm_problem* problem);
 
 /* The same as sm_save_map in slices between frames, without allocating: begin, step until SM_DONE, then the writer, on

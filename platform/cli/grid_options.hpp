@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
+#include "engine/geometry/rigid_transform.hpp"
 #include "platform/grid/occupancy_grid.hpp"
 
 namespace CLI {
@@ -21,6 +23,8 @@ struct GridOutputOptions {
     Level level = Level::kOff;  // the cloud: z up, floor at 0 where it is known
     double obstacle_m = GridOptions{}.obstacle_m;
     double robot_m = GridOptions{}.robot_m;
+    // Of `map export`, as in `run --publish ros2`: its frame has x and origin of where base_link was at first.
+    std::optional<RigidTransform> base_from_camera_link;
     [[nodiscard]] bool is_any() const { return !grid.empty() || !cloud.empty(); }
 };
 

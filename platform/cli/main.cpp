@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "hal/simulated/simulated_camera.hpp"
+#include "platform/cli/base_option.hpp"
 #include "platform/cli/cameras_command.hpp"
 #include "platform/cli/capture_command.hpp"
 #include "platform/cli/complaint.hpp"
@@ -478,6 +479,7 @@ int program(int argc, char** argv) {
     map_out->add_option("--json", map_export.json, "all of it")->type_name("FILE");
     map_out->add_flag("--moving", map_export.has_moving, "points that turned out to move as well");
     add_grid_options(*map_out, map_export.grid, "", "", false);
+    add_base_option(*map_out, [&](const RigidTransform& pose) { map_export.grid.base_from_camera_link = pose; });
     map_out->add_option("--octomap", map_export.octomap, "what was seen empty and occupied, in cubes: an OctoMap, .bt")
         ->type_name("FILE");
     map_out->footer(

@@ -223,6 +223,8 @@ int map_export_command(const MapExport& options) {
         return refuse(
             "map export: name what to write: --ply, --pcd, --tum, --json, --cloud or --octomap FILE, or --grid NAME.");
     }
+    if (options.grid.base_from_camera_link && !options.grid.is_any() && options.octomap.empty())
+        return refuse("--base-from-camera: says where a grid lies; give --grid, --cloud or --octomap as well.");
     const Origin origins[] = {{"the map", options.file}};
     if (const std::string problem = check_destinations(destinations, origins); !problem.empty()) {
         return refuse(problem);

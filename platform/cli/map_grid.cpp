@@ -8,6 +8,7 @@
 #include "platform/grid/grid_job.hpp"
 #include "platform/grid/octomap_file.hpp"
 #include "platform/linux/text_output.hpp"
+#include "platform/poses/body_frames.hpp"
 
 namespace stillmesh {
 
@@ -37,6 +38,7 @@ int write_grid_of(const SavedMap& map, const std::string& name, const GridOutput
     GridJob job;
     bool is_done = job.open(limits, grid, message);
     if (!is_done) return refuse(message);
+    if (options.base_from_camera_link) job.align_with(compose(*options.base_from_camera_link, kLinkFromOptical));
     job.begin(map);
     while (job.step(map)) {
     }

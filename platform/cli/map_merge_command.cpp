@@ -23,8 +23,8 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::size_t kBytesMax = std::size_t{1} << 30U;  // more than any limits ask for
 constexpr std::uint32_t kSliceUnits = 1'000'000;
+constexpr std::uint32_t kDepthImagesMax = 1024;  // as limits.depth_images_max
 
 // A map as it lies on the disk, and what is in it.
 struct Input {
@@ -33,7 +33,7 @@ struct Input {
     SavedMap content;
 
     [[nodiscard]] bool read(const std::string& file, std::string& message) {
-        return read_whole_file(file, kBytesMax, block, bytes, message) &&
+        return read_whole_file(file, kMapFileBytesMax, block, bytes, message) &&
                parse_map_content(bytes, file, content, message) == Status::kOk;
     }
 };
@@ -64,6 +64,10 @@ public:
         room_ = limits_;  // while both are there
         room_.keyframes_max = std::max(limits_.keyframes_max, first.info.keyframes + second.info.keyframes);
         room_.map_points_max = std::max(limits_.map_points_max, first.info.points + second.info.points);
+        if (limits_.depth_images_max > 0) {
+            room_.depth_images_max = std::clamp(first.info.depth_images + second.info.depth_images,
+                                                limits_.depth_images_max, kDepthImagesMax);
+        }
         if (const ConfigurationProblem problem = validate(room_); problem.key != nullptr) {
             message = fmt::format("{}, {}: both together need {} = {:g}; at most {:g} is possible.", options.first,
                                   options.second, problem.key, problem.value, problem.max);
@@ -100,29 +104,19 @@ private:
     return 2 * std::atan2(std::hypot(q[0], q[1], q[2]), std::abs(q[3])) * 57.295779513082323;
 }
 
-[[nodiscard]] std::string why_not(const MapMergeOptions& options, const MapMerge& merge) {
-    const std::string files = options.second + ": cannot be joined to " + options.first + ": ";
-    if (merge.found == 0) {
-        return files + fmt::format("none of its {} keyframes shows a place of that map; map some way that both have.",
-                                   merge.keyframes);
-    }
-    if (merge.is_alike) {
-        return files + fmt::format(
-                           "{} of its {} keyframes look like one place of that map, but there are others that look "
-                           "alike, so that it might be any of them.",
-                           merge.agreeing, merge.keyframes);
-    }
-    return files + fmt::format(
-                       "of its {} keyframes {} look like a place of that map, and only {} agree on where both "
-                       "would lie; map more of a way that both have.",
-                       merge.keyframes, merge.found, merge.agreeing);
-}
+// Both maps together, before they were fitted into limits.
+struct Both {
+    EngineStatistics whole;
+    std::uint32_t depth_images = 0;
+};
 
 [[nodiscard]] int tell(const MapMergeOptions& options, const MapMerge& merge, const MapFileInfo& info,
-                       const EngineStatistics& whole) {
+                       const Both& both) {
+    const EngineStatistics& whole = both.whole;
     const auto& t = merge.map_from_second.translation_m;
     const std::uint32_t keyframes_left_out = whole.keyframes.size - info.keyframes;
     const std::uint32_t points_left_out = whole.map_points.size - info.points;
+    const std::uint32_t images_left_out = both.depth_images - info.depth_images;
     if (options.is_json) {
         const nlohmann::ordered_json json = {
             {"file", options.out},
@@ -135,6 +129,8 @@ private:
             {"points_fused", whole.points_fused},
             {"keyframes_left_out", keyframes_left_out},
             {"points_left_out", points_left_out},
+            {"depth_images", info.depth_images},
+            {"depth_images_left_out", images_left_out},
             {"loops_closed", whole.loop.closed},
             {"p", {t[0], t[1], t[2]}},
             {"q",
@@ -143,13 +139,15 @@ private:
         return answer(json.dump(2) + "\n");
     }
     return answer(fmt::format(
-        "joined        {} and {}, now {}: {} keyframes, {} points{}\n"
+        "joined        {} and {}, now {}: {} keyframes, {} points, {} depth images{}\n"
         "seen twice    {} of {} keyframes of the second; {} points that both had are one\n"
         "lies          the second at {:.3f} {:.3f} {:.3f} m, turned by {:.1f} degrees, in the first\n",
         printable(options.first), printable(options.second), printable(options.out), info.keyframes, info.points,
-        keyframes_left_out + points_left_out == 0 ? ""
-                                                  : fmt::format(" ({} and {} left out: the limits '{}')",
-                                                                keyframes_left_out, points_left_out, options.limits),
+        info.depth_images,
+        keyframes_left_out + points_left_out + images_left_out == 0
+            ? ""
+            : fmt::format(" ({} keyframes, {} points and {} depth images left out: the limits '{}')",
+                          keyframes_left_out, points_left_out, images_left_out, options.limits),
         merge.agreeing, merge.keyframes, whole.points_fused, t[0], t[1], t[2], degrees_of(merge.map_from_second)));
 }
 
@@ -202,7 +200,7 @@ int map_merge_command(const MapMergeOptions& options) {
     MapMerge merge;
     const Status status = merge_map(engine, second.bytes, problem, merge, extractor);
     if (status == Status::kNotFound) {
-        complain(why_not(options, merge));
+        complain(merge_sentence(options.second, options.first, merge));
         return kExitFailed;
     }
     if (status == Status::kUnavailable) return refuse("--set: with these keys no place is recognised.");
@@ -210,7 +208,7 @@ int map_merge_command(const MapMergeOptions& options) {
     while (engine.step(kSliceUnits) != Progress::kIdle) {
     }
     const EngineStatistics whole = engine.statistics();
-    fit_map(engine, joiner.limits().keyframes_max, joiner.limits().map_points_max);
+    fit_map(engine, joiner.limits());
     MapSaver saver;
     if (!saver.open(options.out, joiner.room(), extractor, 0, message)) return refuse(message);
     message = saver.finish(engine);
@@ -218,7 +216,8 @@ int map_merge_command(const MapMergeOptions& options) {
         complain(message);
         return kExitFailed;
     }
-    return tell(options, merge, saver.info(), whole);
+    const std::uint32_t depth_images = first.content.info.depth_images + second.content.info.depth_images;
+    return tell(options, merge, saver.info(), {whole, depth_images});
 }
 
 }  // namespace stillmesh

@@ -5,8 +5,8 @@
 #include <map>
 #include <string>
 
+#include "platform/cli/base_option.hpp"
 #include "platform/mavlink/mavlink_output.hpp"
-#include "platform/poses/body_frames.hpp"
 #include "platform/ros2/ros_motion.hpp"
 #include "platform/ros2/ros_publisher.hpp"
 
@@ -62,21 +62,9 @@ inline void add_mavlink_options(CLI::App& app, MavlinkOptions& options) {
 inline void add_publish_options(CLI::App& app, RosOptions& ros, MavlinkOptions& mavlink) {
     add_ros_options(app, ros);
     add_mavlink_options(app, mavlink);
-    CLI::Option* const base =
-        app.add_option_function<std::string>(
-               "--base-from-camera",
-               [&ros, &mavlink](const std::string& text) {
-                   if (!parse_pose(text, ros.base_from_camera_link)) {
-                       throw CLI::ValidationError(
-                           "--base-from-camera " + text,
-                           "give x,y,z (m) or x,y,z,qx,qy,qz,qw: where the camera is on the robot");
-                   }
-                   mavlink.base_from_camera_link = ros.base_from_camera_link;
-               },
-               "where the camera is on the robot, base_link from camera_link (x forward, y left, z up); 0,0,0 if not "
-               "given")
-            ->type_name("X,Y,Z[,QX,QY,QZ,QW]")
-            ->group("ROS 2 (--publish ros2)");
+    CLI::Option* const base = add_base_option(app, [&ros, &mavlink](const RigidTransform& base_from_camera_link) {
+                                  ros.base_from_camera_link = mavlink.base_from_camera_link = base_from_camera_link;
+                              })->group("ROS 2 (--publish ros2)");
     app.parse_complete_callback([&app, base, &ros, &mavlink] {
         const auto is_of_ros = [&app](const char* name) {
             const CLI::Option* const option = app.get_option(name);

@@ -16,9 +16,10 @@ namespace stillmesh {
 
 class RunControl {
 public:
-    // `feed`, `wishes` (those of ROS 2): null for none.
-    RunControl(ViewFeed* feed, const ViewControls& controls, ViewCommands* wishes = nullptr)
+    // `feed`, `wishes` (those of ROS 2): null for none. `is_localising`: the run begins so.
+    RunControl(ViewFeed* feed, const ViewControls& controls, ViewCommands* wishes = nullptr, bool is_localising = false)
         : feed_(feed), wishes_(wishes), controls_(controls) {
+        standing_.is_localising = is_localising;
         if (feed_ == nullptr) return;
         feed_->commands().allow(controls);
         say();
@@ -58,11 +59,14 @@ public:
         if (std::exchange(wants_save_, false)) said = session.save_map();
         if (const auto only = std::exchange(localise_only_, std::nullopt)) {
             said += (said.empty() ? "" : "; ") + session.localise_only(*only);
+            if (controls_.can_localise) show_localising(*only);
         }
-        return said;
+        return said.empty() ? said : (is_by_ros_ ? "as ROS 2 asked: " : "as was asked on the page: ") + said + ".";
     }
     // Who wanted something last.
     [[nodiscard]] const char* wisher() const { return is_by_ros_ ? "by ROS 2" : "on the page"; }
+    // A new map is added to.
+    void map_is_new() { show_localising(false); }
     // Once for each time that it was wanted.
     [[nodiscard]] bool takes_reset() {
         const bool wants = wants_reset_;
@@ -73,6 +77,10 @@ public:
 private:
     static constexpr std::int64_t kMoment_ns = 20'000'000;
 
+    void show_localising(bool is_localising) {
+        standing_.is_localising = is_localising;
+        if (feed_ != nullptr) say();
+    }
     void rest() { sleep_until_ns(monotonic_ns() + kMoment_ns); }
     void say() { feed_->commands().stand(standing_); }
     void take() {
@@ -103,6 +111,7 @@ private:
                 if (controls_.can_save) standing_.is_saving = command.value != 0;
                 break;
             case ViewVerb::kReset: wants_reset_ = wants_reset_ || controls_.can_reset; break;
+            // What cannot be is answered by the session, with a sentence.
             case ViewVerb::kSaveMap: wants_save_ = true; break;
             case ViewVerb::kLocaliseOnly: localise_only_ = command.value != 0; break;
         }

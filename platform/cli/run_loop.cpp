@@ -106,7 +106,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         view.event(sentence);
     };
     put(trajectory, kHeader);
-    RunControl control(options.view, options.controls, poses.wishes());
+    RunControl control(options.view, options.controls, poses.wishes(), options.is_localising);
     bool was_saving = true;
     std::string line;  // keeps its memory from frame to frame
     LossWatch loss(options, session);
@@ -244,7 +244,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
                     out.dynamic_features, out.state, out.unsure});
         loss.frame(frame, out.state, watch.fault());
-        if (const std::string done = control.carry_out(session); !done.empty()) tell("as ROS 2 asked: " + done + ".");
+        if (const std::string done = control.carry_out(session); !done.empty()) tell(done);
         const bool is_wished = control.takes_reset();
         const bool is_lost_long = options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns;
         if (is_wished || (is_lost_long && loss.is_good_picture())) {
@@ -256,6 +256,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
                 tell(fmt::format("map {}: {}", maps.count() + 1, sentence));
                 maps.begin_another(record, given.size());
                 view.begin_map();
+                control.map_is_new();
                 record.new_maps.push_back({loss.second(frame.time_ns), sentence});
             }
         }

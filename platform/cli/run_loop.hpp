@@ -47,6 +47,7 @@ struct RunLoopOptions {
     RunFilm* film = nullptr;               // for a report; null: none
     CameraModel camera;                    // for the view
     bool begins_in_map = false;            // in one that was read
+    bool is_localising = false;            // and it stays as it is, until somebody wants otherwise
     DepthRange depth_range;                // that the engine uses
     std::int64_t lost_ns = 1'000'000'000;  // longer without a measured pose, or without a frame, is a failure
 };

@@ -5,8 +5,10 @@
 // layer, seen in images that lie some time apart: what walks is elsewhere by then. Free is one whose floor, or the
 // space right above it, was seen, and no surface. Where one image shows both, a surface wins; rays say nothing of their
 // last piece, where they graze what they end on. A cell that was hit far less often than one beside it is the noise of
-// that one. Limits: cells_max; what lies farther out than they reach is left out. Memory: bytes(), given once, no heap.
-// Cost: measured in docs/grid.md.
+// that one. Images of one moment are right or wrong together and count as one. Where something that moves was seen far
+// more often than what stands, nothing stands: of who stops for a while not every image is known to be of him. Limits:
+// cells_max; what lies farther out than they reach is left out. Memory: bytes(), given once, no heap. Cost: measured in
+// docs/grid.md.
 #pragma once
 
 #include <cstddef>
@@ -64,8 +66,9 @@ private:
     struct Cell {
         std::int8_t counts[kLayers] = {};
         Span spans[kLayers];
-        std::uint16_t look = 0;             // number of the keyframe that `hit` and `seen` are of
-        std::uint8_t hit = 0, seen = 0;     // a bit per layer
+        std::uint16_t look = 0;             // number of the moment that `hit` and `seen` are of
+        std::uint8_t hit = 0, seen = 0;     // a bit per layer; of `seen` the first: something moves there
+        std::uint8_t movers = 0;            // looks that showed something that moves, less what showed what stands
         std::uint16_t hits = 0;             // of surfaces above the floor, all in all
         std::uint16_t since = 0, last = 0;  // when they were hit since nothing was there, in moments
     };
@@ -88,7 +91,7 @@ private:
     void leave(const Point& p) noexcept;
     void join(const Point& a, const Point& b) noexcept;
     void look_through(const Point& eye, const Point& end) noexcept;
-    void renew(Cell& cell) const noexcept;
+    static void renew(Cell& cell, std::uint16_t look) noexcept;
     [[nodiscard]] bool is_ridge(std::uint32_t x, std::uint32_t y) const noexcept;
     static void count(Cell& cell) noexcept;
 

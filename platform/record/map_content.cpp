@@ -15,7 +15,6 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::size_t kBytesMax = std::size_t{1} << 30U;  // more than any limits ask for
 constexpr std::size_t kSectionHead = 16;
 constexpr std::size_t kSectionsMax = 8, kSectionsWithoutDepth = 5;
 constexpr std::array<const char*, kSectionsMax> kSections = {"CAMR", "KEYF", "PNTS", "FEAT",
@@ -194,7 +193,7 @@ Status parse_map_content(std::span<const std::byte> bytes, const std::string& fi
 Status read_map_content(const std::string& file, SavedMap& content, std::string& message) {
     MemoryBlock block;
     std::span<const std::byte> bytes;
-    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
+    if (!read_whole_file(file, kMapFileBytesMax, block, bytes, message)) return Status::kUnavailable;
     return parse_map_content(bytes, file, content, message);
 }
 

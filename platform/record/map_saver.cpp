@@ -170,13 +170,29 @@ std::string map_sentence(const std::string& file, const MapFileProblem& p) {
     return {};
 }
 
+std::string merge_sentence(const std::string& second, const std::string& first, const MapMerge& merge) {
+    const std::string begin = second + ": cannot be joined to " + first + ": ";
+    if (merge.found == 0) {
+        return begin + fmt::format("none of its {} keyframes shows a place of that map; map some way that both have.",
+                                   merge.keyframes);
+    }
+    if (merge.is_alike) {
+        return begin + fmt::format(
+                           "{} of its {} keyframes look like one place of that map, but there are others that look "
+                           "alike, so that it might be any of them.",
+                           merge.agreeing, merge.keyframes);
+    }
+    return begin + fmt::format(
+                       "of its {} keyframes {} look like a place of that map, and only {} agree on where both "
+                       "would lie; map more of a way that both have.",
+                       merge.keyframes, merge.found, merge.agreeing);
+}
+
 Status load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor, MapFileInfo& info,
                      std::string& message) {
-    // More than any limits ask for; a larger file would only be read to be refused.
-    constexpr std::size_t kBytesMax = std::size_t{1} << 30U;
     MemoryBlock block;
     std::span<const std::byte> bytes;
-    if (!read_whole_file(file, kBytesMax, block, bytes, message)) return Status::kUnavailable;
+    if (!read_whole_file(file, kMapFileBytesMax, block, bytes, message)) return Status::kUnavailable;
     MapFileProblem problem;
     if (engine.load_map(bytes, use, problem, extractor) != Status::kOk) {
         message = map_sentence(file, problem);

@@ -4,16 +4,21 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "engine/engine.hpp"
+#include "engine/map_merge.hpp"
 #include "platform/linux/atomic_file.hpp"
 #include "platform/linux/memory_block.hpp"
 
 namespace stillmesh {
+
+// More than any limits ask for; a larger file would only be read to be refused.
+inline constexpr std::size_t kMapFileBytesMax = std::size_t{1} << 30U;
 
 class MapSaver {
 public:
@@ -71,6 +76,8 @@ private:
 
 // A sentence for what is wrong with a map file.
 [[nodiscard]] std::string map_sentence(const std::string& file, const MapFileProblem& problem);
+// Why merge_map() found no place that both show for certain.
+[[nodiscard]] std::string merge_sentence(const std::string& second, const std::string& first, const MapMerge& merge);
 // kOk; else `message` says why, and the engine was not touched. kUnavailable: the file could not be read (this time);
 // kInvalid: it could, and is no map to go on in.
 [[nodiscard]] Status load_map_file(const std::string& file, Engine& engine, MapUse use, std::uint8_t extractor,

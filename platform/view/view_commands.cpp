@@ -23,11 +23,13 @@ std::optional<ViewCommand> parse_view_command(std::string_view text) {
     if (text == "resume") return ViewCommand{kResume};
     if (text == "step") return ViewCommand{kStep};
     if (text == "reset") return ViewCommand{kReset};
+    if (text == "save_map") return ViewCommand{kSaveMap};
     constexpr std::string_view kSpeedIs = "speed=";
     if (text.starts_with(kSpeedIs)) {
         const auto speed = number_of(text.substr(kSpeedIs.size()), kViewSpeedMax);
         if (speed) return ViewCommand{kSpeed, *speed};
     }
+    if (text == "localise=0" || text == "localise=1") return ViewCommand{kLocaliseOnly, text.back() == '1' ? 1.0 : 0.0};
     if (text == "saving=0" || text == "saving=1") return ViewCommand{kSaving, text.back() == '1' ? 1.0 : 0.0};
     return std::nullopt;
 }

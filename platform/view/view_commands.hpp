@@ -20,7 +20,7 @@ enum class ViewVerb : std::uint8_t {
     kSpeed,         // `value` times the recording's; 0: as fast as it can
     kSaving,        // `value` 1: the trajectory is written again, 0: no more
     kReset,         // another map begins here
-    kSaveMap,       // by ROS 2 alone, as the next
+    kSaveMap,       // it is written where maps are written to
     kLocaliseOnly,  // `value` 1: the map stays as it is, 0: it is added to
 };
 struct ViewCommand {
@@ -29,7 +29,7 @@ struct ViewCommand {
 };
 inline constexpr double kViewSpeedMax = 16;
 
-// "pause", "resume", "step", "speed=0.5", "saving=1", "reset"; empty: none of these.
+// "pause", "resume", "step", "speed=0.5", "saving=1", "reset", "save_map", "localise=1"; empty: none of these.
 [[nodiscard]] std::optional<ViewCommand> parse_view_command(std::string_view text);
 
 // What can be asked of this run, and how it stands: shown by the page.
@@ -37,11 +37,14 @@ struct ViewControls {
     bool can_pause = false;  // and step, and speed
     bool can_save = false;   // there is a trajectory to be written
     bool can_reset = false;
+    bool can_save_map = false;  // there is a place for it
+    bool can_localise = false;  // alone, and map again
 };
 struct ViewStanding {
     bool is_paused = false;
     bool is_saving = true;
     double speed = 0;
+    bool is_localising = false;  // the map stays as it is
 };
 
 class ViewCommands {
@@ -72,20 +75,23 @@ public:
         can_pause_.store(controls.can_pause);
         can_save_.store(controls.can_save);
         can_reset_.store(controls.can_reset);
+        can_save_map_.store(controls.can_save_map);
+        can_localise_.store(controls.can_localise);
         changes_.fetch_add(1);
     }
     [[nodiscard]] ViewControls controls() const noexcept {
-        return {can_pause_.load(), can_save_.load(), can_reset_.load()};
+        return {can_pause_.load(), can_save_.load(), can_reset_.load(), can_save_map_.load(), can_localise_.load()};
     }
     // How it stands, said by the engine's thread.
     void stand(const ViewStanding& standing) noexcept {
         is_paused_.store(standing.is_paused);
         is_saving_.store(standing.is_saving);
         speed_.store(standing.speed);
+        is_localising_.store(standing.is_localising);
         changes_.fetch_add(1);
     }
     [[nodiscard]] ViewStanding standing() const noexcept {
-        return {is_paused_.load(), is_saving_.load(), speed_.load()};
+        return {is_paused_.load(), is_saving_.load(), speed_.load(), is_localising_.load()};
     }
     [[nodiscard]] std::uint64_t changes() const noexcept { return changes_.load(); }
 
@@ -94,8 +100,9 @@ private:
     std::array<ViewCommand, kCommandsMax> commands_{};
     std::size_t first_ = 0;
     std::atomic<std::size_t> count_{0};
-    std::atomic<bool> can_pause_{false}, can_save_{false}, can_reset_{false};
-    std::atomic<bool> is_paused_{false}, is_saving_{true};
+    std::atomic<bool> can_pause_{false}, can_save_{false}, can_reset_{false}, can_save_map_{false},
+        can_localise_{false};
+    std::atomic<bool> is_paused_{false}, is_saving_{true}, is_localising_{false};
     std::atomic<double> speed_{0};
     std::atomic<std::uint64_t> changes_{1};
 };

@@ -115,10 +115,10 @@ void compose_view_control(const ViewCommands& commands, bool may_steer, std::str
     const ViewControls controls = commands.controls();
     const ViewStanding standing = commands.standing();
     text = fmt::format(
-        "{{\"may_steer\":{},\"can_pause\":{},\"can_save\":{},\"can_reset\":{},\"paused\":{},\"saving\":{},\"speed\":{}}"
-        "}",
-        may_steer, controls.can_pause, controls.can_save, controls.can_reset, standing.is_paused, standing.is_saving,
-        standing.speed);
+        "{{\"may_steer\":{},\"can_pause\":{},\"can_save\":{},\"can_reset\":{},\"can_save_map\":{},\"can_localise\":{},"
+        "\"paused\":{},\"saving\":{},\"speed\":{},\"localising\":{}}}",
+        may_steer, controls.can_pause, controls.can_save, controls.can_reset, controls.can_save_map,
+        controls.can_localise, standing.is_paused, standing.is_saving, standing.speed, standing.is_localising);
 }
 
 void compose_view_poses(const std::vector<ViewPose>& poses, bool is_csv, std::string& text) {

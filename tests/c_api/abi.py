@@ -24,6 +24,8 @@ COUNTERPARTS = {
     "reference_keyframe": "sm_reference_keyframe", "state_hash": "sm_state_hash", "begin_map_copy": "sm_begin_map_copy",
     "step_map_copy": "sm_step_map_copy", "load_map": "sm_load_map", "set_map_use": "sm_set_map_use", "step_store": "sm_step_store",
     "set_stage_observer": "sm_set_stage_observer", "reset": "sm_reset"}
+# Functions of map_merge.hpp, likewise.
+MAP_COUNTERPARTS = {"merge_map": "sm_merge_map", "fit_map": "sm_fit_map"}
 # Statistics of outputs.hpp, their struct in C and what their fields begin with there.
 STATISTICS = {"FrameStatistics": ("sm_frame_statistics", ""), "EngineStatistics": ("sm_statistics", ""),
               "MapStatistics": ("sm_statistics", ""), "MappingStatistics": ("sm_statistics", "mapping_"),
@@ -68,7 +70,7 @@ def numbers_of(text, struct):
     return names
 
 
-def complaints_about(header, version_map, exported, engine, outputs):
+def complaints_about(header, version_map, exported, engine, outputs, merge):
     complaints = []
     declared, listed = set(functions_of(header)), set(re.findall(r"^\s+(sm_\w+);", version_map, re.M))
     for what, names in (("version script", listed), ("library", set(exported))):
@@ -77,6 +79,9 @@ def complaints_about(header, version_map, exported, engine, outputs):
     members = members_of(engine)
     complaints += [f"Engine::{name} has no counterpart in C" for name in members if COUNTERPARTS.get(name) not in declared]
     complaints += [f"Engine::{name} is no more" for name in COUNTERPARTS if name not in members]
+    functions = re.findall(r"STILLMESH_API\s+\w+\s+(\w+)\(", without_comments(merge))
+    complaints += [f"{name} has no counterpart in C" for name in functions if MAP_COUNTERPARTS.get(name) not in declared]
+    complaints += [f"{name} is no more" for name in MAP_COUNTERPARTS if name not in functions]
     structs = structs_of(header)
     for name, (struct, begin) in STATISTICS.items():
         complaints += [f"{name}::{field} is not in {struct}" for field in numbers_of(outputs, name)
@@ -118,14 +123,15 @@ def changed(committed, now):
     return ["new, and not in abi.txt yet (abi.py update): " + line for line in sorted(after - before)]
 
 
-def selftest(header, version_map, exported, engine, outputs):
-    assert complaints_about(header, version_map, exported, engine, outputs) == []
+def selftest(header, version_map, exported, engine, outputs, merge):
+    assert complaints_about(header, version_map, exported, engine, outputs, merge) == []
     wrong = [
-        (header.replace("SM_API uint64_t sm_state_hash", "uint64_t sm_state_hash"), version_map, exported, engine, outputs),
-        (header, version_map.replace("    sm_step;\n", ""), exported, engine, outputs),
-        (header, version_map, exported + ["_ZN9stillmesh6EngineE"], engine, outputs),
-        (header, version_map, exported, engine.replace("void reset() noexcept;", "void reset() noexcept;\n    void forget();"), outputs),
-        (header, version_map, exported, engine, outputs.replace("std::uint64_t queries = 0;", "std::uint64_t queries = 0, more = 0;")),
+        (header.replace("SM_API uint64_t sm_state_hash", "uint64_t sm_state_hash"), version_map, exported, engine, outputs, merge),
+        (header, version_map.replace("    sm_step;\n", ""), exported, engine, outputs, merge),
+        (header, version_map, exported + ["_ZN9stillmesh6EngineE"], engine, outputs, merge),
+        (header, version_map, exported, engine.replace("void reset() noexcept;", "void reset() noexcept;\n    void forget();"), outputs, merge),
+        (header, version_map, exported, engine, outputs.replace("std::uint64_t queries = 0;", "std::uint64_t queries = 0, more = 0;"), merge),
+        (header, version_map, exported, engine, outputs, merge + "STILLMESH_API void halve_map(Engine& engine) noexcept;"),
     ]
     for i, arguments in enumerate(wrong):
         assert complaints_about(*arguments), i
@@ -154,7 +160,8 @@ def main():
     said = subprocess.run([arguments.nm, "-D", "--defined-only", arguments.library], check=True, capture_output=True, text=True).stdout
     exported = [name.split("@")[0] for kind, name in re.findall(r"^[0-9a-f]+ (\w) (\S+)$", said, re.M) if kind != "A"]
     parts = (read(folder / "stillmesh.h"), read(folder / "stillmesh_c.map"), exported, read(source / "engine/engine.hpp"),
-             read(source / "engine/outputs.hpp") + read(source / "engine/schedule/scheduler.hpp"))
+             read(source / "engine/outputs.hpp") + read(source / "engine/schedule/scheduler.hpp"),
+             read(source / "engine/map_merge.hpp"))
     now = "".join(f"symbol {name}\n" for name in sorted(exported)) + layout_of(folder, parts[0], arguments.compiler)
     abi = source / "tests/c_api/abi.txt"
     if arguments.what == "update":

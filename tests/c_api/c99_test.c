@@ -240,7 +240,10 @@ static void maps(sm_engine* engine, const sm_settings* settings, wall* w) {
     size_t room = sm_map_copy_bytes(settings), size, piece, at = 0;
     uint8_t *memory = (uint8_t*)malloc(room + 64), *workspace = memory + (64 - (uintptr_t)memory % 64);
     sm_map_writer writer = {sizeof(sm_map_writer), 0, {0}};
-    sm_map_info info = {sizeof(sm_map_info), 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    sm_map_info info = {sizeof(sm_map_info), 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 9, 9, 9};
+    sm_map_merge merge;
+    sm_settings fewer = *settings;
+    sm_keyframe keyframes[8];
     uint64_t hash = sm_state_hash(engine);
     sm_frame frame;
     sm_pose pose = {sizeof(sm_pose), 0, 0, {{0}, {0}}, {{0}, {0}}, {{0}, {0}}, {0}};
@@ -257,6 +260,7 @@ static void maps(sm_engine* engine, const sm_settings* settings, wall* w) {
     while (at + 512 <= sizeof sliced && (piece = sm_map_writer_next(&writer, sliced + at, 512)) > 0) at += piece;
     EXPECT(size > 1000 && at == size && memcmp(whole, sliced, size) == 0 && sm_state_hash(engine) == hash);
     EXPECT(sm_read_map_header(whole, size, &info, &problem) == SM_OK && info.size_bytes == size && info.extractor == 0);
+    EXPECT(info.depth_images == 0 && info.depth_columns == 0 && info.depth_rows == 0);
 
     sliced[size / 2] ^= 1;
     EXPECT(sm_load_map(engine, sliced, size, SM_MAP_LOCALISE, &problem) == SM_CORRUPT && SAYS("damaged"));
@@ -268,6 +272,18 @@ static void maps(sm_engine* engine, const sm_settings* settings, wall* w) {
     EXPECT(sm_set_map_use(engine, SM_MAP_CONTINUE, &problem) == SM_OK);
     EXPECT(sm_load_map(engine, whole, size, SM_MAP_LOCALISE, &problem) == SM_OK);
     EXPECT(sm_load_map_file(engine, name, SM_MAP_LOCALISE, &problem) == SM_OK && problem.sentence[0] == 0);
+    merge.size = sizeof merge;
+    EXPECT(sm_merge_map(engine, whole, size, &merge, &problem) == SM_UNAVAILABLE && SAYS("a vocabulary"));
+    EXPECT(merge.keyframes == 0 && merge.map_from_second.rotation_xyzw[3] == 1);
+    EXPECT(sm_merge_map_file(engine, "not.there", NULL, &problem) == SM_UNAVAILABLE && SAYS("not.there"));
+    EXPECT(sm_merge_map(engine, NULL, size, NULL, NULL) == SM_INVALID);
+    merge.size = 0;
+    EXPECT(sm_merge_map(engine, whole, size, &merge, &problem) == SM_INVALID && SAYS("no size"));
+    EXPECT(sm_fit_map(engine, NULL, &problem) == SM_INVALID && SAYS("sm_settings_init"));
+    EXPECT(sm_fit_map(engine, settings, &problem) == SM_OK && sm_keyframes(engine, keyframes, 8) == info.keyframes);
+    EXPECT(info.keyframes > 1 && sm_settings_set(&fewer, "limits.keyframes_max", 2, NULL) == SM_OK);
+    EXPECT(sm_fit_map(engine, &fewer, &problem) == SM_OK && sm_keyframes(engine, keyframes, 8) == 2);
+    EXPECT(sm_load_map(engine, whole, size, SM_MAP_LOCALISE, &problem) == SM_OK);
     frame = wall_frame(w, 11);
     EXPECT(sm_submit(engine, &frame, NULL, &problem) == SM_OK && sm_get_pose(engine, &pose) == SM_OK);
     EXPECT(pose.state == SM_POSE_NONE); /* not found at once without a vocabulary */
@@ -412,6 +428,9 @@ static void null_engine(void) {
     EXPECT(sm_state_hash(NULL) == 0 && sm_reference_keyframe(NULL) == SM_NO_KEYFRAME &&
            sm_keyframes(NULL, NULL, 0) == 0);
     EXPECT(sm_save_map(NULL, "a", &problem) == SM_INVALID && sm_load_map_file(NULL, "a", 0, NULL) == SM_INVALID);
+    EXPECT(sm_merge_map(NULL, "a", 1, NULL, NULL) == SM_INVALID &&
+           sm_merge_map_file(NULL, "a", NULL, NULL) == SM_INVALID);
+    EXPECT(sm_fit_map(NULL, NULL, NULL) == SM_INVALID);
     EXPECT(sm_trajectory_create(NULL) == NULL && sm_trajectory_add(NULL) == SM_INVALID);
     EXPECT(sm_submit(NULL, NULL, NULL, NULL) == SM_INVALID);
     sm_trajectory_destroy(NULL);

@@ -12,6 +12,7 @@
 #include <iterator>
 #include <string>
 
+#include "engine/geometry/rigid_transform.hpp"
 #include "tests/support/answer.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -105,6 +106,47 @@ TEST(GridProgram, ComesOutOfAMap) {
     EXPECT_FALSE(std::filesystem::exists(folder.path("n.ply")));
     EXPECT_EQ(stillmesh_says("map export " + map + " --grid " + out + " --robot-height .2 --obstacle-height .5").code,
               2);
+}
+
+// Promise: `map export --base-from-camera` lays the grid's origin below where the robot was at first, with the robot's
+// x: read back from the line that says how a pose becomes one in the grid. A pose that is none is refused.
+TEST(GridProgram, LiesAsTheRobotStood) {
+    const TemporaryFolder folder;
+    const std::string map = folder.path("office.map"), out = folder.path("out");
+    ASSERT_EQ(stillmesh_says("run --simulate static_halfsphere:1 --frames 60 --map-out " + map).code, 0);
+    const std::string maker = "map export " + map + " --grid " + out;
+    // Where base_link and a metre of its x are, seen by a camera .2 m before, .1 m left of and .5 m above it: x right,
+    // y down, z forward. In the second case the camera looks to the robot's left.
+    const struct {
+        std::string arguments;
+        std::array<double, 3> origin, x;
+    } cases[] = {{"", {0, 0, 0}, {0, 0, 1}},
+                 {" --base-from-camera .2,.1,.5", {.1, .5, -.2}, {0, 0, 1}},
+                 {" --base-from-camera .2,.1,.5,0,0,1,1", {-.2, .5, -.1}, {1, 0, 0}}};
+    for (const auto& c : cases) {
+        const Answer made = stillmesh_says(maker + c.arguments);
+        ASSERT_EQ(made.code, 0) << made.text;
+        const std::string yaml = text_of(out + ".yaml");
+        const std::size_t line = yaml.find("a pose in this grid: ");
+        ASSERT_NE(line, std::string::npos) << yaml;
+        RigidTransform level;
+        auto& t = level.translation_m;
+        auto& q = level.rotation_xyzw;
+        ASSERT_EQ(std::sscanf(yaml.c_str() + line, "a pose in this grid: %lf %lf %lf %lf %lf %lf %lf", &t[0], &t[1],
+                              &t[2], &q[0], &q[1], &q[2], &q[3]),
+                  7);
+        const std::array<double, 3> origin = transformed(level, c.origin), x = rotated(level, c.x);
+        EXPECT_NEAR(origin[0], 0, 1e-5) << c.arguments;
+        EXPECT_NEAR(origin[1], 0, 1e-5) << c.arguments;
+        EXPECT_GT(x[0], 0.7) << c.arguments;
+        EXPECT_NEAR(x[1], 0, 1e-5) << c.arguments;
+    }
+    const Answer none = stillmesh_says(maker + " --base-from-camera 1,2");
+    EXPECT_EQ(none.code, 2);
+    EXPECT_NE(none.text.find("give x,y,z (m) or x,y,z,qx,qy,qz,qw"), std::string::npos) << none.text;
+    const Answer alone = stillmesh_says("map export " + map + " --tum " + out + ".txt --base-from-camera 0,0,1");
+    EXPECT_EQ(alone.code, 2);
+    EXPECT_FALSE(std::filesystem::exists(out + ".txt"));
 }
 
 // Promise: what cannot be is refused before a frame is tracked, with the option and what helps.

@@ -19,6 +19,7 @@ using test::SeenRoom;
 struct Look {
     std::vector<std::uint16_t> depth_mm;
     RigidTransform level_from_camera;
+    std::uint64_t after = 15;  // frames since the one before
 };
 
 // A grid of looks at rooms, half a second from one to the next; coordinates of the room are level ones.
@@ -32,7 +33,8 @@ public:
         for (const Look& look : looks) grid_.cover(room.image(look.depth_mm), look.level_from_camera);
         grid_.lay_out();
         std::uint64_t frame = 100;
-        for (const Look& look : looks) grid_.add(room.image(look.depth_mm, frame += 15), look.level_from_camera);
+        for (const Look& look : looks)
+            grid_.add(room.image(look.depth_mm, frame += look.after), look.level_from_camera);
         grid_.finish();
     }
     [[nodiscard]] GridCell at(double x, double y) const {
@@ -178,6 +180,47 @@ TEST(OccupancyGrid, WhereSomethingMovesNothingStands) {
     append(looks, moving_at(8));
     grid.build(room, looks);
     EXPECT_EQ(grid.count(GridCell::kOccupied, 1.0, 2.5, -1.0, 1.0), 0);
+}
+
+// Promise: where something that moves was seen again and again, a few looks that take it for standing make no obstacle
+// of it; what is put there and stays is one after six.
+TEST(OccupancyGrid, WhereSomethingMovedOftenAFewLooksAreNoProof) {
+    SeenRoom room;
+    room.boxes = {kWall, kCrate};
+    const std::vector<Look> standing = looks_at(room, 6);
+    std::vector<Look> looks = looks_at(room, 20, -0.6);
+    for (Look& look : looks) {
+        for (std::uint16_t& mm : look.depth_mm) {
+            if (mm > 0 && mm < 2600) mm |= DepthImage::kMoving;
+        }
+    }
+    Grid grid;
+    grid.build(room, {standing.begin(), standing.begin() + 2});
+    EXPECT_GE(grid.count(GridCell::kOccupied, 2.0, 2.05, -0.3, 0.3), 11) << "two looks alone are enough";
+    for (std::size_t i = 0; i < 6; ++i) {
+        looks.push_back(standing[i]);
+        grid.build(room, looks);
+        const int occupied = grid.count(GridCell::kOccupied, 2.0, 2.05, -0.3, 0.3);
+        EXPECT_TRUE(i < 3 ? occupied == 0 : i < 5 || occupied >= 11) << occupied << " after " << i + 1;
+    }
+}
+
+// Promise: images of one moment count as one: three at once, and one later, with three looks through in between, are as
+// little of an obstacle as one and one; three that lie apart are one.
+TEST(OccupancyGrid, ImagesOfOneMomentAreOneLook) {
+    SeenRoom room;
+    room.boxes = {kWall, kCrate};
+    const std::vector<Look> standing = looks_at(room, 4);
+    room.boxes = {kWall};
+    const std::vector<Look> empty = looks_at(room, 3);
+    for (const bool is_at_once : {true, false}) {
+        std::vector<Look> looks = {standing[0], standing[1], standing[2], empty[0], empty[1], empty[2], standing[3]};
+        if (is_at_once) looks[1].after = looks[2].after = 1;
+        Grid grid;
+        grid.build(room, looks);
+        const int occupied = grid.count(GridCell::kOccupied, 2.0, 2.05, -0.3, 0.3);
+        EXPECT_TRUE(is_at_once ? occupied == 0 : occupied >= 11) << occupied << " at once " << is_at_once;
+    }
 }
 
 // Promise: an area larger than there is room for is cut about its middle, and said; no byte behind the block is touched

@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
+#include <map>
 #include <set>
 
+#include "engine/base/random.hpp"
 #include "engine/geometry/camera.hpp"
 #include "tests/support/memory.hpp"
 #include "tests/support/small_world.hpp"
@@ -16,6 +19,15 @@ namespace {
 Limits limits_with(std::uint32_t images) {
     Limits out = Limits::tiny();
     out.depth_images_max = images;
+    return out;
+}
+
+// Frames of all that are there.
+std::set<std::uint64_t> frames_of(const DepthImages& images, const Pool<Keyframe>& keyframes) {
+    std::set<std::uint64_t> out;
+    for (std::uint32_t i = 0; i < images.owners().size(); ++i) {
+        if (images.at(i, keyframes).columns > 0) out.insert(images.at(i, keyframes).frame);
+    }
     return out;
 }
 
@@ -93,13 +105,7 @@ TEST(DepthImages, FullTheyForgetInOrder) {
     test::SmallWorld world(test::small_parameters(), limits_with(4));
     DepthImages& images = world->depth_images;
     const Pool<Keyframe>& keyframes = world.map().keyframes();
-    const auto frames = [&] {
-        std::set<std::uint64_t> out;
-        for (std::uint32_t i = 0; i < 4; ++i) {
-            if (images.at(i, keyframes).columns > 0) out.insert(images.at(i, keyframes).frame);
-        }
-        return out;
-    };
+    const auto frames = [&] { return frames_of(images, keyframes); };
     const Handle<Keyframe> first = world.add_keyframe(SE3{}, 1), second = world.add_keyframe(SE3{}, 2);
     static_cast<void>(images.add({first, SE3{}, 1, false}, keyframes));
     static_cast<void>(images.add({second, SE3{}, 2, false}, keyframes));
@@ -117,6 +123,65 @@ TEST(DepthImages, FullTheyForgetInOrder) {
     EXPECT_TRUE(frames().contains(20) && frames().contains(21) && !frames().contains(1));
     images.reset();
     EXPECT_TRUE(frames().empty());
+}
+
+SE3 at_x(double x_m) {
+    SE3 out;
+    out.translation = {x_m, 0, 0};
+    return out;
+}
+
+// Promise: where there is no room for what two maps saw, of the two views that are nearest to each other the one goes
+// that has a third nearest to it, a keyframe's own or a later one: what one map alone has seen stays. On a line the
+// nearest are neighbours, and both ends stay to the last.
+TEST(DepthImages, JoinedTheyThinOutWhereTheyAreCrowded) {
+    Random random(4);
+    for (int round = 0; round < 40; ++round) {
+        Limits limits = limits_with(5);
+        limits.keyframes_max = 16;
+        test::SmallWorld world(test::small_parameters(), limits);
+        DepthImages& images = world->depth_images;
+        const Pool<Keyframe>& keyframes = world.map().keyframes();
+        std::map<double, std::uint64_t> line;  // what is to be there, by place
+        const auto leave = [&](std::size_t most) {
+            while (line.size() > std::max<std::size_t>(most, 1)) {
+                auto nearest = line.begin();
+                for (auto at = line.begin(); std::next(at) != line.end(); ++at) {
+                    if (std::next(at)->first - at->first < std::next(nearest)->first - nearest->first) nearest = at;
+                }
+                const auto second = std::next(nearest), behind = std::next(second);
+                const double left = nearest == line.begin() ? -9 : std::prev(nearest)->first;
+                const double right = behind == line.end() ? 99 : behind->first;
+                const double of_first = std::min(nearest->first - left, right - nearest->first);
+                const double of_second = std::min(right - second->first, second->first - left);
+                if (line.size() == 2) {
+                    line.erase(nearest->second < second->second ? nearest : second);
+                } else {
+                    line.erase(of_first < of_second ? nearest : second);
+                }
+            }
+            if (most == 0) line.clear();
+        };
+        const auto expected = [&] {
+            std::set<std::uint64_t> out;
+            for (const auto& [x, frame] : line) out.insert(frame);
+            return out;
+        };
+        for (std::uint64_t frame = 1; frame <= 12; ++frame) {
+            // The second half lies apart, as another map's may, and the image off its keyframe.
+            const double x = random.uniform() + (frame > 6 ? 0.5 : 0.0);
+            const Handle<Keyframe> keyframe = world.add_keyframe(at_x(x + 3), frame);
+            static_cast<void>(images.join({keyframe, at_x(-3), frame, random.below(2) == 0}, keyframes));
+            line[x] = frame;
+            leave(5);
+            ASSERT_EQ(frames_of(images, keyframes), expected()) << round << " " << frame;
+        }
+        for (const std::size_t most : {5U, 2U, 1U, 0U}) {
+            images.thin(most, keyframes);
+            leave(most);
+            EXPECT_EQ(frames_of(images, keyframes), expected()) << round << " " << most;
+        }
+    }
 }
 
 // Promise: without room there is none, and it costs no byte.

@@ -202,7 +202,7 @@ TEST(MapMerge, FitsIntoLimits) {
     ASSERT_EQ(merge_map(*engine, map_of_frames(way, 80, way.frames.size()), problem, merge), Status::kOk);
     ASSERT_GT(test::map_of(*engine).keyframes().size(), narrow.keyframes_max);
     ASSERT_GT(test::map_of(*engine).points().size(), narrow.map_points_max);
-    fit_map(*engine, narrow.keyframes_max, narrow.map_points_max);
+    fit_map(*engine, narrow);
     EXPECT_EQ(test::map_of(*engine).keyframes().size(), narrow.keyframes_max);
     EXPECT_LE(test::map_of(*engine).points().size(), narrow.map_points_max);
     EXPECT_EQ(test::find_fault(test::map_of(*engine)), nullptr);
@@ -216,6 +216,72 @@ TEST(MapMerge, FitsIntoLimits) {
         posed += small->pose().state >= PoseState::kUnsure ? 1U : 0U;
     }
     EXPECT_GT(posed, way.frames.size() * 8 / 10);
+}
+
+// All depth images that an engine has, by frame.
+std::map<std::uint64_t, DepthImage> images_of(const Engine& engine, const Limits& limits) {
+    std::map<std::uint64_t, DepthImage> out;
+    for (std::uint32_t i = 0; i < limits.depth_images_max; ++i) {
+        if (const DepthImage image = engine.depth_image(i); image.columns > 0) out[image.frame] = image;
+    }
+    return out;
+}
+double most_off(const RigidTransform& a, const RigidTransform& b) {
+    double out = 0;
+    for (int i = 0; i < 3; ++i) out = std::max(out, std::abs(a.translation_m[i] - b.translation_m[i]));
+    for (int i = 0; i < 4; ++i) out = std::max(out, std::abs(a.rotation_xyzw[i] - b.rotation_xyzw[i]));
+    return out;
+}
+
+// Promise: depth images of both maps are in the joined one, cell by cell, those of the second moved as it moved; they
+// are in its file; and where there is room for fewer, it is filled, with some of what each map's keyframes saw.
+TEST(MapMerge, DepthImagesOfBothStay) {
+    const Sequence way = test::slowed(Rig::round_the_desk());
+    Limits limits = limits_of_test();
+    limits.depth_images_max = 64;
+    Rig one(limits), other(limits);
+    test::run(*one, way, 0, 120);
+    test::run(*other, way, 80, way.frames.size());
+    const Bytes first = test::saved(*one, limits), second = test::saved(*other, limits);
+    const auto of_first = images_of(*one, limits), of_second = images_of(*other, limits);
+    const std::uint64_t frames = test::info_of(first).frames;
+    ASSERT_GT(of_first.size(), 8U);
+    ASSERT_GT(of_second.size(), 8U);
+    ASSERT_LE(of_first.size() + of_second.size(), 64U);
+    const auto of_one = static_cast<std::uint32_t>(std::max(of_first.size(), of_second.size()));
+    for (const std::uint32_t places : {64U, of_one}) {
+        limits.depth_images_max = places;
+        Rig engine(limits);
+        MapFileProblem problem;
+        MapMerge merge;
+        ASSERT_EQ(engine->load_map(first, MapUse::kContinue, problem), Status::kOk) << problem.part;
+        ASSERT_EQ(merge_map(*engine, second, problem, merge), Status::kOk) << problem.part;
+        const auto both = images_of(*engine, limits);
+        EXPECT_EQ(both.size(), std::min<std::size_t>(places, of_first.size() + of_second.size()));
+        std::size_t seconds = 0;
+        for (const auto& [frame, image] : both) {
+            const bool is_second = frame >= frames;
+            seconds += is_second ? 1U : 0U;
+            const DepthImage& was = is_second ? of_second.at(frame - frames) : of_first.at(frame);
+            EXPECT_TRUE(std::equal(image.depth_mm.begin(), image.depth_mm.end(), was.depth_mm.begin())) << frame;
+            const RigidTransform lay =
+                is_second ? compose(merge.map_from_second, was.map_from_camera) : was.map_from_camera;
+            EXPECT_LT(most_off(image.map_from_camera, lay), 1e-5) << frame;
+        }
+        EXPECT_GE(seconds, both.size() / 4);
+        EXPECT_GE(both.size() - seconds, both.size() / 4);
+        const Bytes map = test::saved(*engine, limits);
+        EXPECT_EQ(test::info_of(map).depth_images, both.size());
+        Limits fewer = limits;
+        fewer.depth_images_max = 8;
+        fit_map(*engine, fewer);
+        const auto left = images_of(*engine, limits);
+        EXPECT_EQ(left.size(), 8U);
+        EXPECT_LT(left.begin()->first, frames);
+        EXPECT_GE(left.rbegin()->first, frames);
+        ASSERT_EQ(engine->load_map(map, MapUse::kContinue, problem), Status::kOk) << problem.part;
+        EXPECT_EQ(images_of(*engine, limits).size(), both.size());
+    }
 }
 
 // Promise: maps of two rooms are not joined, and the engine has forgotten the first as well.

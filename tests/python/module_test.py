@@ -27,6 +27,18 @@ def wall(passed_px):
 DEPTH = np.full((120, 160), 2000, np.uint16)
 
 
+LARGE_CAMERA = stillmesh.Camera(320, 240, fx=260, fy=260, cx=159.5, cy=119.5)
+LARGE_DEPTH = np.full((240, 320), 2000, np.uint16)
+
+
+def large_wall(passed_px, seed):
+    """Cells of 12 px, of many shades, none twice."""
+    row, column = np.mgrid[0:240, 0:320]
+    cell = ((column + passed_px) // 12 * 40 + row // 12).astype(np.int64)
+    shades = np.random.default_rng(seed).integers(0, 256, 4000).astype(np.uint8)
+    return shades[cell]
+
+
 def engine():
     return stillmesh.Engine(stillmesh.Settings("tiny"), CAMERA, b"")
 
@@ -221,6 +233,49 @@ class Module(unittest.TestCase):
             self.assertGreater(len(other.keyframes), 0)
             with self.assertRaisesRegex(stillmesh.Error, "cut off"):
                 other.load_map_bytes(data[:-1])
+
+    def test_maps_in_one(self):
+        """Promise: two maps of one wall become one, in the coordinates of the first, which is fitted into limits and comes back;
+        of another wall, damaged, or without a vocabulary they are refused with a sentence."""
+        settings = stillmesh.Settings("pocket")
+        settings["limits.keyframes_max"] = 80
+        settings["limits.map_points_max"] = 11000
+
+        def mapped(begin, seed, frames=40):
+            made = stillmesh.Engine(settings, LARGE_CAMERA)
+            for i in range(begin, begin + frames):
+                made.submit(large_wall(12 * i, seed), LARGE_DEPTH, (i - begin) * 33_000_000)
+                made.step()
+            with tempfile.TemporaryDirectory() as folder:
+                made.save_map(pathlib.Path(folder) / "wall.map")
+                return (pathlib.Path(folder) / "wall.map").read_bytes()
+        first, second, other = mapped(0, 1), mapped(10, 1), mapped(0, 2)
+        made = stillmesh.Engine(settings, LARGE_CAMERA)
+        made.load_map_bytes(first)
+        count = len(made.keyframes)
+        merge = made.merge_map_bytes(second)
+        self.assertGreaterEqual(merge.agreeing, 4)
+        self.assertEqual(len(made.keyframes), count + merge.keyframes)
+        # 120 px to the right at 2 m.
+        np.testing.assert_allclose(merge.map_from_second[:3, 3], (120 * 2 / 260, 0, 0), atol=0.02)
+        while made.step() != "idle":
+            pass
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder) / "second.map"
+            file.write_bytes(second)
+            made.load_map_bytes(first)
+            again = made.merge_map(file)
+            self.assertEqual(again[:5], merge[:5])
+        settings["limits.keyframes_max"] = 5
+        made.fit_map(settings)
+        self.assertEqual(len(made.keyframes), 5)
+        made.load_map_bytes(first)
+        with self.assertRaisesRegex(stillmesh.Error, "damaged"):
+            made.merge_map_bytes(second[:-1] + bytes([second[-1] ^ 1]))
+        with self.assertRaisesRegex(stillmesh.Error, "cannot be joined"):
+            made.merge_map_bytes(other)
+        with self.assertRaisesRegex(stillmesh.Error, "just loaded"):
+            made.merge_map_bytes(second)
 
 
 if __name__ == "__main__":

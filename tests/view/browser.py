@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """The page of --view in a browser: browser.py PROGRAM [FOLDER for pictures]. Each function below is a promise. Exit 77: there is
 no Chromium (packages chromium, chromium-driver)."""
+import os
 import re
 import sys
+import tempfile
 
 from browser_driver import SHADES, keep_promises
 from run_view import Run
@@ -131,5 +133,47 @@ def who_has_the_token_steers(browser):
         browser.has_no_complaint()
 
 
+def the_map_is_steered_by_keyboard(browser):
+    """By keyboard alone, on a phone's width, dark and light: Tab reaches both buttons of the map, Space saves it to the file of
+    --map-out and has it kept as it is and added to again, which the button shows and the page tells; nothing is wider than the
+    screen. A run without --map-out has the first switched off."""
+    scene = ("--simulate", "walking_xyz:1", "--realtime", "--frames", "100000", "--view-token", "a-token-for-tests")
+
+    def reach(name):
+        for _ in range(12):
+            browser.press("Tab")
+            if browser.script("return document.activeElement.id") == name:
+                return
+        raise AssertionError(f"Tab does not reach {name}")
+
+    def told(words):
+        return f"at('events').textContent.includes('as was asked on the page: {words}')"
+    with tempfile.TemporaryDirectory() as folder, Run(PROGRAM, *scene, "--map-out", f"{folder}/room.map") as run:
+        address = f"http://127.0.0.1:{run.port}/#token=a-token-for-tests"
+        for scheme in ("dark", "light"):
+            browser.open("about:blank", 390, 844, scheme)
+            browser.open(address, 390, 844, scheme)
+            browser.becomes("latest && control.may_steer && !at('steer').hidden && !at('save-map').disabled")
+            reach("save-map")
+            browser.press(" ")
+            browser.becomes(told("the map is saved to"))
+            reach("localise")
+            browser.press(" ")
+            browser.becomes("at('localise').getAttribute('aria-pressed') === 'true'")
+            browser.becomes(told("from here on the map stays as it is"))
+            assert browser.script("return document.documentElement.scrollWidth") <= 390
+            browser.picture(f"map-buttons-{scheme}")
+            browser.press(" ")
+            browser.becomes("at('localise').getAttribute('aria-pressed') === 'false'")
+            browser.becomes(told("from here on the map is added to"))
+        assert os.path.getsize(f"{folder}/room.map") > 10000
+        browser.has_no_complaint()
+    with Run(PROGRAM, *scene) as run:
+        browser.open(f"http://127.0.0.1:{run.port}/#token=a-token-for-tests", 1300, 1000, "light")
+        browser.becomes("latest && control.may_steer && !at('localise').disabled")
+        assert browser.script("return at('save-map').disabled") is True
+        browser.picture("map-buttons-wide")
+
+
 keep_promises((it_shows_the_run, keys_move_the_map, it_comes_back, every_state_is_said,
-               it_says_that_it_waits, who_has_the_token_steers))
+               it_says_that_it_waits, who_has_the_token_steers, the_map_is_steered_by_keyboard))

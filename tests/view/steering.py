@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Steering a run from its page, with the real program: steering.py PROGRAM. Each function below is a promise."""
 import http.client
+import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -157,6 +159,47 @@ def saving_and_a_new_map():
         assert "wished on the page" in report and TOKEN not in report
 
 
+def the_map_is_saved_and_kept():
+    """Save map writes it where --map-out says while the run goes on; localise only leaves it as it is, keyframe by keyframe, until it is
+    to be added to again; the run says so, and a run that has no place for a map does not offer to save it."""
+    scene = ("--simulate", "walking_xyz:1", "--frames", "100000", "--view-token", TOKEN)
+    with tempfile.TemporaryDirectory() as folder, Run(PROGRAM, *scene, "--map-out", f"{folder}/room.map") as run:
+        control_when(run, lambda c: c["can_save_map"] and c["can_localise"] and not c["localising"])
+        stream, events, keyframes = Stream(run), "", []
+
+        def read_until(holds):
+            nonlocal events
+            end = time.monotonic() + WAIT_S
+            for name, data, _ in stream.events():
+                assert time.monotonic() < end, events
+                if name == "news":
+                    events += json.dumps(data["events"])
+                if name == "frame":
+                    keyframes.append(data["pools"][0]["now"])
+                if holds():
+                    return
+        read_until(lambda: keyframes and keyframes[-1] >= 2)
+        assert not os.path.exists(f"{folder}/room.map")
+        assert ask(run, "save_map") == 202
+        read_until(lambda: os.path.exists(f"{folder}/room.map"))
+        said = subprocess.run([PROGRAM, "map", "info", f"{folder}/room.map"], capture_output=True, text=True, timeout=WAIT_S)
+        assert said.returncode == 0 and "keyframes" in said.stdout, said
+        assert ask(run, "localise=1") == 202
+        read_until(lambda: "stays as it is" in events)
+        control_when(run, lambda c: c["localising"])
+        del keyframes[:]
+        read_until(lambda: len(keyframes) >= 30)
+        assert len(set(keyframes)) == 1, keyframes
+        assert ask(run, "localise=0") == 202
+        read_until(lambda: "is added to" in events)
+        control_when(run, lambda c: not c["localising"])
+        read_until(lambda: keyframes[-1] != keyframes[0])
+        assert "as was asked on the page: the map is saved to" in events, events
+        stream.close()
+    with Run(PROGRAM, *LONG, "--view-token", TOKEN) as run:
+        assert control_when(run, lambda c: c["can_localise"])["can_save_map"] is False
+
+
 def a_clock_is_not_stopped():
     """Where frames come by a clock there is no pause: the page is told so, and a command for it does nothing."""
     with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "100000", "--view-token", TOKEN) as run:
@@ -167,7 +210,7 @@ def a_clock_is_not_stopped():
 
 def main():
     promises = (without_a_token_nothing_is_set, the_token_opens, a_recording_is_paused, what_is_asked_changes_no_bit,
-                saving_and_a_new_map, a_clock_is_not_stopped)
+                saving_and_a_new_map, the_map_is_saved_and_kept, a_clock_is_not_stopped)
     for promise in promises:
         begin = time.monotonic()
         promise()

@@ -24,9 +24,15 @@ TEST(ViewCommands, AreParsed) {
     EXPECT_EQ(parse_view_command("speed=0")->value, 0);
     EXPECT_EQ(parse_view_command("saving=1")->value, 1);
     EXPECT_EQ(parse_view_command("saving=0")->value, 0);
-    for (const std::string_view wrong :
-         {"", "Pause", "pause ", "pause\n", "speed", "speed=", "speed=-1", "speed=nan", "speed=inf", "speed=1e9",
-          "speed=1x", "speed= 1", "saving=2", "saving=", "reset=1", "exit", "pause;reset"}) {
+    EXPECT_EQ(parse_view_command("save_map")->verb, kSaveMap);
+    EXPECT_EQ(parse_view_command("localise=1")->verb, kLocaliseOnly);
+    EXPECT_EQ(parse_view_command("localise=1")->value, 1);
+    EXPECT_EQ(parse_view_command("localise=0")->value, 0);
+    for (const std::string_view wrong : {"",          "Pause",       "pause ",     "pause\n",   "speed",
+                                         "speed=",    "speed=-1",    "speed=nan",  "speed=inf", "speed=1e9",
+                                         "speed=1x",  "speed= 1",    "saving=2",   "saving=",   "reset=1",
+                                         "exit",      "pause;reset", "save_map=a", "save_map ", "localise",
+                                         "localise=", "localise=2"}) {
         EXPECT_FALSE(parse_view_command(wrong)) << wrong;
     }
     std::string bytes(1000, 'a');
@@ -156,11 +162,41 @@ TEST(RunControl, CarriesOutWishes) {
     }
     EXPECT_EQ(session.asked, "") << "nothing is done before the run looks";
     EXPECT_FALSE(control.holds());
-    EXPECT_EQ(control.carry_out(session), "it is saved; it is used otherwise");
+    EXPECT_EQ(control.carry_out(session), "as ROS 2 asked: it is saved; it is used otherwise.");
     EXPECT_EQ(session.asked, "save only ");
     EXPECT_EQ(control.carry_out(session), "");
     EXPECT_TRUE(control.takes_reset());
     EXPECT_STREQ(control.wisher(), "by ROS 2");
+}
+
+// Promise: what the page wants of the map goes the same way, and the page is told how the map is used: as the run
+// began, as it was wished, and that a new map is added to; not so where the run cannot.
+TEST(RunControl, ThePageWishesAlike) {
+    ViewFeed feed;
+    RunControl control(&feed, {.can_save_map = true, .can_localise = true}, nullptr, true);
+    AskedSession session;
+    EXPECT_TRUE(feed.commands().controls().can_save_map);
+    EXPECT_TRUE(feed.commands().standing().is_localising);
+    ASSERT_TRUE(feed.commands().put({ViewVerb::kLocaliseOnly, 0}));
+    EXPECT_FALSE(control.holds());
+    EXPECT_TRUE(feed.commands().standing().is_localising) << "it is not done yet";
+    EXPECT_EQ(control.carry_out(session), "as was asked on the page: it is used otherwise.");
+    EXPECT_FALSE(feed.commands().standing().is_localising);
+    ASSERT_TRUE(feed.commands().put({ViewVerb::kSaveMap}));
+    ASSERT_TRUE(feed.commands().put({ViewVerb::kLocaliseOnly, 1}));
+    EXPECT_FALSE(control.holds());
+    EXPECT_EQ(control.carry_out(session), "as was asked on the page: it is saved; it is used otherwise.");
+    EXPECT_EQ(session.asked, "all save only ");
+    EXPECT_TRUE(feed.commands().standing().is_localising);
+    control.map_is_new();
+    EXPECT_FALSE(feed.commands().standing().is_localising);
+
+    ViewFeed other;
+    RunControl cannot(&other, {.can_reset = true});
+    ASSERT_TRUE(other.commands().put({ViewVerb::kLocaliseOnly, 1}));
+    EXPECT_FALSE(cannot.holds());
+    EXPECT_NE(cannot.carry_out(session), "") << "the session says why";
+    EXPECT_FALSE(other.commands().standing().is_localising);
 }
 
 // Promise: a reset is taken once, saving is as it was said last.

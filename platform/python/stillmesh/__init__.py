@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from . import _c
 
-__all__ = ["Camera", "DEPTH_MOVING", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "MapCopy", "Pose", "Settings",
+__all__ = ["Camera", "DEPTH_MOVING", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "MapCopy", "MapMerge", "Pose", "Settings",
            "Trajectory", "TrackingView", "read_map_header", "version"]
 
 Matrix = npt.NDArray[np.float64]
@@ -363,6 +363,24 @@ class Engine:
         problem = _sized(_c.Problem)
         _check(_c.lib.sm_load_map(self._c, data, len(data), use, problem), problem)
 
+    def merge_map(self, file: Path) -> "MapMerge":
+        """Joins another map of one place to the one that was just loaded: then step() until "idle", and save_map. Raises Error
+        "not found" where no place is the same for certain; the engine has forgotten its map then. Else nothing changes."""
+        out, problem = _sized(_c.MapMerge), _sized(_c.Problem)
+        _check(_c.lib.sm_merge_map_file(self._c, os.fsencode(file), out, problem), problem)
+        return MapMerge._of(out)
+
+    def merge_map_bytes(self, data: bytes) -> "MapMerge":
+        """The same of what a file holds."""
+        out, problem = _sized(_c.MapMerge), _sized(_c.Problem)
+        _check(_c.lib.sm_merge_map(self._c, data, len(data), out, problem), problem)
+        return MapMerge._of(out)
+
+    def fit_map(self, settings: Settings) -> None:
+        """Forgets, in the order in which full pools do, what the map has above the limits of these settings."""
+        problem = _sized(_c.Problem)
+        _check(_c.lib.sm_fit_map(self._c, settings._c, problem), problem)
+
     def set_map_use(self, localise: bool) -> None:
         """localise: from the next frame on the map stays as it is; else it is added to. Until the next load_map or reset."""
         problem = _sized(_c.Problem)
@@ -381,6 +399,21 @@ class Engine:
         view: Any = self._memory[begin:begin + count * ctypes.sizeof(kind)].view(np.dtype(kind))
         view.flags.writeable = False
         return view
+
+
+class MapMerge(NamedTuple):
+    """What came of merge_map: keyframes of the second map, how many of them look like a place of the first, how many of these
+    agree on where it lies; points that both had; how much other places look like them, of how much that one does."""
+    keyframes: int
+    found: int
+    agreeing: int
+    points_fused: int
+    elsewhere_share: float
+    map_from_second: Matrix
+
+    @classmethod
+    def _of(cls, out: _c.MapMerge) -> "MapMerge":
+        return cls(out.keyframes, out.found, out.agreeing, out.points_fused, out.elsewhere_share, _matrix(out.map_from_second))
 
 
 class MapCopy:

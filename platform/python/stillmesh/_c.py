@@ -129,7 +129,14 @@ class Keyframe(ctypes.Structure):
 class MapInfo(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("extractor", c_uint32), ("size_bytes", c_uint64),
                 *[(name, c_uint32) for name in "keyframes points features features_of_keyframe pyramid_levels lens_crc".split()],
-                ("scale_factor", c_double), ("time_ns", c_int64), ("frames", c_uint64), ("hash", c_uint64)]
+                ("scale_factor", c_double), ("time_ns", c_int64), ("frames", c_uint64), ("hash", c_uint64), ("depth_images", c_uint32),
+                ("depth_columns", c_uint16), ("depth_rows", c_uint16)]
+
+
+class MapMerge(ctypes.Structure):
+    _fields_ = [("size", c_uint32), ("is_alike", c_uint32),
+                *[(name, c_uint32) for name in "keyframes found agreeing points_fused".split()], ("elsewhere_share", c_double),
+                ("map_from_second", Transform)]
 
 
 class MapWriter(ctypes.Structure):
@@ -169,6 +176,9 @@ _CALLS: Tuple[Tuple[Any, ...], ...] = (
     ("sm_save_map", c_int32, _E, c_char_p, _P), ("sm_load_map_file", c_int32, _E, c_char_p, c_int32, _P),
     ("sm_load_map", c_int32, _E, c_char_p, c_size_t, c_int32, _P), ("sm_map_copy_bytes", c_size_t, POINTER(Settings)),
     ("sm_set_map_use", c_int32, _E, c_int32, _P),
+    ("sm_merge_map", c_int32, _E, c_char_p, c_size_t, POINTER(MapMerge), _P),
+    ("sm_merge_map_file", c_int32, _E, c_char_p, POINTER(MapMerge), _P),
+    ("sm_fit_map", c_int32, _E, POINTER(Settings), _P),
     ("sm_begin_map_copy", c_int32, _E, c_void_p, c_size_t, _P), ("sm_step_map_copy", c_int32, _E, c_uint32),
     ("sm_map_writer_init", c_int32, POINTER(MapWriter), c_void_p, c_size_t),
     ("sm_map_writer_next", c_size_t, POINTER(MapWriter), c_void_p, c_size_t),

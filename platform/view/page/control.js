@@ -2,7 +2,8 @@
 // part) or is typed. A command is asked for, and done by the run between two frames; how it then stands comes with the stream.
 'use strict';
 
-let control = { may_steer: false, can_pause: false, can_save: false, can_reset: false, paused: false, saving: true, speed: 0 };
+let control = { may_steer: false, can_pause: false, can_save: false, can_reset: false, can_save_map: false, can_localise: false,
+  paused: false, saving: true, speed: 0, localising: false };
 let token = sessionStorage.getItem('token') || '';
 
 function takeToken() {
@@ -14,7 +15,8 @@ function takeToken() {
 }
 
 function showControl() {
-  const isShown = control.may_steer && (control.can_pause || control.can_save || control.can_reset);
+  const can = ['can_pause', 'can_save', 'can_reset', 'can_save_map', 'can_localise'].some((what) => control[what]);
+  const isShown = control.may_steer && can;
   at('control').hidden = !isShown;
   at('token-box').hidden = token !== '';
   at('steer').hidden = token === '';
@@ -25,7 +27,12 @@ function showControl() {
   at('saving').disabled = !control.can_save;
   setText('saving', control.saving ? 'Stop saving' : 'Save again');
   at('reset').disabled = !control.can_reset;
+  at('save-map').disabled = !control.can_save_map;
+  at('localise').disabled = !control.can_localise;
+  at('localise').setAttribute('aria-pressed', String(control.localising));
 }
+
+const ofMap = ['save_map', 'localise=0', 'localise=1', 'reset'];  // done behind a frame
 
 async function ask(command) {
   setText('said', '');
@@ -37,6 +44,7 @@ async function ask(command) {
       showControl();
     }
     if (answer.status !== 202) setText('said', (await answer.text()).trim());
+    else if (control.paused && ofMap.includes(command)) setText('said', 'With the next frame.');
   } catch (error) {
     setText('said', 'The program does not answer.');
   }
@@ -48,6 +56,8 @@ function beginControl() {
   at('step').addEventListener('click', () => ask('step'));
   at('pace').addEventListener('change', () => ask(`speed=${at('pace').value}`));
   at('saving').addEventListener('click', () => ask(`saving=${control.saving ? 0 : 1}`));
+  at('save-map').addEventListener('click', () => ask('save_map'));
+  at('localise').addEventListener('click', () => ask(`localise=${control.localising ? 0 : 1}`));
   // What is lost by it does not come back: a second press within three seconds.
   let armed = 0;
   at('reset').addEventListener('click', () => {

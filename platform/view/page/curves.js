@@ -27,9 +27,10 @@ function niceStep(range, count) {
   return [1, 2, 5, 10].find((factor) => raw <= factor * power * 1.000001) * power;
 }
 
-class Curves {
+class Curves extends Drawing {
   // `onSeek(second)`: somebody chose a time; `onPoint(second or null)`: the pointer is over one.
   constructor(box, end_s, panels, { onSeek, onPoint }) {
+    super();
     this.end = Math.max(end_s, 1e-3);
     this.from = 0;
     this.to = this.end;
@@ -154,14 +155,6 @@ class Curves {
   }
 
   // --- Drawing -------------------------------------------------------------------------------------------------------
-  change() {
-    if (this.isWaiting) return;
-    this.isWaiting = true;
-    requestAnimationFrame(() => {
-      this.isWaiting = false;
-      this.draw();
-    });
-  }
   draw() {
     const style = getComputedStyle(document.documentElement);
     this.colour = (name) => style.getPropertyValue('--' + name).trim();

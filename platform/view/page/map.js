@@ -2,9 +2,10 @@
 // has changed, and not before. The scene hangs under `root`, which turns the map so that the camera's "up" points up.
 'use strict';
 
-class MapView {
+class MapView extends Drawing {
   // `onPick`: somebody pressed on a place of the path, by its index; may be left out.
   constructor(canvas, onFollow, onPick) {
+    super();
     this.canvas = canvas;
     this.onFollow = onFollow;
     this.onPick = onPick;
@@ -348,14 +349,6 @@ class MapView {
     });
   }
 
-  change() {
-    if (this.isWaiting) return;
-    this.isWaiting = true;
-    requestAnimationFrame(() => {
-      this.isWaiting = false;
-      this.draw();
-    });
-  }
   draw() {
     const width = this.canvas.clientWidth;
     const height = this.canvas.clientHeight;

@@ -1,4 +1,4 @@
-// What the pages share: the words for each state, and numbers out of base64.
+// What the pages share: the words for each state, numbers out of base64, and when something is drawn.
 'use strict';
 
 const at = (id) => document.getElementById(id);
@@ -38,6 +38,17 @@ const floats = (base64) => new Float32Array(bytesOf(base64));
 function setText(id, text) {
   const element = at(id);
   if (element.textContent !== text) element.textContent = text;
+}
+// What has a draw(): once with the browser's next picture, however often it changed.
+class Drawing {
+  change() {
+    if (this.isWaiting) return;
+    this.isWaiting = true;
+    requestAnimationFrame(() => {
+      this.isWaiting = false;
+      this.draw();
+    });
+  }
 }
 // The state's sign, word and advice, its own unless another is given. Returns the word.
 function showWord(state, advice) {
