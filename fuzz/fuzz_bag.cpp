@@ -10,7 +10,7 @@
 #include "hal/bag/bag_camera.hpp"
 #include "hal/bag/bag_file.hpp"
 #include "hal/bag/bag_images.hpp"
-#include "hal/bag/frame_tree.hpp"
+#include "hal/bag/frame_messages.hpp"
 #include "hal/bag/ros_camera.hpp"
 #include "tests/replay/recording_folder.hpp"
 
@@ -102,8 +102,8 @@ void read_camera_message(Input bytes, MessageLayout layout, bool is_rectified) {
 
 void read_transforms(Input bytes, MessageLayout layout) {
     FrameTree tree;
-    tree.take("/tf_static", kTransformsType, bytes, layout);
-    tree.take("/device_0/sensor_0/Depth_0/tf/0", kTransformType, bytes, layout);
+    take_transforms("/tf_static", kTransformsType, bytes, layout, tree);
+    take_transforms("/device_0/sensor_0/Depth_0/tf/0", kTransformType, bytes, layout, tree);
     for (const auto& pose : {tree.between("depth", "colour"), tree.between("/colour", "link")}) {
         if (!pose) continue;
         double norm = 0;

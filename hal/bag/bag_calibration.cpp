@@ -5,6 +5,7 @@
 
 #include "hal/bag/ros_camera.hpp"
 #include "hal/calibration/calibration.hpp"
+#include "hal/ros2/ros_name.hpp"
 
 namespace stillmesh {
 namespace {
@@ -90,7 +91,7 @@ Status BagCalibrator::place_depth(BagCalibration& out, std::string& message) con
     separate.reset();
     if (is_registered(out)) return Status::kOk;
     std::optional<RigidTransform> pose =
-        survey_.frames().between_streams(name_of(choice_.depth), name_of(choice_.colour));
+        between_streams(survey_.frames(), name_of(choice_.depth), name_of(choice_.colour));
     if (!pose && depth.frame_id != colour.frame_id) pose = survey_.frames().between(depth.frame_id, colour.frame_id);
     if (!pose) {
         message = options_.path + ": depth (" + name_of(choice_.depth) + ") is not registered to colour (" +

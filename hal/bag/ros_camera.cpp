@@ -65,18 +65,18 @@ Status camera_of_message(const CameraInfoMessage& from, const std::string& topic
     return parse_calibration(text, CalibrationFormat::kYaml, source, info, message);
 }
 
-bool is_rectified_name(const std::string& topic) {
-    return topic.find("/image_rect") != std::string::npos;
-}
-
 bool is_same_view(const CameraInfoMessage& one, const CameraInfoMessage& other) {
-    if (!is_of_one_view({one.width, one.height}, {other.width, other.height}) || other.width == 0) return false;
-    const double ratio = static_cast<double>(one.width) / other.width;
-    constexpr double kNear_px = 0.5;  // of the larger picture; the centres of larger pixels lie elsewhere
-    for (const std::size_t i : {0U, 2U, 4U, 5U}) {
-        if (!(std::fabs(one.k[i] - ratio * other.k[i]) <= kNear_px * std::max(1.0, ratio))) return false;
-    }
-    return true;
+    const auto lens_of = [](const CameraInfoMessage& of) {
+        CameraModel lens;
+        lens.width = of.width;
+        lens.height = of.height;
+        lens.fx = of.k[0];
+        lens.fy = of.k[4];
+        lens.cx = of.k[2];
+        lens.cy = of.k[5];
+        return lens;
+    };
+    return is_same_view(lens_of(one), lens_of(other));
 }
 
 }  // namespace stillmesh

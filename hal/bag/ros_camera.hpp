@@ -15,9 +15,6 @@ namespace stillmesh {
 [[nodiscard]] Status camera_of_message(const CameraInfoMessage& from, const std::string& topic, bool is_rectified,
                                        CameraInfo& info, std::string& message);
 
-// "image_rect", "image_rect_color": the last part of a topic's name that is not a transport's.
-[[nodiscard]] bool is_rectified_name(const std::string& topic);
-
 // Whether two cameras see the same picture, in larger or smaller pixels.
 [[nodiscard]] bool is_same_view(const CameraInfoMessage& one, const CameraInfoMessage& other);
 

@@ -1,8 +1,8 @@
 // The messages of ROS that a camera's recording consists of, read in place: sensor_msgs Image, CompressedImage and
-// CameraInfo, std_msgs Float32; transforms are read in frame_tree.hpp. ROS 1 and the CDR of ROS 2 have the same fields
-// in the same order; what differs is how a number is aligned, whether texts end with a zero, and a header's number in
-// front. Sources: the message definitions and wiki.ros.org/ROS/Technical%20Overview of ROS, OMG DDSI-RTPS 9.3 and 10
-// for CDR. Nothing is copied: views last as long as the bytes. Any bytes are safe.
+// CameraInfo, std_msgs Float32; transforms are read in frame_messages.hpp. ROS 1 and the CDR of ROS 2 have the same
+// fields in the same order; what differs is how a number is aligned, whether texts end with a zero, and a header's
+// number in front. Sources: the message definitions and wiki.ros.org/ROS/Technical%20Overview of ROS, OMG DDSI-RTPS 9.3
+// and 10 for CDR. Nothing is copied: views last as long as the bytes. Any bytes are safe.
 #pragma once
 
 #include <array>

@@ -40,7 +40,7 @@ void TopicSurvey::take(const BagMessage& message) {
     const BagTopic& topic = topics_[message.topic];
     now_ns_ = std::max(now_ns_, message.time_ns);
     if (is_image_type(topic.type) && first_image_ns_ < 0) first_image_ns_ = message.time_ns;
-    if (!is_image_type(topic.type)) frames_.take(topic.name, topic.type, message.bytes, topic.layout);
+    if (!is_image_type(topic.type)) take_transforms(topic.name, topic.type, message.bytes, topic.layout, frames_);
     if (seen_.contains(message.topic)) return;
     SeenTopic seen;
     std::string ignored;

@@ -12,7 +12,7 @@
 
 #include "hal/bag/bag_images.hpp"
 #include "hal/bag/bag_reader.hpp"
-#include "hal/bag/frame_tree.hpp"
+#include "hal/bag/frame_messages.hpp"
 
 namespace stillmesh {
 

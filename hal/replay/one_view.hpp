@@ -1,10 +1,14 @@
-// Depth images of the same view in larger or smaller pixels than colour's: whether they are, and brought to colour's
-// size. Nothing is kept; cost: one pass over the pixels.
+// Depth images of the same view in larger or smaller pixels than colour's: whether they are, by their sizes or their
+// cameras, and brought to colour's size. Nothing is kept; cost: one pass over the pixels.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
+
+#include "engine/geometry/camera_model.hpp"
 
 namespace stillmesh {
 
@@ -22,6 +26,15 @@ struct ImageSize {
     const std::uint32_t ratio = small.width == 0 ? 0 : large.width / small.width;
     return ratio >= 1 && ratio <= kRatioMax && small.width * ratio == large.width &&
            small.height * ratio == large.height;
+}
+
+// Whether two cameras, of one place, see the same picture. Distortion is left out.
+[[nodiscard]] inline bool is_same_view(const CameraModel& one, const CameraModel& other) noexcept {
+    if (!is_of_one_view({one.width, one.height}, {other.width, other.height}) || other.width == 0) return false;
+    const double ratio = static_cast<double>(one.width) / other.width;
+    const double near_px = 0.5 * std::max(1.0, ratio);  // the centres of larger pixels lie elsewhere
+    return std::fabs(one.fx - ratio * other.fx) <= near_px && std::fabs(one.fy - ratio * other.fy) <= near_px &&
+           std::fabs(one.cx - ratio * other.cx) <= near_px && std::fabs(one.cy - ratio * other.cy) <= near_px;
 }
 
 // Of smaller images each pixel is there several times, of larger ones the middle of each square counts. Both sizes are

@@ -1,19 +1,27 @@
-// A camera whose images come over ROS 2, from whatever driver publishes them: colour, depth as the colour camera sees
-// it (aligned), and CameraInfo for the lens; ros2_images.hpp has the formats, packed_images.hpp those of topics that
-// end in /compressed or /compressedDepth. A thread takes messages from Cyclone DDS, copies each image once, pairs them
-// by their stamps, and the newest pair goes into one fixed slot; what was in it is dropped and counted. Subscribed at
-// best effort, as sensor data is: any driver's QoS fits. Frames keep ROS's stamps, so that what is published of them is
-// of the same time. Limits: sides of 4096 px. Memory: five images of each kind, and Cyclone's own. Cost: below 1 ms of
-// the thread that reads for a frame of 640x480 beside Cyclone's own work, nothing of whoever polls. Every wait is
-// bounded.
+// A camera whose images come over ROS 2, from whatever driver publishes them: colour, depth, and CameraInfo for the
+// lens; depth as the colour camera sees it (aligned), or of a camera of its own, if CameraInfo beside its topic and
+// /tf_static say which and where, or a calibration of two cameras does: then it is registered here, in poll().
+// ros2_images.hpp has the formats, packed_images.hpp those of topics that end in /compressed or /compressedDepth. A
+// thread takes messages from Cyclone DDS, copies each image once, pairs them by their stamps, and the newest pair goes
+// into one fixed slot; what was in it is dropped and counted. Subscribed at best effort, as sensor data is: any
+// driver's QoS fits. Frames keep ROS's stamps, so that what is published of them is of the same time. Limits: sides of
+// 4096 px. Memory: five images of each kind, and Cyclone's own. Cost: below 1 ms of the thread that reads for a frame
+// of 640x480 beside Cyclone's own work, nothing of whoever polls but for the registration (depth_registration.hpp).
+// Every wait is bounded.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "hal/live/depth_registration.hpp"
 #include "hal/live/live_camera.hpp"
+#include "hal/replay/one_view.hpp"
 
 namespace stillmesh {
 
@@ -51,6 +59,7 @@ public:
     [[nodiscard]] std::string silence() const override;
     [[nodiscard]] std::string device() const override;
     [[nodiscard]] std::string calibration_source() const override;
+    [[nodiscard]] std::vector<std::string> notes() const override { return notes_; }
     [[nodiscard]] LiveCounts counts() const noexcept override;
 
 private:
@@ -58,6 +67,8 @@ private:
 
     [[nodiscard]] Status refuse(Status status, std::string why);
     [[nodiscard]] Status begin();
+    [[nodiscard]] Status place_depth(std::unique_lock<std::mutex>& lock, std::chrono::steady_clock::time_point until);
+    [[nodiscard]] Status register_here(const SeparateDepth& depth, const std::string& source);
 
     Ros2Options options_;
     CameraInfo info_;
@@ -66,6 +77,10 @@ private:
     LiveCounts before_;                    // of the openings before this one, and of poll() in this one
     std::shared_ptr<RosContext> context_;  // kept from opening to opening: it knows who is there
     std::unique_ptr<Session> session_;
+    std::optional<DepthRegistration> registration_;  // none: depth is as the colour camera sees it
+    ImageSize depth_size_;
+    std::vector<std::uint16_t> registered_;
+    std::vector<std::string> notes_;
 };
 
 // "COLOUR,DEPTH,INFO": names of topics. False: it is not.

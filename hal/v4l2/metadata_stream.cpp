@@ -23,7 +23,7 @@ int MetadataStream::set_format() {
     return format_.fourcc == best && format_.bytes >= kBytesMin && format_.bytes <= kBytesMax ? 0 : ERANGE;
 }
 
-int MetadataStream::start(const std::string& path) {
+int MetadataStream::open(const std::string& path) {
     stop();
     if (path.empty()) return ENOTSUP;
     int handle = -1;
@@ -33,7 +33,13 @@ int MetadataStream::start(const std::string& path) {
     int error = link_.query_capability(handle_, capabilities);
     if (error == 0 && (capabilities & kV4l2Metadata) == 0) error = ENOTSUP;
     if (error == 0) error = set_format();
-    if (error == 0) error = buffers_.map(link_, handle_, 1, 0);
+    if (error != 0) stop();
+    return error;
+}
+
+int MetadataStream::start() {
+    if (handle_ < 0) return ENOTSUP;
+    int error = buffers_.map(link_, handle_, 1, 0);
     if (error == 0) error = link_.set_streaming(handle_, true);
     is_on_ = error == 0;
     if (error != 0) stop();

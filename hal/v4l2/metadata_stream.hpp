@@ -26,10 +26,14 @@ public:
     MetadataStream(const MetadataStream&) = delete;
     MetadataStream& operator=(const MetadataStream&) = delete;
 
-    // 0, or the errno of what failed. ENOTSUP: no node of metadata, or none that is understood.
-    [[nodiscard]] int start(const std::string& path);
+    // 0, or the errno of what failed. ENOTSUP: no node of metadata, or none that is understood. Opened before the
+    // images' buffers are asked for: Linux 6.1 refuses another format of metadata (EBUSY) as long as these are there.
+    [[nodiscard]] int open(const std::string& path);
+    [[nodiscard]] int start();
     void stop() noexcept;
     [[nodiscard]] bool is_on() const noexcept { return is_on_; }
+    // The vendor's blocks, and not the standard header alone: exposures, the projector, the middle of an exposure.
+    [[nodiscard]] bool has_blocks() const noexcept { return is_on_ && format_.fourcc == kD4xxMetadata; }
 
     // Of the image with that number. Empty: none came, or it was damaged.
     [[nodiscard]] ImageFacts find(std::uint32_t sequence) noexcept;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 
 #include "hal/v4l2/pixel_formats.hpp"
@@ -240,17 +241,44 @@ void Opening::set_emitter(Opened& opened) {
     }
 }
 
+// What of it fails is said, and images go without.
+void Opening::open_metadata(const CameraChoice& choice) {
+    metadata_problem_.clear();
+    const auto open = [this](MetadataStream& stream, const std::string& path) {
+        if (metadata_problem_.empty()) note_metadata(path, stream.open(path));
+    };
+    open(depth_metadata, choice.depth_metadata);
+    open(colour_metadata, choice.colour_metadata);
+}
+
 // After the images' start, which may try several modes: the first images go without.
 void Opening::start_metadata(const CameraChoice& choice, Opened& opened) {
-    int error = depth_metadata.start(choice.depth_metadata);
-    if (error == 0) error = colour_metadata.start(choice.colour_metadata);
+    if (metadata_problem_.empty()) note_metadata(choice.depth_metadata, depth_metadata.start());
+    if (metadata_problem_.empty()) note_metadata(choice.colour_metadata, colour_metadata.start());
+    if (!metadata_problem_.empty()) {
+        opened.notes.push_back(metadata_problem_);
+    } else if (!depth_metadata.has_blocks() || !colour_metadata.has_blocks()) {
+        // Linux 6.1 knows one model (D4M), and takes another for it when it is told to.
+        char told[80];
+        std::snprintf(told, sizeof(told), "echo %04x %04x e 8086 0b03 | sudo tee /sys/bus/usb/drivers/uvcvideo/new_id",
+                      static_cast<unsigned>(choice.depth.node.vendor_id),
+                      static_cast<unsigned>(choice.depth.node.product_id));
+        opened.notes.push_back(
+            "this kernel hands out the camera's times, and neither exposures nor the projector's state; for all of "
+            "it: " +
+            std::string(told) + ", and plug the camera in again.");
+    }
+}
+
+// Half of it is of no use.
+void Opening::note_metadata(const std::string& path, int error) {
     if (error == 0) return;
-    const std::string& path = depth_metadata.is_on() ? choice.colour_metadata : choice.depth_metadata;
     depth_metadata.stop();
-    opened.notes.push_back(
+    colour_metadata.stop();
+    metadata_problem_ =
         "the camera's own times cannot be read (" +
         (error == ENOTSUP ? "the kernel has no node of metadata for it" : path + ": " + std::strerror(error)) +
-        "): images have the times at which the driver got them.");
+        "): images have the times at which the driver got them.";
 }
 
 Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& message) {
@@ -267,7 +295,9 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
             return Status::kUnavailable;
         }
     }
+    const bool is_realsense = realsense_name(node.vendor_id, node.product_id) != nullptr;
     STILLMESH_TRY(set_turns(choice, message));
+    if (is_realsense) open_metadata(choice);
     STILLMESH_TRY(start_streams(choice, wishes, message));
     opened.identity = identity_of(choice);
     opened.description = camera_text(node);
@@ -279,7 +309,6 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     cameras.colour.width = colour.format().width;
     cameras.colour.height = colour.format().height;
     if (!wishes.calibration.empty()) STILLMESH_TRY(adopt_given(wishes, opened, message));
-    const bool is_realsense = realsense_name(node.vendor_id, node.product_id) != nullptr;
     STILLMESH_TRY(is_realsense ? calibrate_realsense(node, wishes, opened, message)
                                : calibrate_other(wishes, opened, message));
     if (wishes.is_registered) take_as_registered(cameras);
@@ -287,9 +316,9 @@ Status Opening::open(const OpeningWishes& wishes, Opened& opened, std::string& m
     set_exposure(wishes, opened);
     if (is_realsense) set_emitter(opened);
     if (is_realsense) start_metadata(choice, opened);
-    if (opened.is_alternating && !depth_metadata.is_on()) {
+    if (opened.is_alternating && !(depth_metadata.has_blocks() && colour_metadata.has_blocks())) {
         message = opened.description + ": which images have the projector's dots is not known: " + opened.notes.back() +
-                  " Take --camera v4l2:ir, or v4l2.";
+                  " Or take --camera v4l2:ir, or v4l2.";
         return Status::kInvalid;
     }
     const double depth_rate = depth.mode().frames_per_s();

@@ -63,10 +63,13 @@ private:
     void set_exposure(const OpeningWishes& wishes, Opened& opened);
     [[nodiscard]] Status set_turns(const CameraChoice& choice, std::string& message);
     void set_emitter(Opened& opened);
+    void open_metadata(const CameraChoice& choice);
     void start_metadata(const CameraChoice& choice, Opened& opened);
+    void note_metadata(const std::string& path, int error);
 
     V4l2Link& link_;
     int depth_handle_ = -1, colour_handle_ = -1;
+    std::string metadata_problem_;  // why images have no times of the camera's; empty: they have
 };
 
 }  // namespace stillmesh::v4l2

@@ -1,5 +1,5 @@
 // Where frames lie to each other, from messages of transforms.
-#include "hal/bag/frame_tree.hpp"
+#include "hal/bag/frame_messages.hpp"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +27,9 @@ public:
         for (const double value : transform.rotation_xyzw) put(value);
         return *this;
     }
-    void to(FrameTree& tree) const { tree.take("/tf_static", kTransformsType, bytes_, MessageLayout::kCdr); }
+    void to(FrameTree& tree) const {
+        take_transforms("/tf_static", kTransformsType, bytes_, MessageLayout::kCdr, tree);
+    }
 
 private:
     template <typename T>

@@ -325,6 +325,7 @@ template class Node::Reader<PointCloud>;
 template class Node::Reader<OccupancyGrid>;
 template class Node::Reader<DiagnosticArray>;
 template class Node::Writer<Odometry>;
+template class Node::Writer<Tf>;
 template class Node::Writer<Empty>;
 template class Node::Writer<Bool>;
 template class Node::Writer<Imu>;

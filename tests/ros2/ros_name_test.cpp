@@ -14,5 +14,13 @@ TEST(RosNames, AreThoseOfRos) {
         EXPECT_FALSE(is_ros_name(wrong)) << wrong;
 }
 
+// Promise: CameraInfo is looked for where image_transport puts it.
+TEST(RosNames, CameraInfoLiesBesideItsImages) {
+    EXPECT_EQ(info_beside("/camera/depth/image_rect_raw"), "/camera/depth/camera_info");
+    EXPECT_EQ(info_beside("/camera/depth/image_raw/compressedDepth"), "/camera/depth/camera_info");
+    EXPECT_EQ(info_beside("/a/image/compressed"), "/a/camera_info");
+    EXPECT_EQ(info_beside("/image"), "/camera_info");
+}
+
 }  // namespace
 }  // namespace stillmesh

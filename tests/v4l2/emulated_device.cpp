@@ -183,6 +183,13 @@ int EmulatedDevice::set_format(int handle, V4l2Format& format) {
     Open& open = of(handle);
     const Node& node = node_of(handle);
     if (node.is_held || !open.buffers.empty()) return EBUSY;
+    // Of metadata, as Linux 6.1 has it: only as long as the images beside it have no buffers
+    // (uvc_meta_v4l2_set_format).
+    const bool is_metadata = (node.capabilities & kV4l2Metadata) != 0;
+    const bool has_images = is_metadata && std::any_of(handles_.begin(), handles_.end(), [&open](const auto& other) {
+                                return other.second.node + 1 == open.node && !other.second.buffers.empty();
+                            });
+    if (has_images) return EBUSY;
     if (node.ignores_mode || mode_of(node, format) == nullptr) {
         // As drivers do: the nearest they have.
         format.width = node.modes.front().width;

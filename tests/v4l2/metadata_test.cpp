@@ -181,6 +181,35 @@ TEST(V4l2Metadata, GivesTheTimes) {
     EXPECT_EQ(rig.camera->remark(), "");
 }
 
+// Promise: of a kernel that hands out the standard header alone the times are the camera's, too; that the rest is
+// missing is said with what to do, and turns, which need it, are refused with the same words.
+TEST(V4l2Metadata, OfHeadersAloneHasTheTimes) {
+    Rig rig;
+    for (auto* const node : {&rig.device->depth(), &rig.device->colour()}) {
+        rig.device->metadata_of(*node).modes = {{v4l2::kUvcMetadata, 0, 0, {}}};
+    }
+    ASSERT_EQ(rig.camera->open(), Status::kOk) << rig.camera->message();
+    ASSERT_EQ(rig.camera->notes().size(), 1U);
+    const char* const remedy = "echo 8086 0b07 e 8086 0b03 | sudo tee /sys/bus/usb/drivers/uvcvideo/new_id";
+    EXPECT_NE(rig.camera->notes()[0].find(remedy), std::string::npos) << rig.camera->notes()[0];
+    Frame frame;
+    for (int i = 0; i < 6; ++i) ASSERT_EQ(rig.next(frame), Status::kOk);
+    for (std::int64_t i = 0, last_ns = frame.time_ns; i < 60; ++i, last_ns = frame.time_ns) {
+        ASSERT_EQ(rig.next(frame), Status::kOk);
+        EXPECT_NEAR(static_cast<double>(frame.time_ns - last_ns), 33'335'000, 2'000);
+    }
+    EXPECT_EQ(rig.camera->counts().images_exposed, 0U);
+
+    V4l2Options options;
+    options.has_thread = false;
+    options.device = "alternate";
+    const auto device = std::make_shared<EmulatedDevice>();
+    device->metadata_of(device->infrared()).modes = {{v4l2::kUvcMetadata, 0, 0, {}}};
+    V4l2Camera turns(options, device);
+    EXPECT_EQ(turns.open(), Status::kInvalid);
+    EXPECT_NE(turns.message().find(remedy), std::string::npos) << turns.message();
+}
+
 // Promise: without a node, without permission for it, or with another format: a note, and the driver's stamps; with
 // nothing but damaged metadata: a remark, once, and the driver's stamps.
 TEST(V4l2Metadata, WithoutItTheDriversStampsServe) {

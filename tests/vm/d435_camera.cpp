@@ -9,10 +9,11 @@
 //     short STREAM NUMBER                   so many of its next pictures end after half their lines
 //     crc good|bad                          the calibration tables' checksums
 //     commands answered|refused             Intel's commands stall
-//     stereo aside|together                 the stereo module stands 15 mm beside the colour camera, or in its place
-//     control answered|deaf                no control request is answered, none stalled: the kernel gives up
+//     metadata blocks|clock|none            headers of pictures: with Intel's blocks, the standard's alone, without a
+//     clock stereo aside|together                 the stereo module stands 15 mm beside the colour camera, or in its
+//     place control answered|deaf                no control request is answered, none stalled: the kernel gives up
 //     counts                                a line per stream: how often it began, pictures sent, short ones, skipped
-//     projector                             0: off, 1: on
+//     projector                             0: off, 1: on, turns: on for every other picture
 //     clock                                 when picture 0 was due, s since 1970
 #include <poll.h>
 #include <sys/socket.h>
@@ -56,10 +57,7 @@ public:
         for (vm::StreamSource& one : streams_) one.restart(now_ns());
     }
     bool control(const vm::Setup& setup, const Bytes& written, Bytes& data) override;
-    bool bulk(std::uint32_t endpoint, std::uint32_t most, Bytes& data) override {
-        vm::StreamSource* const source = at_endpoint(endpoint);
-        return source != nullptr && source->take(most, data, now_ns());
-    }
+    bool bulk(std::uint32_t endpoint, std::uint32_t most, Bytes& data) override;
     [[nodiscard]] std::array<vm::StreamSource, 3>& streams() { return streams_; }
 
     vm::ExtensionUnit extension_unit;
@@ -104,6 +102,15 @@ bool D435::control(const vm::Setup& setup, const Bytes& written, Bytes& data) {
     return false;
 }
 
+bool D435::bulk(std::uint32_t endpoint, std::uint32_t most, Bytes& data) {
+    vm::StreamSource* const source = at_endpoint(endpoint);
+    if (source == nullptr) return false;
+    source->settings().is_emitter_on = extension_unit.values()[0] != 0;
+    source->settings().has_turns = extension_unit.monitor.has_turns;
+    source->settings().laser_power = extension_unit.values()[2];
+    return source->take(most, data, now_ns());
+}
+
 class Bench {
 public:
     explicit Bench(const std::string& folder) : camera_(folder), port_(camera_) {}
@@ -145,7 +152,18 @@ std::string Bench::obey(const std::string& line) {
         return "unplugged\n";
     }
     if (verb == "counts") return counts();
-    if (verb == "projector") return std::to_string(camera_.extension_unit.values()[0]) + '\n';
+    if (verb == "projector") {
+        const vm::ExtensionUnit& unit = camera_.extension_unit;
+        return unit.monitor.has_turns ? "turns\n" : std::to_string(unit.values()[0]) + '\n';
+    }
+    if (verb == "metadata" && (what == "blocks" || what == "clock" || what == "none")) {
+        for (vm::StreamSource& one : camera_.streams()) {
+            one.settings().header = what == "blocks"  ? vm::HeaderKind::kBlocks
+                                    : what == "clock" ? vm::HeaderKind::kClock
+                                                      : vm::HeaderKind::kBare;
+        }
+        return line + '\n';
+    }
     if (verb == "clock") {
         const std::int64_t ahead_ns = clock_ns(CLOCK_REALTIME) - now_ns();
         return std::to_string(static_cast<double>(camera_.streams()[0].epoch_ns() + ahead_ns) * 1e-9) + '\n';

@@ -9,7 +9,7 @@
 namespace vm {
 namespace {
 
-constexpr std::uint32_t kGvd = 0x10, kGetTable = 0x15, kGetAdvanced = 0x2c;
+constexpr std::uint32_t kGvd = 0x10, kGetTable = 0x15, kGetAdvanced = 0x2c, kTakeTurns = 0x77;
 constexpr std::uint32_t kDepthTable = 25, kColourTable = 32, kDepthControl = 9;
 constexpr std::int32_t kWrongCommand = -1, kWrongParameter = -6;
 
@@ -119,8 +119,8 @@ Bytes depth_control() {
     return data;
 }
 
-// True: known, and `data` is what it asks for.
-bool run_command(std::uint32_t operation, std::uint32_t parameter, const MonitorSettings& settings, Bytes& data,
+// True: known and done, and `data` is what it asks for.
+bool run_command(std::uint32_t operation, std::uint32_t parameter, MonitorSettings& settings, Bytes& data,
                  std::int32_t& error) {
     switch (operation) {
         case kGvd: data = version_data(); return true;
@@ -133,13 +133,17 @@ bool run_command(std::uint32_t operation, std::uint32_t parameter, const Monitor
             error = kWrongParameter;
             if (parameter == kDepthControl) data = depth_control();
             return !data.empty();
+        case kTakeTurns:
+            error = kWrongParameter;
+            if (parameter <= 1) settings.has_turns = parameter == 1;
+            return parameter <= 1;
         default: error = kWrongCommand; return false;
     }
 }
 
 }  // namespace
 
-Bytes answer_message(const Bytes& message, const MonitorSettings& settings) {
+Bytes answer_message(const Bytes& message, MonitorSettings& settings) {
     Bytes data, answer;
     std::int32_t error = kWrongCommand;
     const bool is_message = message.size() == kMessageBytes && message[0] == 20 && message[1] == 0 &&

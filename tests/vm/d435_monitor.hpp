@@ -1,8 +1,8 @@
 // What a D435 answers to Intel's commands, which go through control 1 of its extension unit: a message of 1024 bytes in
 // (length of what follows the first four bytes, 0xcdab, operation, four parameters), one of 1024 bytes out (the
 // operation again or a negative error, data, in the last four bytes how many). Known: GVD (firmware, serial number),
-// GETINTCAL (tables 25: depth, 32: colour, of the rendered cameras), GET_ADV (9: unit of depth). Layouts as
-// librealsense reads them (ds5-private.h, hw-monitor.h).
+// GETINTCAL (tables 25: depth, 32: colour, of the rendered cameras), GET_ADV (9: unit of depth), and 0x77 (the emitter
+// by turns: 1, or as its control says: 0). Layouts as librealsense reads them (ds5-private.h, hw-monitor.h).
 #pragma once
 
 #include "tests/vm/usbip.hpp"
@@ -19,8 +19,9 @@ inline constexpr double kFocalOf640_px = 528;
 struct MonitorSettings {
     bool is_corrupt = false;   // tables do not have their checksum
     bool is_together = false;  // both cameras stand in one place, and the table says so
+    bool has_turns = false;    // the emitter is on for every other picture alone
 };
 
-[[nodiscard]] Bytes answer_message(const Bytes& message, const MonitorSettings& settings);
+[[nodiscard]] Bytes answer_message(const Bytes& message, MonitorSettings& settings);
 
 }  // namespace vm

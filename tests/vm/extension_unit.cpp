@@ -38,7 +38,7 @@ bool ExtensionUnit::control(const Setup& setup, const Bytes& written, Bytes& dat
     }
     if (setup.request == kSetCurrent) {
         if (is_monitor) {
-            message_ = written;
+            answer_ = answer_message(written, monitor);
             return true;
         }
         for (std::size_t i = 0; i < written.size(); ++i) value |= static_cast<std::uint32_t>(written[i]) << 8U * i;
@@ -46,7 +46,7 @@ bool ExtensionUnit::control(const Setup& setup, const Bytes& written, Bytes& dat
         return true;
     }
     if (is_monitor) {
-        if (setup.request == kGetCurrent) data = answer_message(message_, monitor);
+        if (setup.request == kGetCurrent) data = answer_;
     } else {
         put32(data, setup.request == kGetCurrent ? values_[selector - 2] : value);
     }

@@ -21,7 +21,7 @@ public:
 
 private:
     std::uint8_t error_code_ = 0;
-    Bytes message_ = Bytes(kMessageBytes);
+    Bytes answer_ = Bytes(kMessageBytes);  // to the last command
     std::array<std::uint32_t, 3> values_{1, 8500, 150};
 };
 

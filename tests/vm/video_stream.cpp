@@ -12,8 +12,8 @@ namespace vm {
 namespace {
 
 constexpr std::uint16_t kProbe = 0x0100, kCommit = 0x0200;
-constexpr std::size_t kModeBytes = 48, kHeaderBytes = 6;
-constexpr std::uint8_t kEndOfFrame = 0x02, kHasStamp = 0x04, kEndOfHeader = 0x80;
+constexpr std::size_t kModeBytes = 48;
+constexpr std::uint32_t kStereoExposure_us = 8'500, kColourExposure_us = 15'600;
 
 }  // namespace
 
@@ -64,9 +64,9 @@ Bytes StreamSource::mode_data(const Mode& mode) const {
     put32(data, mode.interval);
     data.resize(18);
     put32(data, frame_bytes);
-    put32(data, static_cast<std::uint32_t>(frame_bytes + kHeaderBytes));  // most bytes of a payload
-    put32(data, 1'000'000);                                               // clock of time stamps, Hz
-    data.insert(data.end(), {3, 1, 1, 1});                                // parity and end of frame are given
+    put32(data, frame_bytes + header_bytes(settings_.header, is_stereo()));  // most bytes of a payload
+    put32(data, 1'000'000);                                                  // clock of time stamps, Hz
+    data.insert(data.end(), {3, 1, 1, 1});                                   // parity and end of frame are given
     data.resize(kModeBytes);
     return data;
 }
@@ -117,24 +117,36 @@ bool StreamSource::start() {
     return true;
 }
 
+PictureFacts StreamSource::facts(std::int64_t number, std::int64_t now_ns) const {
+    PictureFacts facts;
+    facts.is_stereo = is_stereo();
+    facts.is_second = is_second_;
+    facts.number = static_cast<std::uint32_t>(number);
+    facts.middle_us = clock_us(epoch_ns_ + number * kGrid_ns);
+    facts.exposure_us = is_stereo() ? kStereoExposure_us : kColourExposure_us;
+    facts.now_us = clock_us(now_ns);
+    facts.size = stream_.sizes[committed_.size - 1U];
+    facts.interval_us = committed_.interval / 10;
+    facts.is_emitter_on = settings_.is_emitter_on && (!settings_.has_turns || number % 2 == 0);
+    facts.laser_power = settings_.laser_power;
+    return facts;
+}
+
 void StreamSource::begin_picture(std::int64_t now_ns) {
     const std::int64_t late = ((now_ns - epoch_ns_) / kGrid_ns - due_) / step();
     const std::int64_t number = due_ + late * step();
     counts_.skipped += static_cast<std::uint64_t>(late);
     due_ = number + step();
-    parity_ ^= 1U;
-    payload_.clear();
-    payload_.reserve(kHeaderBytes + picture_bytes());
-    payload_.push_back(kHeaderBytes);
-    payload_.push_back(static_cast<std::uint8_t>(parity_ | kEndOfFrame | kHasStamp | kEndOfHeader));
-    put32(payload_, static_cast<std::uint32_t>(now_ns / 1000));
+    is_second_ = !is_second_;
+    payload_ = payload_header(settings_.header, facts(number, now_ns));
+    const std::size_t header = payload_.size();
     const std::uint8_t* const picture = pictures_.at(number);
     is_short_ = settings_.short_pictures > 0;
     const std::size_t bytes = picture_bytes() / (is_short_ ? 2 : 1);
     if (is_short_) --settings_.short_pictures;
     if (stream_.format[0] == 'Y') {  // no colour
-        payload_.resize(kHeaderBytes + bytes, 128);
-        for (std::size_t i = 0; i < bytes / 2; ++i) payload_[kHeaderBytes + 2 * i] = picture[i];
+        payload_.resize(header + bytes, 128);
+        for (std::size_t i = 0; i < bytes / 2; ++i) payload_[header + 2 * i] = picture[i];
     } else {
         payload_.insert(payload_.end(), picture, picture + bytes);
     }

@@ -1,14 +1,14 @@
 // One video streaming interface of the camera: negotiates a mode (probe and commit, USB Video Class 1.5, 4.3.1.1), then
-// hands out a picture per frame interval as one payload of a bulk endpoint, with a header of six bytes (picture's
-// parity, end of frame, time stamp). Pictures come from a file, forwards and backwards again and again, thirty a second
-// by the camera's clock, so that all streams show the same moment. While a picture is still being fetched the next ones
-// are skipped. Every picture sent and skipped is counted. Memory: one picture, and the file's pages.
+// hands out a picture per frame interval as one payload of a bulk endpoint, behind its header (payload_header.hpp).
+// Pictures come from a file, forwards and backwards again and again, thirty a second by the camera's clock, so that all
+// streams show the same moment: the middle of each exposure. While a picture is still being fetched the next ones are
+// skipped. Every picture sent and skipped is counted. Memory: one picture, and the file's pages.
 #pragma once
 
 #include <cstdint>
 #include <string>
 
-#include "tests/vm/d435_descriptors.hpp"
+#include "tests/vm/payload_header.hpp"
 
 namespace vm {
 
@@ -16,6 +16,10 @@ struct StreamSettings {
     bool is_stalled = false;           // answers no request for pictures any more
     bool is_together = false;          // the stereo module stands where the colour camera does
     std::uint32_t short_pictures = 0;  // so many still end after half their lines
+    HeaderKind header = HeaderKind::kBlocks;
+    bool is_emitter_on = true;
+    bool has_turns = false;  // the emitter is on for every other picture alone
+    std::uint32_t laser_power = 0;
 };
 
 struct StreamCounts {
@@ -73,6 +77,12 @@ private:
     };
 
     [[nodiscard]] bool is_sending() const { return sent_bytes_ < payload_.size(); }
+    // The camera's clock, us: it wraps 20 s after the camera is plugged in.
+    [[nodiscard]] std::uint32_t clock_us(std::int64_t host_ns) const {
+        return static_cast<std::uint32_t>((host_ns - epoch_ns_) / 1000 - 20'000'000);
+    }
+    [[nodiscard]] bool is_stereo() const { return stream_.interface < kColourControl; }
+    [[nodiscard]] PictureFacts facts(std::int64_t number, std::int64_t now_ns) const;
     [[nodiscard]] std::size_t picture_bytes() const;
     [[nodiscard]] Bytes mode_data(const Mode& mode) const;
     static Mode nearest(const Bytes& written);
@@ -88,7 +98,7 @@ private:
     StreamCounts counts_;
     bool is_streaming_ = false;
     bool is_short_ = false;
-    std::uint8_t parity_ = 0;
+    bool is_second_ = false;
     std::int64_t epoch_ns_ = 0;
     std::int64_t due_ = 0;  // number of the next picture by the clock
     Bytes payload_;
