@@ -376,9 +376,12 @@ int program(int argc, char** argv) {
     SimulateOptions simulation;
     CLI::App* const simulate_command =
         app.add_subcommand("simulate", "write a simulated recording with ground truth and dynamic masks");
-    simulate_command->add_option("scene", simulation.scene.name, "such as walking_xyz")->required()->type_name("SCENE[:SEED[+DAY]]");
+    simulate_command->add_option("scene", simulation.scene.name, "such as walking_xyz")
+        ->required()
+        ->type_name("SCENE[:SEED[+DAY]]");
     simulate_command->add_option("--seed", simulation.scene.seed, "another world; 1 if not given")->type_name("N");
-    simulate_command->add_option("--day", simulation.scene.day, "the same world on another day: other people, other light")
+    simulate_command
+        ->add_option("--day", simulation.scene.day, "the same world on another day: other people, other light")
         ->type_name("N");
     simulate_command->add_option("--frames", simulation.frames, "how many; the scene's own length if not given")
         ->type_name("N");

@@ -13,8 +13,8 @@ struct SceneName {
     std::uint64_t day = 0;  // not 0: the same room, another day
 };
 
-// Sets what the text says; a seed or a day that it does not name stays. False: a sentence in `message`, that begins with
-// the text.
+// Sets what the text says; a seed or a day that it does not name stays. False: a sentence in `message`, that begins
+// with the text.
 [[nodiscard]] bool parse_scene_name(std::string_view text, SceneName& out, std::string& message);
 
 }  // namespace stillmesh

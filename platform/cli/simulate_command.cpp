@@ -221,15 +221,15 @@ int simulate_command(const SimulateOptions& options) {
     const double mean = count > 0 ? share_sum / count : 0.0;
     const double above_share = count > 0 ? static_cast<double>(above) / count : 0.0;
     if (options.is_json) {
-        const nlohmann::ordered_json summary = {{"scene", scene.name},     {"seed", scene.seed},
+        const nlohmann::ordered_json summary = {{"scene", scene.name},        {"seed", scene.seed},
                                                 {"folder", options.out},      {"frames", count},
                                                 {"dynamic_share_mean", mean}, {"frames_above_30_percent", above_share}};
         std::printf("%s\n", summary.dump(2).c_str());
     } else {
         std::printf(
             "%s, seed %llu: %u frames in %s; moving pixels %.1f %% in the mean, above 30 %% in %.0f %% of the frames\n",
-            scene.name.c_str(), static_cast<unsigned long long>(scene.seed), count, options.out.c_str(),
-            100 * mean, 100 * above_share);
+            scene.name.c_str(), static_cast<unsigned long long>(scene.seed), count, options.out.c_str(), 100 * mean,
+            100 * above_share);
     }
     if (!problem.empty()) {
         return complain(kExitFailed, problem + " The " + std::to_string(count) + " frames before are complete.");

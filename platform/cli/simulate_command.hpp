@@ -11,7 +11,7 @@
 namespace stillmesh {
 
 struct SimulateOptions {
-    SceneName scene;            // its name as it was given: a seed or day in it goes before the other
+    SceneName scene;                 // its name as it was given: a seed or day in it goes before the other
     std::string out;                 // folder to make; must not be there, or be empty
     std::uint32_t frames = 0;        // of the camera; 0: the scene's own length
     std::uint32_t width = 640;       // px

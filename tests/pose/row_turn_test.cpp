@@ -270,8 +270,8 @@ TEST(Trembling, IsWhatChangesFromFrameToFrame) {
     EXPECT_TRUE(trembles(100, speed, noise(0.008), 0.004));
 }
 
-// Promise: frames count by how well they were measured: twenty that were measured badly, as the first ones of a run are,
-// hold up ten good ones no more than so many good ones that show nothing hold them up.
+// Promise: frames count by how well they were measured: twenty that were measured badly, as the first ones of a run
+// are, hold up ten good ones no more than so many good ones that show nothing hold them up.
 TEST(Trembling, IsFoundInSpiteOfFramesMeasuredBadly) {
     const Vector3 speed(0.3, -0.5, 0.2);
     const auto hand = [](int frame) { return frame % 3 == 0 ? Vector3(0.005, 0.003, 0) : Vector3(-0.003, -0.002, 0); };

@@ -29,9 +29,9 @@ protected:
 
 // Promise: the folder replays to the very bytes, times and intrinsics of the simulated camera, with its truth.
 TEST_F(SimulateCommand, WritesWhatTheCameraSees) {
-    ASSERT_EQ(
-        simulate_command({.scene = "walking_xyz", .out = folder_.string(), .seed = 5, .frames = 3, .is_json = true}),
-        0);
+    ASSERT_EQ(simulate_command(
+                  {.scene = {.name = "walking_xyz", .seed = 5}, .out = folder_.string(), .frames = 3, .is_json = true}),
+              0);
     SimulatedCamera simulated({.scene = "walking_xyz", .seed = 5, .frames = 3});
     ReplayOptions options;
     options.folder = folder_.string();
@@ -64,10 +64,13 @@ TEST_F(SimulateCommand, WritesWhatTheCameraSees) {
 // Promise: with --width and --every the folder is that of a smaller camera, each so many-th of its frames, at their
 // times.
 TEST_F(SimulateCommand, WritesASmallerFasterCamera) {
-    ASSERT_EQ(
-        simulate_command(
-            {.scene = "static_loop", .out = folder_.string(), .frames = 8, .width = 96, .every = 3, .is_json = true}),
-        0);
+    ASSERT_EQ(simulate_command({.scene = {.name = "static_loop"},
+                                .out = folder_.string(),
+                                .frames = 8,
+                                .width = 96,
+                                .every = 3,
+                                .is_json = true}),
+              0);
     SimulatedCamera simulated({.scene = "static_loop", .frames = 8, .width = 96, .height = 72});
     ReplayOptions options;
     options.folder = folder_.string();
@@ -91,12 +94,13 @@ TEST_F(SimulateCommand, WritesASmallerFasterCamera) {
 TEST_F(SimulateCommand, RefusesWhatItCannotUse) {
     std::filesystem::create_directories(folder_);
     std::ofstream(folder_ / "diary.txt") << "mine";
-    EXPECT_EQ(simulate_command({.scene = "static_xyz", .out = folder_.string(), .frames = 1}), 2);
+    EXPECT_EQ(simulate_command({.scene = {.name = "static_xyz"}, .out = folder_.string(), .frames = 1}), 2);
     EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
-    EXPECT_EQ(simulate_command({.scene = "no_such", .out = (folder_ / "new").string(), .frames = 1}), 2);
+    EXPECT_EQ(simulate_command({.scene = {.name = "no_such"}, .out = (folder_ / "new").string(), .frames = 1}), 2);
     EXPECT_FALSE(std::filesystem::exists(folder_ / "new"));
-    EXPECT_EQ(simulate_command({.scene = "static_xyz", .out = (folder_ / "diary.txt").string(), .frames = 1}), 2);
-    EXPECT_EQ(simulate_command({.scene = "static_xyz", .out = "/proc/nothing/here", .frames = 1}), 2);
+    EXPECT_EQ(simulate_command({.scene = {.name = "static_xyz"}, .out = (folder_ / "diary.txt").string(), .frames = 1}),
+              2);
+    EXPECT_EQ(simulate_command({.scene = {.name = "static_xyz"}, .out = "/proc/nothing/here", .frames = 1}), 2);
 }
 
 }  // namespace
