@@ -2,8 +2,11 @@
 // layer: the emulated D435 streams a simulated room, V4l2Camera opens it, the engine tracks what comes. Colour with
 // depth of a camera of its own, registered here (a rolling shutter, and without); infrared with a projector that takes
 // turns; and infrared with the dots of a projector that is on all the time, which nobody should track. Depth is
-// as good everywhere, with noise of a Kinect; without the projector there is none at all.
+// as good everywhere, with noise of a Kinect; without the projector there is none at all. By turns depth is older than
+// its picture: as it comes, turned to the picture by the rotation that the engine's last two poses predict, by the true
+// rotation (a perfect gyroscope), and moved by the true motion.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -13,6 +16,7 @@
 #include <random>
 #include <string>
 
+#include "hal/live/depth_registration.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "hal/v4l2/v4l2_camera.hpp"
 #include "platform/evaluation/evaluation.hpp"
@@ -23,7 +27,11 @@
 namespace stillmesh {
 namespace {
 
-enum class Way { kColour, kColourRolling, kAlternate, kDots };
+enum class Way { kColour, kColourRolling, kAlternate, kPredicted, kTurned, kMoved, kDots };
+
+[[nodiscard]] constexpr bool has_turns(Way way) {
+    return way >= Way::kAlternate && way <= Way::kMoved;
+}
 
 struct Shown {
     std::vector<std::uint8_t> grey, dotted;
@@ -61,7 +69,7 @@ public:
         options.seed = seed;
         options.frames = frames;
         options.dirt.rolling = way == Way::kColourRolling ? 1 : 0;
-        if (way == Way::kAlternate) options.depth_lag_ns = -16'666'667;
+        if (has_turns(way)) options.depth_lag_ns = -16'666'667;
         if (is_colour()) {
             SeparateDepth depth;
             depth.model.width = 848, depth.model.height = 480;
@@ -107,8 +115,7 @@ public:
     void paint(std::size_t node, std::uint32_t number, bool is_lit, test::Bytes& bytes) {
         if (first_ == 0) first_ = number + number % 2;
         if (number < first_) return;
-        const bool has_turns = way_ == Way::kAlternate;
-        const Shown* const shown = at(has_turns ? (number - first_ + 1) / 2 : number - first_);
+        const Shown* const shown = at(has_turns(way_) ? (number - first_ + 1) / 2 : number - first_);
         std::fill(bytes.begin(), bytes.end(), std::uint8_t{0});
         if (shown == nullptr) return;
         const bool has_light = way_ == Way::kDots || is_lit;
@@ -124,6 +131,72 @@ private:
     std::unique_ptr<SimulatedCamera> camera_;
     std::uint32_t next_ = 0, first_ = 0;
     std::map<std::uint32_t, Shown> shown_;
+};
+
+// Depth as it would be seen where and when its picture was taken.
+class DepthTurn {
+public:
+    explicit DepthTurn(const CameraInfo& info)
+        : model_(info.model), units_per_m_(info.depth_units_per_m), depth_(kWidth * kHeight) {}
+
+    // `motion` takes points of the camera when depth was taken into the camera when the picture was.
+    void apply(const RigidTransform& motion, Frame& frame) {
+        DepthRegistration(model_, model_, motion, units_per_m_).reproject(frame.depth, depth_.data());
+        frame.depth = {depth_.data(), kWidth, kHeight, kWidth};
+    }
+    void learn(const PoseEstimate& pose, std::int64_t time_ns) {
+        const bool is_measured = pose.state >= PoseState::kUnsure;
+        const double s = last_ns_ > 0 ? static_cast<double>(time_ns - last_ns_) * 1e-9 : 0;
+        per_s_ = {};
+        if (is_measured && has_last_ && s > 0 && s < 0.1) {
+            const RigidTransform step = compose(inverse_of(pose.odom_from_camera), last_);
+            for (std::size_t i = 0; i < 3; ++i) per_s_[i] = 2 * step.rotation_xyzw[i] / s;  // rad, small angles
+        }
+        has_last_ = is_measured;
+        last_ = pose.odom_from_camera;
+        last_ns_ = time_ns;
+    }
+    // As it turned of late.
+    [[nodiscard]] RigidTransform predicted(const Frame& frame) const {
+        const double s = static_cast<double>(frame.time_ns - frame.depth_time_ns) * 1e-9;
+        RigidTransform out;
+        double rest = 1;
+        for (std::size_t i = 0; i < 3; ++i) {
+            out.rotation_xyzw[i] = 0.5 * per_s_[i] * s;
+            rest -= out.rotation_xyzw[i] * out.rotation_xyzw[i];
+        }
+        out.rotation_xyzw[3] = std::sqrt(std::max(rest, 0.0));
+        return out;
+    }
+    // Half of the motion since the picture before, in which depth was taken.
+    [[nodiscard]] RigidTransform true_motion(const Shown& shown, bool with_translation) {
+        const RigidTransform now{{shown.pose.q[0], shown.pose.q[1], shown.pose.q[2], shown.pose.q[3]},
+                                 {shown.pose.t[0], shown.pose.t[1], shown.pose.t[2]}};
+        RigidTransform half;
+        if (has_true_) {
+            const RigidTransform step = compose(inverse_of(now), true_);
+            const double sign = step.rotation_xyzw[3] < 0 ? -1 : 1;
+            double rest = 1;
+            for (std::size_t i = 0; i < 3; ++i) {
+                half.rotation_xyzw[i] = 0.5 * sign * step.rotation_xyzw[i];
+                rest -= half.rotation_xyzw[i] * half.rotation_xyzw[i];
+                half.translation_m[i] = with_translation ? 0.5 * step.translation_m[i] : 0;
+            }
+            half.rotation_xyzw[3] = std::sqrt(rest);
+        }
+        true_ = now;
+        has_true_ = true;
+        return half;
+    }
+
+private:
+    CameraModel model_;
+    double units_per_m_;
+    std::vector<std::uint16_t> depth_;
+    RigidTransform last_, true_;
+    std::array<double, 3> per_s_{};
+    bool has_last_ = false, has_true_ = false;
+    std::int64_t last_ns_ = 0;
 };
 
 void write_calibration(const std::string& file, const CameraInfo& info) {
@@ -144,7 +217,7 @@ void write_calibration(const std::string& file, const CameraInfo& info) {
 }
 
 void offer(test::EmulatedDevice& device, Way way) {
-    const std::uint32_t rate = way == Way::kAlternate ? 60 : 30;
+    const std::uint32_t rate = has_turns(way) ? 60 : 30;
     device.answers[9 * 256 + 0x2c] = test::answer(0x2c, test::depth_unit(200));
     const bool is_colour = way == Way::kColour || way == Way::kColourRolling;
     device.depth().modes = {{v4l2::kZ16, is_colour ? 848U : kWidth, kHeight, {rate}}};
@@ -154,8 +227,13 @@ void offer(test::EmulatedDevice& device, Way way) {
 }
 
 [[nodiscard]] bool track(const std::string& scene, std::uint64_t seed, std::uint32_t frames, Way way) {
-    constexpr const char* kNames[] = {"colour + depth registered, global shutter", "colour + depth registered, rolling",
-                                      "infrared + depth by turns", "infrared with dots"};
+    constexpr const char* kNames[] = {"colour + depth registered, global shutter",
+                                      "colour + depth registered, rolling",
+                                      "infrared + depth by turns",
+                                      "the same, depth turned as predicted",
+                                      "the same, depth turned by the truth",
+                                      "the same, depth moved by the truth",
+                                      "infrared with dots"};
     Room room(scene, seed, frames, way);
     if (!room.open()) return false;
     const test::TemporaryFolder scratch;
@@ -168,7 +246,7 @@ void offer(test::EmulatedDevice& device, Way way) {
     V4l2Options options;
     options.has_thread = false;
     options.calibration = scratch.path("camera.toml");
-    if (!room.is_colour()) options.device = way == Way::kAlternate ? "alternate" : "ir";
+    if (!room.is_colour()) options.device = has_turns(way) ? "alternate" : "ir";
     V4l2Camera camera(options, device);
     if (camera.open() != Status::kOk) {
         std::fprintf(stderr, "%s\n", camera.message().c_str());
@@ -179,7 +257,8 @@ void offer(test::EmulatedDevice& device, Way way) {
     Trajectory truth, estimate;
     std::uint64_t tracked = 0, all = 0;
     double lag_ms = 0;
-    const std::int64_t period_ns = way == Way::kAlternate ? 16'666'666 : 33'333'333;
+    DepthTurn turn(camera.info());
+    const std::int64_t period_ns = has_turns(way) ? 16'666'666 : 33'333'333;
     const std::int64_t begin_ns = device->now_ns();
     std::int64_t first_ns = 0;
     while (all + 3 < room.count() && device->now_ns() - begin_ns < std::int64_t{room.count()} * 40'000'000) {
@@ -189,12 +268,15 @@ void offer(test::EmulatedDevice& device, Way way) {
         if (first_ns == 0) first_ns = frame.time_ns - (device->now_ns() / period_ns) * period_ns;
         const auto number = static_cast<std::uint32_t>((frame.time_ns - first_ns + period_ns / 2) / period_ns);
         if (number < room.first()) continue;
-        const Shown* const shown = room.at((number - room.first()) / (way == Way::kAlternate ? 2 : 1));
+        const Shown* const shown = room.at((number - room.first()) / (has_turns(way) ? 2 : 1));
         if (shown == nullptr) continue;
+        if (way == Way::kPredicted) turn.apply(turn.predicted(frame), frame);
+        if (way == Way::kTurned || way == Way::kMoved) turn.apply(turn.true_motion(*shown, way == Way::kMoved), frame);
         ++all;
         lag_ms += static_cast<double>(frame.depth_time_ns - frame.time_ns) * 1e-6;
         if (engine->submit(frame) != Status::kOk) continue;
         const PoseEstimate& pose = engine->pose();
+        turn.learn(pose, frame.time_ns);
         tracked += pose.state == PoseState::kTracked;
         TrajectoryPose one;
         one.time_ns = frame.time_ns;
@@ -225,7 +307,8 @@ int main(int argc, char** argv) {
     const std::string scene = argc > 1 ? argv[1] : "walking_xyz";
     const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
     const auto frames = static_cast<std::uint32_t>(argc > 3 ? std::atoi(argv[3]) : 0);
-    for (const Way way : {Way::kColour, Way::kColourRolling, Way::kAlternate, Way::kDots}) {
+    for (const Way way :
+         {Way::kColour, Way::kColourRolling, Way::kAlternate, Way::kPredicted, Way::kTurned, Way::kMoved, Way::kDots}) {
         if (!stillmesh::track(scene, seed, frames, way)) return 1;
     }
     return 0;

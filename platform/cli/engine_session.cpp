@@ -250,7 +250,8 @@ public:
             now_ns = end_ns;
             if (progress == Progress::kIdle) break;
         }
-        background_ms_.add(static_cast<double>(now_ns - begin_ns) * 1e-6);
+        out.background_ns = now_ns - begin_ns;
+        background_ms_.add(static_cast<double>(out.background_ns) * 1e-6);
         const bool is_shown = points_ != nullptr && points_->is_copying();
         if (map_saver_->is_open() && !is_shown) map_saver_->work(*engine_, now_ns, slice_units_);
         grid_.work(*engine_, now_ns, until_ns);

@@ -261,6 +261,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             }
         }
         control.frame_is_done();
+        record.outputs_ms.add(static_cast<double>(monotonic_ns() - end_ns - out.background_ns) * 1e-6);
         const std::int64_t latency_ns = end_ns - (options.times != nullptr ? options.times->due_ns() : begin_ns);
         record.latency_ms.add(static_cast<double>(latency_ns) * 1e-6);
         if (options.frame_period_ns > 0 && latency_ns > options.frame_period_ns) ++record.deadline_misses;

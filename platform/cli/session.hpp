@@ -29,6 +29,7 @@ struct SessionFrame {
     PoseEstimate estimate;                      // as the engine gave it
     FrameStatistics statistics;
     std::uint64_t keyframe = kNoKeyframe;  // that the pose hangs on
+    std::int64_t background_ns = 0;        // of work(): the engine's own part
 };
 
 // What the engine shows of itself, to be drawn. Borrowed until the next submit.

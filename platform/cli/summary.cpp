@@ -336,6 +336,9 @@ std::string summary_json(const RunRecord& record, const std::string& report, int
     json["latency"] = {{"ms_median", record.latency_ms.median()},   {"ms_p99", record.latency_ms.p99()},
                        {"ms_p999", record.latency_ms.at(0.999)},    {"ms_max", record.latency_ms.max()},
                        {"frame_period_ms", record.frame_period_ms}, {"deadline_misses", record.deadline_misses}};
+    json["outputs"] = {{"ms_median", record.outputs_ms.median()},
+                       {"ms_p99", record.outputs_ms.p99()},
+                       {"ms_max", record.outputs_ms.max()}};
     json["is_realtime"] = record.is_realtime;
     json["frames_dropped"] = record.frames_dropped;
     json["source_late_s"] = record.source_late_s;

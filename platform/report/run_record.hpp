@@ -122,9 +122,10 @@ struct RunRecord {
     std::uint64_t state_counts[4] = {0, 0, 0, 0};
     std::uint64_t unsure_counts[kUnsureReasons] = {};  // of the unsure frames; the first: by the camera's fault
     Percentiles frame_ms;
-    Percentiles latency_ms;      // from when a frame was due (with --realtime; else: was there) to its pose
-    Percentiles background_ms;   // behind a frame, all together
-    Percentiles slice_ms;        // one call of Engine::step that did something
+    Percentiles latency_ms;     // from when a frame was due (with --realtime; else: was there) to its pose
+    Percentiles background_ms;  // behind a frame, all together
+    Percentiles outputs_ms;     // of that thread for a frame, beside the engine: all that is given out, copied, written
+    Percentiles slice_ms;       // one call of Engine::step that did something
     double frame_period_ms = 0;  // of the camera; 0: unknown
     bool is_realtime = false;
     std::uint64_t deadline_misses = 0;  // latency above the period

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <thread>
 
 #include "hal/replay/replay_camera.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
@@ -65,6 +67,38 @@ TEST(RunLoop, WritesEveryFrame) {
     EXPECT_EQ(outcome.hashes.substr(0, 29), "1.000000000 0000000000001000\n");
     EXPECT_EQ(std::count(outcome.hashes.begin(), outcome.hashes.end(), '\n'), 90);
     EXPECT_EQ(outcome.record.estimate.size(), 90U);
+}
+
+// Promise: what a frame takes beside the engine is counted, of every frame: what is given out, and not what the engine
+// says it needed behind the pose.
+TEST(RunLoop, TimesWhatIsGivenOut) {
+    struct Slow final : TrackingSession {
+        StorySession story;
+        std::int64_t background_ns = 0;
+        Status submit(const Frame& frame, SessionFrame& out, std::string& message) override {
+            return story.submit(frame, out, message);
+        }
+        void work(std::optional<std::int64_t>, SessionFrame& out) override {
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+            out.background_ns = background_ns;
+        }
+        void account(RunRecord&) override {}
+    };
+    for (const std::int64_t background_ns : {0, 15'000'000}) {
+        StoryCamera camera;
+        camera.frames = 10;
+        Slow session;
+        session.background_ns = background_ns;
+        RunLoopOptions options;
+        options.show_progress = false;
+        RunRecord record;
+        EXPECT_EQ(run_loop(
+                      camera, [] { return std::string(); }, session, options, record),
+                  0);
+        EXPECT_EQ(record.outputs_ms.count(), 10U);
+        // Half a bucket of the histogram is 0.4 %.
+        EXPECT_GE(record.outputs_ms.at(0), 0.99 * (20 - static_cast<double>(background_ns) * 1e-6));
+    }
 }
 
 // Promise: --frames N stops after N.

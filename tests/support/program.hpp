@@ -81,6 +81,7 @@ public:
     Program(const Program&) = delete;
     Program& operator=(const Program&) = delete;
 
+    [[nodiscard]] pid_t pid() const { return pid_; }
     void signal(int number) const { ::kill(pid_, number); }
     // Its exit code; -1: still running after so long; -2: it crashed.
     [[nodiscard]] int wait(std::int64_t timeout_ms) {
