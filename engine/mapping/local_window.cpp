@@ -28,7 +28,6 @@ void LocalWindow::reset() noexcept {
 
 void LocalWindow::forget_points() noexcept {
     for (std::uint32_t i = 0; i < point_count_; ++i) index_[points_[i].handle.slot()] = 0;
-    point_count_ = 0;
     is_chosen_ = false;
 }
 

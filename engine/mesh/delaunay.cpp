@@ -58,8 +58,7 @@ public:
     [[nodiscard]] std::uint32_t left_next(std::uint32_t e) const noexcept { return previous(twin(e)); }
     [[nodiscard]] std::uint32_t right_previous(std::uint32_t e) const noexcept { return next(twin(e)); }
 
-    // After a merge, or before the first. No slot is free then: an edge that goes lets a point in at its side of the
-    // gap, and each of these gets a cross edge later, so that a merge ends with as many edges as it ever had.
+    // None is free after a merge: an edge that goes lets a point in beside the gap, which gets a cross edge later.
     [[nodiscard]] std::uint32_t slots_used() const noexcept {
         STILLMESH_CHECK(free_ == kNone);
         return used_;
@@ -345,19 +344,18 @@ std::uint32_t Delaunay::cut_into_strips() noexcept {
 // from the edges. Straight loops: a branch on which of two vertices is smaller would be mispredicted every other time.
 void Delaunay::write_out(const Subdivision& subdivision) noexcept {
     const std::uint32_t n = vertices_count_;
-    const std::uint32_t slots_used = subdivision.slots_used();
+    const std::uint32_t edges_count = subdivision.slots_used() / 2;
     std::uint32_t* const begin_by_b = begin_by_b_.data();
     std::uint32_t* const begin_by_a = begin_by_a_.data();
     std::uint32_t* const half_edge_of_edge = half_edge_of_edge_.data();
     std::uint32_t* const unsorted = half_edge_of_edge;
     std::fill_n(begin_by_b, n, 0U);
     std::fill_n(begin_by_a, n, 0U);
-    std::uint32_t edges_count = 0;
-    for (std::uint32_t e = 0; e < slots_used; e += 2) {
+    for (std::uint32_t e = 0; e < 2 * edges_count; e += 2) {
         const std::uint32_t ab = e + static_cast<std::uint32_t>(subdivision.origin(e) > subdivision.destination(e));
         ++begin_by_a[subdivision.origin(ab)];
         ++begin_by_b[subdivision.destination(ab)];
-        unsorted[edges_count++] = ab;
+        unsorted[e / 2] = ab;
     }
     for (std::uint32_t v = 0, sum_a = 0, sum_b = 0; v < n; ++v) {
         const std::uint32_t count_a = begin_by_a[v], count_b = begin_by_b[v];

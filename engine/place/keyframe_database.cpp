@@ -136,7 +136,7 @@ Progress PlaceQuery::step(const KeyframeDatabase& database, WorkBudget& budget) 
     if (budget.is_spent()) return Progress::kWorking;
     for (const PlaceCandidate& candidate : scores_) {
         const std::uint32_t slot = candidate.keyframe_slot;
-        if (candidate.score == 0 || slot >= database.slots_count() || !database.has(slot)) continue;
+        if (candidate.score == 0 || !database.has(slot)) continue;
         if (database.added_at(slot) > begun_at_) continue;
         STILLMESH_CHECK(candidates_.push(candidate));
     }

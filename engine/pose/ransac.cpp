@@ -149,10 +149,10 @@ RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::s
         };
         std::uint32_t limit = wanted();
         for (; best.iterations < limit; ++best.iterations) {
+            // One that is drawn twice spans no triangle, which pose_from_three() asks for.
             const std::uint32_t i = random.below(count);
             const std::uint32_t j = random.below(count);
             const std::uint32_t k = random.below(count);
-            if (i == j || j == k || i == k) continue;
             const Correspondence& a = correspondences[chosen[i]];
             const Correspondence& b = correspondences[chosen[j]];
             const Correspondence& c = correspondences[chosen[k]];

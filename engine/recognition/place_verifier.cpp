@@ -149,10 +149,10 @@ std::uint32_t PlaceVerifier::sample() noexcept {
     const auto count = static_cast<std::uint32_t>(pairs_.size());
     std::uint32_t units = 1;
     for (std::uint32_t n = 0; n < kSamplePiece && iterations_ < iterations_wanted_; ++n, ++iterations_) {
+        // One that is drawn twice spans no triangle, which pose_from_three() asks for.
         const std::uint32_t i = random_.below(count);
         const std::uint32_t j = random_.below(count);
         const std::uint32_t k = random_.below(count);
-        if (i == j || j == k || i == k) continue;
         if (!pairs_[i].has_depth || !pairs_[j].has_depth || !pairs_[k].has_depth) continue;
         SE3 hypothesis;
         if (!pose_from_three(pairs_[i], pairs_[j], pairs_[k], hypothesis)) continue;

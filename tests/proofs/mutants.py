@@ -4,13 +4,13 @@
 usage: mutants.py [--count N] [--minutes M] [--seed S] [--rooms A,B] [--jobs N] [--units] [--again] [--only FILE:LINE]
                   [BUILD]
 
-A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped or
-turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and checks of
-indices, libstdc++'s and the compiler's: who reads past an end dies), and linked before the engine's library: nothing that was built is touched, so mutants are
-tried side by side (--jobs). Then the unit tests of its room
-run, and if they notice nothing the golden runs and stories of the program, one after another until one notices (recordings:
-STILLMESH_TEST_DATA; what the stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as
-without; what the compiler refuses is no mutant and another is drawn.
+A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped
+or turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and checks of
+indices, libstdc++'s and the compiler's: who reads past an end dies), and linked before the engine's library: nothing that was
+built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room run, and if they notice nothing
+the golden runs and stories of the program, one after another until one notices (recordings: STILLMESH_TEST_DATA; what the
+stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as without; what the compiler
+refuses is no mutant and another is drawn.
 
 No mutants, since no test of results can tell them from the engine, by rule and not by list:
   memory  fetching ahead, and room that is reserved: lines with `prefetch`, `kAhead`, `arena` or `create(`
