@@ -3,8 +3,8 @@
 // cannot be told from a place that looks alike is refused. Then the second map moves as one body, is numbered behind
 // the first, hangs below it in the spanning tree, and points that both have become one. What is left of both maps'
 // drift goes when the engine is given background work: loop closing looks every keyframe up, and all of it is adjusted
-// once. Depth images of both stay, each where its keyframe lies; if there are too many, of the two nearest to each other
-// the one goes that has a third nearest to it. For tools: it takes some milliseconds a keyframe.
+// once. Depth images of both stay, each where its keyframe lies; if there are too many, of the two nearest to each
+// other the one goes that has a third nearest to it. For tools: it takes some milliseconds a keyframe.
 #pragma once
 
 #include <cstdint>
