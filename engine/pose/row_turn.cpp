@@ -6,7 +6,7 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::uint32_t kFramesMin = 5;
+constexpr double kFramesMin = 5;
 constexpr double kNegligible_rad = 0.002;  // half a pixel in the first and the last row
 constexpr double kStayingShare = 0.25;     // a hand at 8 to 12 Hz: below none; a map: .3 to .6
 constexpr int kPasses = 4;
@@ -66,17 +66,16 @@ void Trembling::note(const Vector3& off, double measured_variance, const Vector3
     Vector3 aside = off;  // of the motion: along it the readout may be what is off
     const double square = speed.squaredNorm();
     if (square > 0) aside -= speed * (speed.dot(off) / square);
-    const double spread = measured_variance + kNegligible_rad * kNegligible_rad;
-    variance_.add(aside.squaredNorm() / 2.0 - measured_variance, 1.0 / (spread * spread), fading_);
-    if (frames_ > 0) staying_.add(aside.dot(off_before_) / 2.0, 1.0 / (spread * spread_before_), fading_);
-    spread_before_ = spread;
     ++frames_;
+    const double weight = std::max(1.0 / frames_, 1.0 - fading_);
+    variance_ += weight * (aside.squaredNorm() / 2.0 - measured_variance - variance_);
+    staying_ += weight * (aside.dot(off_before_) / 2.0 - staying_);
     off_before_ = aside;
 }
 
 bool Trembling::is_found() const noexcept {
-    return frames_ >= kFramesMin && variance() > kNegligible_rad * kNegligible_rad &&
-           staying_.value < kStayingShare * variance();
+    return frames_ >= kFramesMin && variance_ > kNegligible_rad * kNegligible_rad &&
+           staying_ < kStayingShare * variance_;
 }
 
 }  // namespace stillmesh

@@ -98,25 +98,14 @@ public:
     void note(const Vector3& off, double measured_variance, const Vector3& speed) noexcept;
     [[nodiscard]] bool is_found() const noexcept;
     // Of what frames are off, without that of measuring, rad^2.
-    [[nodiscard]] double variance() const noexcept { return variance_.value; }
+    [[nodiscard]] double variance() const noexcept { return variance_; }
 
 private:
-    // Of what frames say, by how well each was measured: the first ones, whose noise is taken for large, would outvote
-    // the next twenty (docs/lab/tracking.md, "A trembling camera found sooner").
-    struct Mean {
-        double weight = 0;
-        double value = 0;
-        void add(double of, double by, double fading) noexcept {
-            weight = weight * fading + by;
-            value += by / weight * (of - value);
-        }
-    };
     double fading_ = 1.0;
-    std::uint32_t frames_ = 0;
+    double frames_ = 0;
     Vector3 off_before_ = Vector3::Zero();
-    double spread_before_ = 0;  // rad^2
-    Mean variance_;
-    Mean staying_;  // the part of it that a frame has in common with the one before
+    double variance_ = 0;
+    double staying_ = 0;  // the part of it that a frame has in common with the one before
 };
 
 }  // namespace stillmesh

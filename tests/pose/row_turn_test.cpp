@@ -270,20 +270,6 @@ TEST(Trembling, IsWhatChangesFromFrameToFrame) {
     EXPECT_TRUE(trembles(100, speed, noise(0.008), 0.004));
 }
 
-// Promise: frames count by how well they were measured: twenty that were measured badly, as the first ones of a run
-// are, hold up ten good ones no more than so many good ones that show nothing hold them up.
-TEST(Trembling, IsFoundInSpiteOfFramesMeasuredBadly) {
-    const Vector3 speed(0.3, -0.5, 0.2);
-    const auto hand = [](int frame) { return frame % 3 == 0 ? Vector3(0.005, 0.003, 0) : Vector3(-0.003, -0.002, 0); };
-    for (const double measured : {0.006, 0.0005}) {
-        Trembling trembling(0.99);
-        for (int frame = 0; frame < 20; ++frame) trembling.note(Vector3::Zero(), measured * measured, speed);
-        EXPECT_FALSE(trembling.is_found());
-        for (int frame = 0; frame < 10; ++frame) trembling.note(hand(frame), 1e-6, speed);
-        EXPECT_EQ(trembling.is_found(), measured > 0.001);
-    }
-}
-
 // Promise: what is forgotten fades: a hand that comes to rest trembles no longer after some seconds, and its variance
 // is that of what the frames were off aside of the motion.
 TEST(Trembling, Fades) {
