@@ -5,7 +5,7 @@
 
 #include "hal/bag/ros_camera.hpp"
 #include "hal/calibration/calibration.hpp"
-#include "hal/ros2/ros_name.hpp"
+#include "hal/calibration/ros_topics.hpp"
 
 namespace stillmesh {
 namespace {

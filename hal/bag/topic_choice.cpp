@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <string_view>
 
+#include "hal/calibration/ros_topics.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -15,23 +17,13 @@ constexpr std::size_t kListedMax = 40;
            name.find("Infrared") != std::string_view::npos;
 }
 
-// "/camera/rgb/image_raw" of "/camera/rgb/image_raw/compressed".
-[[nodiscard]] std::string_view base_of(std::string_view name) {
-    for (const std::string_view transport : {"/compressedDepth", "/compressed"}) {
-        if (name.ends_with(transport)) return name.substr(0, name.size() - transport.size());
-    }
-    return name;
-}
-
 // Where the camera of an image is by the customs of ROS and of RealSense's own recordings.
 [[nodiscard]] std::string info_name(std::string_view image) {
     constexpr std::string_view kRealSense = "/image/data";
     if (image.ends_with(kRealSense)) {
         return std::string(image.substr(0, image.size() - kRealSense.size())) + "/info/camera_info";
     }
-    const std::string_view base = base_of(image);
-    return std::string(base.substr(0, base.rfind('/') == std::string_view::npos ? 0 : base.rfind('/'))) +
-           "/camera_info";
+    return info_beside(image);
 }
 
 }  // namespace
@@ -91,7 +83,8 @@ TopicSurvey::Places TopicSurvey::images(bool wants_depth) const {
     const Places all = out;
     std::erase_if(out, [&](std::uint32_t p) {
         return topics_[p].type == kCompressedType && std::any_of(all.begin(), all.end(), [&](std::uint32_t other) {
-                   return topics_[other].type == kImageType && topics_[other].name == base_of(topics_[p].name);
+                   return topics_[other].type == kImageType &&
+                          topics_[other].name == without_transport(topics_[p].name);
                });
     });
     return out;

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <exception>
 
+#include "hal/calibration/ros_topics.hpp"
 #include "hal/ros2/messages.hpp"
 #include "hal/ros2/packed_images.hpp"
 #include "hal/ros2/ros2_images.hpp"
 #include "hal/ros2/ros_loan.hpp"
-#include "hal/ros2/ros_name.hpp"
 
 namespace stillmesh {
 namespace {

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "hal/calibration/ros_topics.hpp"
+
 namespace stillmesh {
 namespace {
 
