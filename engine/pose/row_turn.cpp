@@ -10,11 +10,26 @@ constexpr double kFramesMin = 5;
 constexpr double kNegligible_rad = 0.002;  // half a pixel in the first and the last row
 constexpr double kStayingShare = 0.25;     // a hand at 8 to 12 Hz: below none; a map: .3 to .6
 constexpr int kPasses = 4;
+constexpr double kVarianceFactorMin = 0.01;
 constexpr std::size_t kMatchesMax = 256;  // .0002 rad; more say little more
+
+// Of one pass over the matches.
+struct Sums {
+    RowEquations equations;
+    double squares = 0;  // of what image rows are off by, over their variances
+    double rows = 0;
+
+    // By how much less matches are off than their variances say: those are guessed where no motion explains the frame
+    // that does not know of the turn.
+    [[nodiscard]] double variance_factor() const noexcept {
+        const double expected = rows - RowEquations::kUnknowns;
+        return squares < expected ? std::max(squares / expected, kVarianceFactorMin) : 1.0;
+    }
+};
 
 // With the turn off by `off` from what rows were carried with.
 void add_match(const Correspondence& c, const SE3& camera_from_world, const Vector3& off, double chi2_max,
-               RowEquations& equations) noexcept {
+               Sums& sums) noexcept {
     const Vector3 q = camera_from_world * c.p_world;
     if (q.z() < kDepthMin_m) return;
     Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
@@ -25,8 +40,10 @@ void add_match(const Correspondence& c, const SE3& camera_from_world, const Vect
     });
     const double chi2 = r.chi2();
     const double weight = c.weight * (chi2 <= chi2_max ? 1.0 : std::sqrt(chi2_max / chi2));
+    sums.squares += weight * (r.x * r.x * r.info_x + r.y * r.y * r.info_y);
+    sums.rows += 2.0 * c.weight;
     RowEquations::visit_rows(q, c.row, r, [&](const RowEquations::Vector9& by, double residual, double info, int) {
-        equations.add(by, residual, weight * info);
+        sums.equations.add(by, residual, weight * info);
     });
 }
 
@@ -39,11 +56,13 @@ Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences
     SE3 pose = world_from_camera_guess;
     Vector3 off = Vector3::Zero();
     RowEquations::Matrix9 l;
+    Sums sums;
     for (int pass = 0; pass < kPasses; ++pass) {
-        RowEquations equations;
+        sums = Sums{};
         const SE3 camera_from_world = pose.inverse();
         for (std::size_t i = 0; i < chosen.size(); i += step)
-            add_match(correspondences[chosen[i]], camera_from_world, off, chi2_max, equations);
+            add_match(correspondences[chosen[i]], camera_from_world, off, chi2_max, sums);
+        RowEquations equations = sums.equations;
         equations.expect_turn(prior.carried + off - prior.expected, prior.variance);
         if (!equations.factorise(l)) return Status::kInvalid;
         const RowEquations::Vector9 change = RowEquations::solve(l, -equations.g);
@@ -54,6 +73,9 @@ Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences
     }
     RowTurn out;
     out.turn = prior.carried + off;
+    sums.equations.h /= sums.variance_factor();
+    sums.equations.expect_turn(Vector3::Zero(), prior.variance);
+    if (!sums.equations.factorise(l)) return Status::kInvalid;
     for (int k = 0; k < 3; ++k) {  // of the inverse, what belongs to the turn
         RowEquations::Vector9 column = RowEquations::Vector9::Zero();
         column(6 + k) = 1.0;

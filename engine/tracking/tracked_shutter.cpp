@@ -76,7 +76,8 @@ void TrackedShutter::learn(const MeasuredFrame& frame, const Map& map, std::span
                            std::span<const std::uint16_t> chosen, const SE3& world_from_camera, double chi2_max,
                            bool counts) noexcept {
     steady_turning_ += (speed_.tail<3>() - steady_turning_) / kSteadyFrames;
-    if (counts && is_measured_) learn_turn();
+    // All frames until then: one whose rows are placed as if the camera did not tremble is seldom sure.
+    if ((counts || !is_trembling()) && is_measured_) learn_turn();
     if (!shutter_.is_estimated()) return;
     const SE3 camera_from_world = world_from_camera.inverse();
     shutter_.begin_frame();

@@ -49,7 +49,7 @@ public:
     [[nodiscard]] bool measure_turn(std::span<const Correspondence> correspondences,
                                     std::span<const std::uint16_t> chosen, const SE3& world_from_camera,
                                     double chi2_max) noexcept;
-    // What the static matches say of the readout; it is learnt from where `counts`.
+    // What the static matches say of the readout, which is learnt from where `counts`, and of a trembling.
     void learn(const MeasuredFrame& frame, const Map& map, std::span<const Correspondence> correspondences,
                std::span<const std::uint16_t> chosen, const SE3& world_from_camera, double chi2_max,
                bool counts) noexcept;

@@ -103,6 +103,39 @@ TEST(RowTurn, IsFoundAndHonest) {
     }
 }
 
+// Promise: how well the turn is known follows from what matches are off by, where that is less than their variances say:
+// variances nine times too large change neither what is found nor how well by more than a fifth. Where the expectation
+// alone knows it, it is known as well as expected, not better; nor is what matches that are exact say known for certain.
+TEST(RowTurn, VariancesThatAreTooLargeHideNothing) {
+    Random random(4);
+    for (int trial = 0; trial < 20; ++trial) {
+        const Vector3 turn = test::random_normal_vector(random, 0.005);
+        const auto matches = seen_turning(turn, 200, random);
+        auto doubted = matches;
+        for (Correspondence& c : doubted) {
+            for (double* const variance : {&c.var_z, &c.var_pixel, &c.map_var_z, &c.map_var_lateral}) *variance *= 9;
+        }
+        const Measured right = measure(matches, Vector3::Zero(), 0.01);
+        const Measured large = measure(doubted, Vector3::Zero(), 0.01);
+        ASSERT_TRUE(right.is_valid && large.is_valid);
+        for (int k = 0; k < 3; ++k) {
+            const double sigma = std::sqrt(right.found.covariance(k, k));
+            EXPECT_NEAR(std::sqrt(large.found.covariance(k, k)), sigma, 0.2 * sigma);
+            EXPECT_NEAR(large.found.turn(k), right.found.turn(k), sigma);
+        }
+        const Measured expected = measure(doubted, turn, 1e-5);
+        ASSERT_TRUE(expected.is_valid);
+        EXPECT_LT(expected.found.covariance.diagonal().maxCoeff(), 1.001e-10);
+        EXPECT_GT(expected.found.covariance.diagonal().minCoeff(), 0.99e-10);
+    }
+    const test::Noise none = {.pixel = 0, .depth_m = 0, .map_m = 0};
+    auto exact = seen_turning(Vector3::Zero(), 200, random, none);
+    for (Correspondence& c : exact) c.var_pixel = c.var_z = 1e-6;
+    const Measured m = measure(exact, Vector3::Zero(), 0.01);
+    ASSERT_TRUE(m.is_valid);
+    EXPECT_GT(m.found.covariance.diagonal().minCoeff(), 1e-10);
+}
+
 // Promise: what hardly varies stays as expected, whatever the rows show.
 TEST(RowTurn, WhatDoesNotVaryStaysAsExpected) {
     Random random(2);
