@@ -103,9 +103,10 @@ TEST(RowTurn, IsFoundAndHonest) {
     }
 }
 
-// Promise: how well the turn is known follows from what matches are off by, where that is less than their variances say:
-// variances nine times too large change neither what is found nor how well by more than a fifth. Where the expectation
-// alone knows it, it is known as well as expected, not better; nor is what matches that are exact say known for certain.
+// Promise: how well the turn is known follows from what matches are off by, where that is less than their variances
+// say: variances nine times too large change neither what is found nor how well by more than a fifth. Where the
+// expectation alone knows it, it is known as well as expected, not better; nor is what matches that are exact say known
+// for certain.
 TEST(RowTurn, VariancesThatAreTooLargeHideNothing) {
     Random random(4);
     for (int trial = 0; trial < 20; ++trial) {
