@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string_view>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "hal/replay/frame_list.hpp"
@@ -52,13 +54,24 @@ const char* first_folder_in(const std::string& folder, std::span<const char* con
     return at == names.end() ? nullptr : *at;
 }
 
-std::string list_of_images(const std::string& folder, const std::string& name) {
+const char* mixed_folder_in(const std::string& folder) {
+    const auto at = std::find_if(std::begin(kMixedFolders), std::end(kMixedFolders), [&](const char* name) {
+        return !list_of_images(folder, name, false).empty() && !list_of_images(folder, name, true).empty();
+    });
+    return at == std::end(kMixedFolders) ? nullptr : *at;
+}
+
+std::string list_of_images(const std::string& folder, const std::string& name, bool is_depth) {
+    const bool is_mixed =
+        std::find(std::begin(kMixedFolders), std::end(kMixedFolders), name) != std::end(kMixedFolders);
     std::vector<NamedImage> images;
     std::error_code error;
-    for (std::filesystem::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    for (std::filesystem::directory_iterator at(folder + "/" + name, error), end; !error && at != end;
+         at.increment(error)) {
         std::string file = at->path().filename().string();
         const std::string_view number = number_of(file);
         if (number.empty() || !is_image_name(file) || file.find('\n') != std::string::npos) continue;
+        if (is_mixed && (file.find("depth") != std::string::npos) != is_depth) continue;
         images.push_back({std::string(number), std::move(file)});
     }
     std::sort(images.begin(), images.end(), [](const NamedImage& a, const NamedImage& b) { return a.key() < b.key(); });

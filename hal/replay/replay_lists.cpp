@@ -56,7 +56,7 @@ Status ReplayCamera::read_file(int list, const std::string& file, std::string& t
 Status ReplayCamera::read_images(int list, const char* name, std::string& text) {
     const std::string folder = options_.folder + "/" + name;
     list_names_[list] = folder;
-    text = list_of_images(folder, name);
+    text = list_of_images(options_.folder, name, list == kDepth);
     int& descriptor = lists_[list];
     descriptor = ::memfd_create("list", MFD_CLOEXEC);
     std::size_t written = 0;
@@ -96,6 +96,7 @@ Status ReplayCamera::find_pairs() {
     const char* const colour = first_folder_in(options_.folder, kColourFolders);
     const char* const depth = first_folder_in(options_.folder, kDepthFolders);
     if (colour != nullptr && depth != nullptr) return pair_lists(colour, depth);
+    if (const char* const both = mixed_folder_in(options_.folder)) return pair_lists(both, both);
     return pair_lists("rgb.txt", "depth.txt");
 }
 

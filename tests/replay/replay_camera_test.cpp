@@ -329,6 +329,8 @@ TEST(ReplayCamera, PlaysWithoutLists) {
          "depth\\2.png\r\n"},
         {"times", "rgb/100.1%d3.png", "depth/100.1%d2.png", nullptr, 0, 10'000'000},
         {"numbers", "color/frame-00%d.color.png", "depth/frame-00%d.depth.png", nullptr, 20, 50'000'000},
+        {"in one folder", "frame-00%d.color.png", "frame-00%d.depth.png", nullptr, 20, 50'000'000},
+        {"in one folder, by begins", "results/frame00%d.png", "results/depth00%d.png", nullptr, 20, 50'000'000},
         {"counted without zeros", "image/9%d.png", "depth/9%d.png", nullptr, 10, 100'000'000},
     };
     const auto name_of = [](const char* form, int i) {
