@@ -92,6 +92,8 @@ Status ReplayCamera::find_pairs() {
         const std::string file = options_.folder + "/" + name;
         if (std::filesystem::exists(file, error)) return read_associations(file);
     }
+    // One list of two is a recording that has lost the other.
+    if (std::filesystem::exists(options_.folder + "/depth.txt", error)) return pair_lists("rgb.txt", "depth.txt");
     if (const std::string file = only_associations_in(options_.folder); !file.empty()) return read_associations(file);
     const char* const colour = first_folder_in(options_.folder, kColourFolders);
     const char* const depth = first_folder_in(options_.folder, kDepthFolders);
