@@ -27,6 +27,7 @@ struct CameraInfo {
     double frames_per_s = 30.0;
     double readout_s = -1;  // of a rolling shutter, from the first row to the last; 0: none; negative: unknown
     std::optional<SeparateDepth> separate_depth = std::nullopt;  // none: depth is as the colour camera would see it
+    bool is_depth_older = false;  // by half a period or more in every frame: worth being moved to its picture
 };
 
 class DepthCamera {

@@ -3,8 +3,8 @@
 // depth of a camera of its own, registered here (a rolling shutter, and without); infrared with a projector that takes
 // turns; and infrared with the dots of a projector that is on all the time, which nobody should track. Depth is
 // as good everywhere, with noise of a Kinect; without the projector there is none at all. By turns depth is older than
-// its picture: as it comes, turned to the picture by the rotation that the engine's last two poses predict, by the true
-// rotation (a perfect gyroscope), and moved by the true motion.
+// its picture: as it comes, moved to the picture by the motion that the engine's last two poses predict (as the program
+// does it), turned by the true rotation (a perfect gyroscope), and moved by the true motion.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,10 +13,12 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
 
 #include "hal/live/depth_registration.hpp"
+#include "hal/live/moved_depth_camera.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "hal/v4l2/v4l2_camera.hpp"
 #include "platform/evaluation/evaluation.hpp"
@@ -133,7 +135,7 @@ private:
     std::map<std::uint32_t, Shown> shown_;
 };
 
-// Depth as it would be seen where and when its picture was taken.
+// Depth as it would be seen where and when its picture was taken, by one who knows the truth.
 class DepthTurn {
 public:
     explicit DepthTurn(const CameraInfo& info)
@@ -143,30 +145,6 @@ public:
     void apply(const RigidTransform& motion, Frame& frame) {
         DepthRegistration(model_, model_, motion, units_per_m_).reproject(frame.depth, depth_.data());
         frame.depth = {depth_.data(), kWidth, kHeight, kWidth};
-    }
-    void learn(const PoseEstimate& pose, std::int64_t time_ns) {
-        const bool is_measured = pose.state >= PoseState::kUnsure;
-        const double s = last_ns_ > 0 ? static_cast<double>(time_ns - last_ns_) * 1e-9 : 0;
-        per_s_ = {};
-        if (is_measured && has_last_ && s > 0 && s < 0.1) {
-            const RigidTransform step = compose(inverse_of(pose.odom_from_camera), last_);
-            for (std::size_t i = 0; i < 3; ++i) per_s_[i] = 2 * step.rotation_xyzw[i] / s;  // rad, small angles
-        }
-        has_last_ = is_measured;
-        last_ = pose.odom_from_camera;
-        last_ns_ = time_ns;
-    }
-    // As it turned of late.
-    [[nodiscard]] RigidTransform predicted(const Frame& frame) const {
-        const double s = static_cast<double>(frame.time_ns - frame.depth_time_ns) * 1e-9;
-        RigidTransform out;
-        double rest = 1;
-        for (std::size_t i = 0; i < 3; ++i) {
-            out.rotation_xyzw[i] = 0.5 * per_s_[i] * s;
-            rest -= out.rotation_xyzw[i] * out.rotation_xyzw[i];
-        }
-        out.rotation_xyzw[3] = std::sqrt(std::max(rest, 0.0));
-        return out;
     }
     // Half of the motion since the picture before, in which depth was taken.
     [[nodiscard]] RigidTransform true_motion(const Shown& shown, bool with_translation) {
@@ -193,10 +171,8 @@ private:
     CameraModel model_;
     double units_per_m_;
     std::vector<std::uint16_t> depth_;
-    RigidTransform last_, true_;
-    std::array<double, 3> per_s_{};
-    bool has_last_ = false, has_true_ = false;
-    std::int64_t last_ns_ = 0;
+    RigidTransform true_;
+    bool has_true_ = false;
 };
 
 void write_calibration(const std::string& file, const CameraInfo& info) {
@@ -230,7 +206,7 @@ void offer(test::EmulatedDevice& device, Way way) {
     constexpr const char* kNames[] = {"colour + depth registered, global shutter",
                                       "colour + depth registered, rolling",
                                       "infrared + depth by turns",
-                                      "the same, depth turned as predicted",
+                                      "the same, depth moved as predicted",
                                       "the same, depth turned by the truth",
                                       "the same, depth moved by the truth",
                                       "infrared with dots"};
@@ -258,25 +234,27 @@ void offer(test::EmulatedDevice& device, Way way) {
     std::uint64_t tracked = 0, all = 0;
     double lag_ms = 0;
     DepthTurn turn(camera.info());
+    MovedDepthCamera moved(camera);
+    DepthCamera& served = way == Way::kPredicted ? static_cast<DepthCamera&>(moved) : camera;
     const std::int64_t period_ns = has_turns(way) ? 16'666'666 : 33'333'333;
     const std::int64_t begin_ns = device->now_ns();
     std::int64_t first_ns = 0;
     while (all + 3 < room.count() && device->now_ns() - begin_ns < std::int64_t{room.count()} * 40'000'000) {
         Frame frame;
         static_cast<void>(camera.wait(20));
-        if (camera.poll(frame) != Status::kOk) continue;
+        if (served.poll(frame) != Status::kOk) continue;
         if (first_ns == 0) first_ns = frame.time_ns - (device->now_ns() / period_ns) * period_ns;
         const auto number = static_cast<std::uint32_t>((frame.time_ns - first_ns + period_ns / 2) / period_ns);
         if (number < room.first()) continue;
         const Shown* const shown = room.at((number - room.first()) / (has_turns(way) ? 2 : 1));
         if (shown == nullptr) continue;
-        if (way == Way::kPredicted) turn.apply(turn.predicted(frame), frame);
         if (way == Way::kTurned || way == Way::kMoved) turn.apply(turn.true_motion(*shown, way == Way::kMoved), frame);
         ++all;
         lag_ms += static_cast<double>(frame.depth_time_ns - frame.time_ns) * 1e-6;
         if (engine->submit(frame) != Status::kOk) continue;
         const PoseEstimate& pose = engine->pose();
-        turn.learn(pose, frame.time_ns);
+        const bool is_measured = pose.state >= PoseState::kUnsure;
+        moved.learn(frame.time_ns, is_measured ? std::optional(pose.odom_from_camera) : std::nullopt);
         tracked += pose.state == PoseState::kTracked;
         TrajectoryPose one;
         one.time_ns = frame.time_ns;

@@ -156,7 +156,18 @@ private:
     return words;
 }
 
-// fx fy cx cy (ETH3D), a 3x3 matrix, or a 4x4 one (ScanNet): then without its last row and column.
+// Zeros and a one where a camera's matrix has them, row by row; a skew is left to whoever reads the numbers.
+[[nodiscard]] bool is_matrix(const std::vector<std::string>& words) {
+    const auto is = [&words](std::size_t i, double expected) {
+        double value = NAN;
+        static_cast<void>(std::from_chars(words[i].data(), words[i].data() + words[i].size(), value));
+        return value == expected;
+    };
+    return words.size() == 9 && is(3, 0) && is(6, 0) && is(7, 0) && is(8, 1);
+}
+
+// fx fy cx cy (ETH3D), with k1 k2 p1 p2 and k3 behind them or not, a 3x3 matrix, or a 4x4 one (ScanNet): then without
+// its last row and column.
 [[nodiscard]] Status entries_of_numbers(std::vector<std::string> words, const std::string& file,
                                         std::vector<CameraEntry>& entries, std::string& message) {
     if (words.size() == 16) {
@@ -165,12 +176,19 @@ private:
             words.erase(words.begin() + static_cast<std::ptrdiff_t>(i));
         }
     }
-    if (words.size() != 4 && words.size() != 9) {
+    if (is_matrix(words)) {
+        entries.push_back({"K", std::move(words), 1});
+        return Status::kOk;
+    }
+    if (words.size() != 4 && words.size() != 8 && words.size() != 9) {
         return fail(message, file, 0,
                     "this is no camera file: it holds " + std::to_string(words.size()) +
-                        " numbers, and only 4 (fx fy cx cy), 9 or 16 (the camera's matrix) say what they are.");
+                        " numbers, and only 4 (fx fy cx cy), 8 or 9 (and k1 k2 p1 p2, k3), 9 or 16 (the camera's "
+                        "matrix) say what they are.");
     }
-    entries.push_back({words.size() == 4 ? "intrinsics" : "K", std::move(words), 1});
+    const auto lens = words.begin() + 4;
+    if (words.size() > 4) entries.push_back({"distortion_coefficients", {lens, words.end()}, 1});
+    entries.push_back({"intrinsics", {words.begin(), lens}, 1});
     return Status::kOk;
 }
 

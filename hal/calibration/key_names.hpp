@@ -89,10 +89,18 @@ inline constexpr Alias kAliases[] = {{"image_width", kWidth},
 inline constexpr std::string_view kDepthKeys[] = {"depth_units_per_m", "DepthMapFactor",  "RGBD.DepthMapFactor",
                                                   "depthmap_factor",   "png_depth_scale", "depth_factor"};
 inline constexpr std::string_view kDepthScaleKeys[] = {"depth_scale", "depth_unit"};
-inline constexpr std::string_view kMatrixKeys[] = {"K", "k", "camera_matrix", "intrinsic_matrix", "intrinsic"};
+inline constexpr std::string_view kMatrixKeys[] = {
+    "K", "k", "camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "intrinsic_matrix", "intrinsic"};
 inline constexpr std::string_view kIntrinsicsKeys[] = {"intrinsics"};
-inline constexpr std::string_view kCoefficientKeys[] = {
-    "D", "d", "distortion_coefficients", "distortion_coeffs", "dist_coeffs", "coeffs"};
+inline constexpr std::string_view kCoefficientKeys[] = {"D",
+                                                        "d",
+                                                        "distortion_coefficients",
+                                                        "Distortion_Coefficients",
+                                                        "DistortionCoefficients",
+                                                        "distortion_coeffs",
+                                                        "dist_coeffs",
+                                                        "distCoeffs",
+                                                        "coeffs"};
 inline constexpr std::string_view kSizeKeys[] = {"resolution", "image_size"};
 inline constexpr std::string_view kLensKeys[] = {"lens", "distortion_model", "camera_model", "model", "type"};
 inline constexpr std::string_view kScaledInputKeys[] = {"newWidth", "newHeight", "imageScale", "new_width",

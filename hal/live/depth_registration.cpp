@@ -115,12 +115,8 @@ DepthRegistration::DepthRegistration(const CameraModel& depth, const CameraModel
 
 DepthRegistration::DepthRegistration(const CameraModel& depth, const CameraModel& colour,
                                      const RigidTransform& colour_from_depth, double depth_units_per_m)
-    : depth_(depth), colour_(colour) {
-    const RotationMatrix rotation = matrix_of(colour_from_depth.rotation_xyzw);
-    for (std::size_t i = 0; i < 9; ++i) rotation_[i] = static_cast<float>(rotation[i]);
-    for (std::size_t i = 0; i < 3; ++i) {
-        translation_[i] = static_cast<float>(colour_from_depth.translation_m[i] * depth_units_per_m);
-    }
+    : depth_(depth), colour_(colour), units_per_m_(depth_units_per_m) {
+    set_pose(colour_from_depth);
     make_rays();
     if (is_bent(colour)) make_warp();
     ray_y_of_row_.resize(depth.width);
@@ -130,6 +126,14 @@ DepthRegistration::DepthRegistration(const CameraModel& depth, const CameraModel
             values->resize(depth.width);
         }
         row.z.resize(depth.width);
+    }
+}
+
+void DepthRegistration::set_pose(const RigidTransform& colour_from_depth) noexcept {
+    const RotationMatrix rotation = matrix_of(colour_from_depth.rotation_xyzw);
+    for (std::size_t i = 0; i < 9; ++i) rotation_[i] = static_cast<float>(rotation[i]);
+    for (std::size_t i = 0; i < 3; ++i) {
+        translation_[i] = static_cast<float>(colour_from_depth.translation_m[i] * units_per_m_);
     }
 }
 

@@ -33,6 +33,8 @@ public:
     // Cameras that look the same way, the colour camera `baseline_m` to the right, as in all of the PrimeSense kind.
     DepthRegistration(const CameraModel& depth, const CameraModel& colour, double baseline_m, double depth_units_per_m);
 
+    // The cameras stand to each other like that from here on.
+    void set_pose(const RigidTransform& colour_from_depth) noexcept;
     // `source` has the depth camera's size, `target` the colour camera's; its rows are written completely.
     void reproject(const DepthView& source, std::uint16_t* target) noexcept;
 
@@ -51,6 +53,7 @@ private:
     void draw_row(const RegisteredRow& row, std::uint16_t* target) const noexcept;
 
     CameraModel depth_, colour_;
+    double units_per_m_;
     float rotation_[9];     // row by row
     float translation_[3];  // depth units
     // The rays of depth's pixels, x/z and y/z: of columns and rows, or of every pixel where its lens distorts.

@@ -13,7 +13,7 @@ namespace stillmesh {
 namespace {
 
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-constexpr std::string_view kBlanks = " \t\r,";
+constexpr std::string_view kBlanks = " \t\r,;";
 constexpr std::string_view kExtensions[] = {".png",  ".jpg", ".jpeg", ".pgm", ".ppm",  ".pnm", ".tif",
                                             ".tiff", ".bmp", ".npy",  ".exr", ".webp", ".raw"};
 
@@ -31,7 +31,7 @@ constexpr std::string_view kExtensions[] = {".png",  ".jpg", ".jpeg", ".pgm", ".
 // behind them, is that of a decimal number.
 [[nodiscard]] std::string take_time(std::string_view& rest) {
     rest.remove_prefix(std::min(rest.find_first_not_of(kBlanks), rest.size()));
-    std::string word(rest.substr(0, rest.find_first_of(" \t\r")));
+    std::string word(rest.substr(0, rest.find_first_of(" \t\r;")));
     const std::size_t comma = word.find(',');
     const std::size_t size = word.size();
     if (comma != std::string::npos) {
@@ -75,17 +75,32 @@ struct ListedLine {
     std::string_view text;
 };
 
+// What stands above the columns of a table: "timestamp filename".
+[[nodiscard]] bool is_heading(std::string_view line) {
+    const std::string word = take_time(line);
+    return word.find("time") != std::string::npos || word.find("Time") != std::string::npos ||
+           word.find("stamp") != std::string::npos;
+}
+
+// Two bytes a letter: with a mark that says so, or seen by the zeros in the first two letters.
+[[nodiscard]] bool is_utf16(std::string_view text) {
+    if (text.size() < 4) return false;
+    return text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") || (text[0] == '\0') != (text[1] == '\0');
+}
+
 // The lines that say something; what all of them begin with tells the unit of their times.
 [[nodiscard]] std::vector<ListedLine> lines_of(std::string_view text, TimeUnitGuess& guess) {
     std::vector<ListedLine> lines;
     std::size_t number = 0;
+    bool may_be_heading = true;
     for (std::size_t begin = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0; begin < text.size();) {
-        const std::size_t end = std::min(text.find('\n', begin), text.size());
+        const std::size_t end = std::min(text.find_first_of("\r\n", begin), text.size());
         std::string_view line = text.substr(begin, end - begin);
-        begin = end + 1;
+        begin = end + (text.substr(end).starts_with("\r\n") ? 2 : 1);
         ++number;
         const std::size_t first = line.find_first_not_of(kBlanks);
         if (first == std::string_view::npos || line[first] == '#') continue;
+        if (std::exchange(may_be_heading, false) && is_heading(line)) continue;
         lines.push_back({number, line});
         guess.see(take_time(line));
     }
@@ -101,6 +116,11 @@ public:
     [[nodiscard]] Status begin(std::vector<ListedLine>& lines) {
         if (text_.size() > 0xffffffffU) {
             message_ = file_ + ": the list is longer than 4 GiB; cut the recording.";
+            return Status::kInvalid;
+        }
+        if (is_utf16(text_)) {
+            message_ = file_ + ": is UTF-16, text of two bytes a letter; convert: iconv -f UTF-16 -t UTF-8 '" + file_ +
+                       "' > new, and name it as this one.";
             return Status::kInvalid;
         }
         TimeUnitGuess guess;
@@ -126,13 +146,15 @@ public:
         if (times_.unit == TimeUnit::kFrames) {
             time_ns = static_cast<std::int64_t>(static_cast<double>(*time_ns) / times_.frames_per_s);
         }
-        const std::string_view name = take_name(rest);
-        if (name.empty() || name.size() > kFileNameMax || name.find('\0') != std::string_view::npos) {
-            return fail(line, "no usable file name after the time; a line is 'seconds file name'.");
-        }
-        image = {*time_ns, static_cast<std::uint32_t>(name.data() - text_.data()),
-                 static_cast<std::uint32_t>(name.size())};
-        return Status::kOk;
+        return take_named(line, rest, *time_ns, image);
+    }
+    // The same where a line has one time for both: that of the image before.
+    [[nodiscard]] Status take_second(std::size_t line, std::string_view& rest, const ListedImage& first,
+                                     ListedImage& image) {
+        std::string_view ahead = rest;
+        const bool has_time = parse_time_ns(take_time(ahead), nanosecond_digits(times_.unit)).has_value();
+        const bool is_empty = rest.find_first_not_of(kBlanks) == std::string_view::npos;
+        return has_time || is_empty ? take(line, rest, image) : take_named(line, rest, first.time_ns, image);
     }
     [[nodiscard]] Status check_order(const ListedLine& line, std::int64_t before_ns, std::int64_t time_ns) {
         if (time_ns > before_ns) return Status::kOk;
@@ -143,6 +165,16 @@ public:
     }
 
 private:
+    [[nodiscard]] Status take_named(std::size_t line, std::string_view& rest, std::int64_t time_ns,
+                                    ListedImage& image) {
+        const std::string_view name = take_name(rest);
+        if (name.empty() || name.size() > kFileNameMax || name.find('\0') != std::string_view::npos) {
+            return fail(line, "no usable file name after the time; a line is 'seconds file name'.");
+        }
+        image = {time_ns, static_cast<std::uint32_t>(name.data() - text_.data()),
+                 static_cast<std::uint32_t>(name.size())};
+        return Status::kOk;
+    }
     [[nodiscard]] Status fail(std::size_t line, const std::string& sentence) {
         message_ = file_ + ", line " + std::to_string(line) + ": " + sentence;
         return Status::kInvalid;
@@ -159,6 +191,11 @@ private:
 }
 
 }  // namespace
+
+bool is_image_name(std::string_view name) {
+    const std::size_t dot = name.rfind('.');
+    return dot != std::string_view::npos && is_extension(name.substr(dot));
+}
 
 Status parse_image_list(std::string_view text, const std::string& file, std::vector<ListedImage>& images,
                         std::string& message) {
@@ -193,7 +230,7 @@ Status parse_associations(std::string_view text, const std::string& file, std::v
         std::string_view rest = line.text;
         ImagePair pair;
         STILLMESH_TRY(reader.take(line.number, rest, pair.colour));
-        STILLMESH_TRY(reader.take(line.number, rest, pair.depth));
+        STILLMESH_TRY(reader.take_second(line.number, rest, pair.colour, pair.depth));
         if (pairs.empty()) {
             const auto name = [text](const ListedImage& image) {
                 return text.substr(image.name_offset, image.name_size);

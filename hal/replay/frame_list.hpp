@@ -34,18 +34,22 @@ struct ListTimes {
     double step = 0;                     // in it, from one image to the next
 };
 
-// Lines are "time name", '#' begins a comment, blank lines are nothing; CRLF and a byte order mark are fine. A name may
-// have blanks, or stand in quotes; words behind its ".png" are nothing. Times are seconds, or what TimeUnitGuess says.
-// kInvalid: a line that is not that, a time that repeats or goes backwards; `message` names file, line and remedy.
+// Lines are "time name", parted by blanks, commas or semicolons; '#' begins a comment, blank lines are nothing, nor is
+// a heading ("timestamp filename") above all; lines end as on any system, a byte order mark is fine. A name may have
+// blanks, or stand in quotes; words behind its ".png" are nothing. Times are seconds, or what TimeUnitGuess says.
+// kInvalid: a line that is not that, a time that repeats or goes backwards, UTF-16; `message` names file, line and
+// remedy.
 [[nodiscard]] Status parse_image_list(std::string_view text, const std::string& file, std::vector<ListedImage>& images,
                                       std::string& message, ListTimes& times);
 [[nodiscard]] Status parse_image_list(std::string_view text, const std::string& file, std::vector<ListedImage>& images,
                                       std::string& message);
-// Both lists in one, as the TUM tools' associate.py writes it: "time name time name", colour or depth first as the
-// first line's names tell, else colour. The pairs are those of the lines.
+// Both lists in one, as the TUM tools' associate.py writes it: "time name time name", or "time name name", colour or
+// depth first as the first line's names tell, else colour. The pairs are those of the lines.
 [[nodiscard]] Status parse_associations(std::string_view text, const std::string& file, std::vector<ImagePair>& pairs,
                                         std::string& message, ListTimes& times);
 
+// The name of an image by its extension, ".png" or another.
+[[nodiscard]] bool is_image_name(std::string_view name);
 // The pairs of the TUM tools' associate.py: nearest in time first, each image used once, at most `gap_max_ns` apart;
 // and in time order on both sides (a pair that would cross an earlier one is dropped).
 [[nodiscard]] std::vector<ImagePair> associate(std::span<const ListedImage> colour, std::span<const ListedImage> depth,

@@ -59,6 +59,18 @@ constexpr OtherFormat kOtherFormats[] = {{"II*", "TIFF", "tiff"},
                                          {"PF", "PFM", "pfm"},
                                          {"Pf", "PFM", "pfm"}};
 
+struct Stranger {
+    std::string_view letters;
+    const char* sentence;
+};
+// What stands in an image's place when it was never fetched.
+constexpr Stranger kStrangers[] = {
+    {"version https://g",
+     "is a pointer of Git LFS, not the image itself; fetch it: git lfs pull, where the recording was cloned."},
+    {"<!DOCTYPE", "is a page of the web, not an image; download it again."},
+    {"<!doctype", "is a page of the web, not an image; download it again."},
+    {"<html", "is a page of the web, not an image; download it again."}};
+
 Status fail(Status status, const std::string& name, const std::string& sentence, std::string& message) {
     message = name + ": " + sentence;
     return status;
@@ -196,7 +208,7 @@ Status decode_npy(Bytes bytes, const std::string& name, ImageHeader& header, std
 
 // Its first bytes if `is_head`, else all. False: it cannot be read, which the PNG reader says.
 [[nodiscard]] bool read_bytes(const std::string& file, bool is_head) {
-    constexpr std::size_t kHeadBytes = 16;
+    constexpr std::size_t kHeadBytes = 32;
     const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     struct stat about {};
     if (descriptor < 0) return false;
@@ -217,9 +229,10 @@ Status decode_npy(Bytes bytes, const std::string& name, ImageHeader& header, std
 
 [[nodiscard]] bool is_of_png_reader(const std::string& file) {
     if (!read_bytes(file, true)) return true;
-    const auto is_known = [](const OtherFormat& format) { return begins_with(file_bytes, format.letters); };
+    const auto is_known = [](const auto& format) { return begins_with(file_bytes, format.letters); };
     return is_png(file_bytes) || !(is_jpeg(file_bytes) || is_pnm(file_bytes) || is_npy(file_bytes) ||
-                                   std::any_of(std::begin(kOtherFormats), std::end(kOtherFormats), is_known));
+                                   std::any_of(std::begin(kOtherFormats), std::end(kOtherFormats), is_known) ||
+                                   std::any_of(std::begin(kStrangers), std::end(kStrangers), is_known));
 }
 
 }  // namespace
@@ -237,6 +250,9 @@ Status decode_other_image(std::span<const std::uint8_t> bytes, const std::string
                 Status::kInvalid, name,
                 std::string("is ") + format.name + ", which is not read; convert: " + conversion(name, format) + ".",
                 message);
+        }
+        for (const Stranger& stranger : kStrangers) {
+            if (begins_with(bytes, stranger.letters)) return fail(Status::kInvalid, name, stranger.sentence, message);
         }
         return fail(Status::kCorrupt, name, "is no image that is known here.", message);
     };

@@ -21,7 +21,6 @@ namespace {
 
 constexpr int kColour = 0;
 constexpr int kDepth = 1;
-constexpr off_t kListBytesMax = off_t{256} << 20U;  // two days at 30 images a second
 
 [[nodiscard]] std::string size_text(const ImageHeader& header) {
     return std::to_string(header.width) + "x" + std::to_string(header.height);
@@ -64,47 +63,6 @@ void ReplayCamera::close() noexcept {
     next_ = 0;
 }
 
-Status ReplayCamera::read_file(int list, const std::string& file, std::string& text) {
-    list_names_[list] = file;
-    int& descriptor = lists_[list];
-    descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe must not let us wait
-    struct stat about {};
-    if (descriptor < 0 || ::fstat(descriptor, &about) != 0 || !S_ISREG(about.st_mode)) {
-        message_ = file + ": " + (descriptor < 0 ? std::strerror(errno) : "not a file") +
-                   "; a recording needs rgb.txt and depth.txt with lines 'seconds file', or both in associations.txt.";
-        return Status::kUnavailable;
-    }
-    if (about.st_size > kListBytesMax) {
-        message_ = file + ": is larger than a list of images can be (" + std::to_string(kListBytesMax >> 20U) +
-                   " MiB); is it the right file?";
-        return Status::kInvalid;
-    }
-    text.resize(static_cast<std::size_t>(about.st_size));
-    std::size_t read_bytes = 0;
-    while (read_bytes < text.size()) {
-        const ssize_t count = ::read(descriptor, text.data() + read_bytes, text.size() - read_bytes);
-        if (count < 0 && errno == EINTR) continue;
-        if (count <= 0) {
-            message_ = file + ": cannot be read; is the disk still there?";
-            return Status::kUnavailable;
-        }
-        read_bytes += static_cast<std::size_t>(count);
-    }
-    return Status::kOk;
-}
-
-Status ReplayCamera::read_list(int list, const char* name, std::vector<ListedImage>& images, ListTimes& times) {
-    const std::string file = options_.folder + "/" + name;
-    std::string text;
-    STILLMESH_TRY(read_file(list, file, text));
-    STILLMESH_TRY(parse_image_list(text, file, images, message_, times));
-    if (images.empty()) {
-        message_ = file + ": the list is empty; a recording needs lines 'seconds file'.";
-        return Status::kInvalid;
-    }
-    return Status::kOk;
-}
-
 Status ReplayCamera::image_path(int list, const ListedImage& image, std::string& path) {
     std::array<char, kFileNameMax> name{};
     STILLMESH_CHECK(image.name_size <= name.size());
@@ -115,7 +73,11 @@ Status ReplayCamera::image_path(int list, const ListedImage& image, std::string&
     }
     path.clear();
     if (name[0] != '/') path.append(options_.folder).append("/");
+    const std::size_t begin = path.size();
     path.append(name.data(), image.name_size);
+    // Written by Windows.
+    if (path.find('/', begin) == std::string::npos)
+        std::replace(path.begin() + static_cast<std::ptrdiff_t>(begin), path.end(), '\\', '/');
     return Status::kOk;
 }
 
@@ -152,48 +114,6 @@ Status ReplayCamera::find_calibration() {
         calibration_source_ +
         ": does not say how many depth units make a metre; give --depth-units N (1000 for millimetres, 5000 in TUM "
         "recordings), or a camera file with a key 'depth_units_per_m'.";
-    return Status::kInvalid;
-}
-
-Status ReplayCamera::find_pairs() {
-    std::error_code error;
-    if (std::filesystem::exists(options_.folder + "/rgb.txt", error)) return pair_lists();
-    for (const char* const name : {"associations.txt", "associate.txt", "associated.txt", "association.txt"}) {
-        const std::string file = options_.folder + "/" + name;
-        if (!std::filesystem::exists(file, error)) continue;
-        std::string text;
-        ListTimes times{.frames_per_s = options_.frames_per_s};
-        STILLMESH_TRY(read_file(kDepth, file, text));  // open twice: each list has its descriptor
-        STILLMESH_TRY(read_file(kColour, file, text));
-        STILLMESH_TRY(parse_associations(text, file, pairs_, message_, times));
-        if (pairs_.empty()) {
-            message_ = file + ": the list is empty; its lines are 'seconds colour-file seconds depth-file'.";
-            return Status::kInvalid;
-        }
-        counts_.unit = times.unit;
-        counts_.step = times.step;
-        counts_.colour_images = counts_.depth_images = counts_.frames = static_cast<std::uint32_t>(pairs_.size());
-        return Status::kOk;
-    }
-    return pair_lists();
-}
-
-Status ReplayCamera::pair_lists() {
-    std::vector<ListedImage> colour, depth;
-    ListTimes times{.frames_per_s = options_.frames_per_s};
-    ListTimes depth_times = times;
-    STILLMESH_TRY(read_list(kColour, "rgb.txt", colour, times));
-    STILLMESH_TRY(read_list(kDepth, "depth.txt", depth, depth_times));
-    for (ListedImage& image : depth)
-        image.time_ns = std::max<std::int64_t>(image.time_ns - options_.depth_offset_ns, 0);
-    pairs_ = associate(colour, depth, options_.association_gap_max_ns);
-    counts_.unit = times.unit;
-    counts_.step = times.step;
-    counts_.colour_images = static_cast<std::uint32_t>(colour.size());
-    counts_.depth_images = static_cast<std::uint32_t>(depth.size());
-    counts_.frames = static_cast<std::uint32_t>(pairs_.size());
-    if (!pairs_.empty()) return Status::kOk;
-    message_ = options_.folder + ": " + why_no_pairs(colour, depth, options_.association_gap_max_ns);
     return Status::kInvalid;
 }
 

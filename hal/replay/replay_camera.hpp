@@ -3,9 +3,10 @@
 // or NumPy, of colour's size or a whole multiple or fraction of it: then the nearest pixel counts; or of the depth
 // camera that the camera file names: then it is registered here. Frames come as fast as they are polled; nothing is
 // skipped but colour images without a depth image within 20 ms. Without those lists associations.txt is read, which has
-// both. The calibration is a file or name given by the caller, else camera.toml or camera.yaml in the folder; with
-// none, open() refuses rather than guesses. A folder mask/ is taken for a detector's masks (mask_folder.hpp). Memory:
-// two image buffers and 32 bytes per frame, all taken in open(). Every failure leaves a sentence in message().
+// both, or a folder of images that are called after their times or numbers (image_folder.hpp). The calibration is a
+// file or name given by the caller, else camera.toml or camera.yaml in the folder; with none, open() refuses rather
+// than guesses. A folder mask/ is taken for a detector's masks (mask_folder.hpp). Memory: two image buffers and 32
+// bytes per frame, all taken in open(). Every failure leaves a sentence in message().
 #pragma once
 
 #include <cstdint>
@@ -84,8 +85,10 @@ private:
     [[nodiscard]] Status open_folder();
     [[nodiscard]] Status find_calibration();
     [[nodiscard]] Status find_pairs();
-    [[nodiscard]] Status pair_lists();
+    [[nodiscard]] Status read_associations(const std::string& file);
+    [[nodiscard]] Status pair_lists(const char* colour_list, const char* depth_list);
     [[nodiscard]] Status read_file(int list, const std::string& file, std::string& text);
+    [[nodiscard]] Status read_images(int list, const char* name, std::string& text);
     [[nodiscard]] Status read_list(int list, const char* name, std::vector<ListedImage>& images, ListTimes& times);
     [[nodiscard]] Status find_first_images();
     [[nodiscard]] Status find_masks();

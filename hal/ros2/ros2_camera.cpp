@@ -127,10 +127,10 @@ Status Ros2Camera::place_depth(std::unique_lock<std::mutex>& lock, std::chrono::
         lock, until, [&] { return (pose = session.frames.between(frame, colour_frame)).has_value(); }));
     if (!pose) {
         return refuse(Status::kUnavailable, options_.depth + " is of another camera than " + options_.colour +
-                                                ", and " + session.names[Session::kFrames] + " does not say how '" +
-                                                frame + "' lies to '" + colour_frame + "': " + kRemedy);
+                                                ", and " + session.frames_from + " does not say how '" + frame +
+                                                "' lies to '" + colour_frame + "': " + kRemedy);
     }
-    return register_here({model, *pose}, lens + " and " + session.names[Session::kFrames]);
+    return register_here({model, *pose}, lens + " and " + session.frames_from);
 }
 
 Status Ros2Camera::register_here(const SeparateDepth& depth, const std::string& source) {

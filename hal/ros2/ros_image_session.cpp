@@ -79,7 +79,13 @@ constexpr RosQos kStatic{.is_reliable = true, .history = RosHistory::kLatched, .
 }  // namespace
 
 Ros2Camera::Session::Session(Ros2Options given_options) : options(std::move(given_options)) {
-    names = {options.colour, options.depth, options.info, info_beside(options.depth), "/tf_static"};
+    names = {options.colour, options.depth, options.info, info_beside(options.depth)};
+    // Of several robots in one domain each has its own in its namespace: of /a/b/image those are /a and /a/b.
+    frames_topics.push_back({frames_from});
+    for (std::size_t slash = options.depth.find('/', 1); slash != std::string::npos && frames_topics.size() < 8;
+         slash = options.depth.find('/', slash + 1)) {
+        frames_topics.push_back({options.depth.substr(0, slash) + "/tf_static"});
+    }
 }
 
 Ros2Camera::Session::~Session() {
@@ -121,12 +127,17 @@ bool Ros2Camera::Session::subscribe(const RosContext& context, std::string& mess
         return is_packed_topic(names[stream]) ? &ros::kCompressedImage : &ros::kImage;
     };
     const dds_topic_descriptor_t* const types[kStreams] = {image_type(kColour), image_type(kDepth), &ros::kCameraInfo,
-                                                           &ros::kCameraInfo, &ros::kTf};
+                                                           &ros::kCameraInfo};
     for (std::size_t i = 0; i < kStreams; ++i) {
         if (i >= kLens && !options.calibration.empty()) continue;
         if (i == kDepthLens && names[kDepthLens] == names[kLens]) continue;
-        readers[i] = all.add(context, names[i], *types[i], i == kFrames ? kStatic : kSensorData, message);
+        readers[i] = all.add(context, names[i], *types[i], kSensorData, message);
         if (readers[i] < 0) return false;
+    }
+    for (FramesTopic& topic : frames_topics) {
+        if (!options.calibration.empty()) break;
+        topic.reader = all.add(context, topic.name, ros::kTf, kStatic, message);
+        if (topic.reader < 0) return false;
     }
     thread = std::jthread([this] { serve(); });
     return true;
@@ -185,10 +196,16 @@ bool Ros2Camera::Session::take_lens(Stream stream) {
 }
 
 bool Ros2Camera::Session::take_frames() {
-    if (readers[kFrames] <= 0) return false;
-    const RosLoan<ros::Tf> loan(readers[kFrames]);
+    bool is_any = false;
+    for (const FramesTopic& topic : frames_topics) is_any = (topic.reader > 0 && take_frames(topic)) || is_any;
+    return is_any;
+}
+
+bool Ros2Camera::Session::take_frames(const FramesTopic& topic) {
+    const RosLoan<ros::Tf> loan(topic.reader);
     if (loan.message() == nullptr) return loan.is_any();
     const std::lock_guard lock(mutex);
+    frames_from = topic.name;
     for (std::uint32_t i = 0; i < loan.message()->transforms._length; ++i) {
         const ros::TransformStamped& one = loan.message()->transforms._buffer[i];
         const auto& [t, q] = one.transform;

@@ -43,20 +43,26 @@ using RosPixelsOnLoan = std::unique_ptr<RosPixels, BackToShelf>;
 
 struct Ros2Camera::Session : live::LiveSession<RosPixelsOnLoan> {
     using Image = RosPixelsOnLoan;
-    // kDepthLens and kFrames say where depth is, if it is not where colour is: nobody need publish them.
-    enum Stream : std::uint8_t { kColour, kDepth, kLens, kDepthLens, kFrames, kStreams };
+    // kDepthLens says what depth is of, if it is not of colour's camera: nobody need publish it.
+    enum Stream : std::uint8_t { kColour, kDepth, kLens, kDepthLens, kStreams };
     static constexpr std::size_t kNeeded = 3;  // the first
 
     Ros2Options options;
     std::array<std::string, kStreams> names;
     std::array<dds_entity_t, kStreams> readers{};
+    struct FramesTopic {
+        std::string name;
+        dds_entity_t reader = 0;
+    };
+    std::vector<FramesTopic> frames_topics;  // /tf_static, and those in the namespaces of depth's topic
     RosReaders all;
     bool has_lens = false;  // this and all below: under the mutex
     bool has_depth_lens = false;
     std::string problem;  // frames came that cannot be used
     CameraInfo lens, depth_lens;
     FrameTree frames;
-    std::array<std::string, 2> frame_ids;  // of the last image of colour and depth
+    std::string frames_from = "/tf_static";  // who told of them last
+    std::array<std::string, 2> frame_ids;    // of the last image of colour and depth
     RosShelf shelf;
     std::vector<std::int64_t> stamps_us;           // of colour, until the rate is known
     std::int64_t period_us = 0;                    // 0: not known yet
@@ -78,6 +84,7 @@ private:
     void serve() noexcept;
     bool take_lens(Stream stream);
     bool take_frames();
+    bool take_frames(const FramesTopic& topic);
     bool take_image(Stream stream);
     template <typename Message>
     bool take_as(Stream stream);

@@ -84,6 +84,7 @@ void V4l2Camera::adopt() {
     info_.depth_units_per_m = opened.cameras.depth_units_per_m;
     info_.frames_per_s = opened.frames_per_s;
     info_.readout_s = opened.readout_s;
+    info_.is_depth_older = opened.is_alternating;
     conversion_ = std::make_unique<v4l2::FrameConversion>(opened.cameras, session_->opening.colour.format());
     due_ns_ = link_->now_ns();
 }

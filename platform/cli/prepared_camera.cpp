@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -49,6 +50,10 @@ bool is_mask_of_frames(const std::string& mask) {
 }
 
 Status PreparedCamera::prepare(const std::string& mask, bool is_half, std::string& note, std::string& message) {
+    if (camera_->info().is_depth_older) {
+        moved_ = std::make_unique<MovedDepthCamera>(*camera_);
+        camera_ = moved_.get();
+    }
     if (!mask.empty() && !is_mask_of_frames(mask)) {
         std::vector<std::uint8_t> pixels;
         STILLMESH_TRY(read_mask(mask, camera_->info().model, pixels, message));
@@ -71,6 +76,12 @@ Status PreparedCamera::prepare(const std::string& mask, bool is_half, std::strin
         camera_ = half_.get();
     }
     return Status::kOk;
+}
+
+void PreparedCamera::learn(const PoseEstimate& pose) noexcept {
+    if (moved_ == nullptr) return;
+    const bool is_measured = pose.state >= PoseState::kUnsure;
+    moved_->learn(pose.time_ns, is_measured ? std::optional(pose.odom_from_camera) : std::nullopt);
 }
 
 }  // namespace stillmesh

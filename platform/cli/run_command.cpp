@@ -153,6 +153,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     loop.times = source.times;
     loop.is_live = is_live;
     loop.news = source.news;
+    loop.posed = [&prepared](const PoseEstimate& pose) { prepared.learn(pose); };
     if (is_realtime) {
         if (realtime.open() != Status::kOk) return refuse("the system has no thread or memory left for --realtime.");
         loop.times = &realtime;

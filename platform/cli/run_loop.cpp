@@ -210,6 +210,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             code = give_up(kExitFailed);
             break;
         }
+        if (options.posed) options.posed(out.estimate);
         out.world_from_camera.time_ns = frame.time_ns;
         watch.judge(out);
         line.clear();

@@ -50,6 +50,8 @@ struct RunLoopOptions {
     bool is_localising = false;            // and it stays as it is, until somebody wants otherwise
     DepthRange depth_range;                // that the engine uses
     std::int64_t lost_ns = 1'000'000'000;  // longer without a measured pose, or without a frame, is a failure
+    // Hears what became of each frame, before the next is asked for; may be empty.
+    std::function<void(const PoseEstimate&)> posed;
 };
 
 // Runs until the camera's end, frames_max, a failure or a signal. Returns an exit code (exit_code.hpp); sentences for

@@ -3,12 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <thread>
 
 #include "hal/replay/replay_camera.hpp"
 #include "platform/cli/frame_diagnosis.hpp"
+#include "platform/cli/prepared_camera.hpp"
 #include "platform/cli/summary.hpp"
 #include "platform/linux/process.hpp"
 #include "tests/platform/story_session.hpp"
@@ -106,6 +108,70 @@ TEST(RunLoop, StopsAfterFramesMax) {
     StoryCamera camera;
     StorySession session;
     EXPECT_EQ(play(camera, session, 7).record.frames_total, 7U);
+}
+
+// Promise: who wants to know hears what became of each frame before the next is asked for; depth that is older than its
+// picture is then moved to it, at half the size as well, and other depth is left alone.
+TEST(RunLoop, SaysWhatBecameOfAFrame) {
+    class OlderDepth final : public DepthCamera {
+    public:
+        Status open() noexcept override { return Status::kOk; }
+        const CameraInfo& info() const noexcept override { return info_; }
+        Status poll(Frame& frame) noexcept override {
+            EXPECT_EQ(heard, polled) << "the frame before was not told of";
+            const Status status = story.poll(frame);
+            if (status != Status::kOk) return status;
+            ++polled;
+            for (int i = 0; i < 40; ++i) {  // as a sensor's noise: what repeats is no new picture
+                story.colour[static_cast<std::size_t>(i) * 7 + 1] = static_cast<std::uint8_t>(polled + 3 * i);
+                story.depth[static_cast<std::size_t>(64 * 20 + i + 12)] = static_cast<std::uint16_t>(10000 + polled);
+            }
+            frame.depth_time_ns = frame.time_ns - 16'000'000;
+            return status;
+        }
+        Status wait(std::uint32_t) noexcept override { return Status::kOk; }
+        test::StoryCamera story;
+        CameraInfo info_;
+        int polled = 0, heard = 0;
+    };
+    struct Turning final : TrackingSession {
+        int turned = 0;
+        std::int64_t last_ns = 0;
+        Status submit(const Frame& frame, SessionFrame& out, std::string&) override {
+            // The story's depth is one everywhere: turned, it has left one side of the image.
+            turned += frame.depth.at(0, frame.depth.height / 2) == 0 || frame.depth.at(frame.depth.width - 1, 0) == 0;
+            out.state = out.estimate.state = PoseState::kTracked;
+            out.estimate.time_ns = frame.time_ns;
+            const double angle = 5 * static_cast<double>(frame.time_ns) * 1e-9;
+            out.estimate.odom_from_camera = {{0, std::sin(angle / 2), 0, std::cos(angle / 2)}, {0, 0, 0}};
+            return Status::kOk;
+        }
+        void account(RunRecord&) override {}
+    };
+    for (const bool is_older : {true, false}) {
+        for (const bool is_half : {false, true}) {
+            OlderDepth source;
+            source.info_.model = {64, 48, 60, 60, 31.5, 23.5};
+            source.info_.is_depth_older = is_older;
+            source.story.frames = 20;
+            PreparedCamera prepared(source);
+            std::string note, message;
+            ASSERT_EQ(prepared.prepare("", is_half, note, message), Status::kOk) << message;
+            Turning session;
+            RunLoopOptions options;
+            options.show_progress = false;
+            options.posed = [&](const PoseEstimate& pose) {
+                ++source.heard;
+                prepared.learn(pose);
+            };
+            RunRecord record;
+            EXPECT_EQ(run_loop(
+                          prepared.camera(), [] { return std::string(); }, session, options, record),
+                      0);
+            EXPECT_EQ(source.heard, 20);
+            EXPECT_EQ(session.turned, is_older ? 18 : 0) << is_half;
+        }
+    }
 }
 
 // Promise: a predicted pose is given out, but no tool counts it: neither the file's readers nor our coverage.

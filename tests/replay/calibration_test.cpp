@@ -362,6 +362,12 @@ TEST(Calibration, CameraFilesOfOthers) {
         "%YAML:1.0\nd400_color_optical_frame:\n" + openloris + "[528, 319.5, 530, 240]\nd400_depth_optical_frame:\n" +
             openloris + "[580, 321, 581, 238]\n",
         "528.0 530 319.5 240\n",
+        "# fx fy cx cy k1 k2 p1 p2, and k3\n528.0 530 319.5 240 0 0 0 0\n",
+        "528.0, 530, 319.5, 240, 0, 0, 0, 0, 0\n",
+        "%YAML:1.0\nCamera_Matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 528., 0., 3.195e+02, "
+        "0.,\n       530., 240., 0., 0., 1. ]\nDistortion_Coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   "
+        "dt: d\n   data: [ 0., 0., 0., 0., 0. ]\n",
+        "cameraMatrix: [528, 0, 319.5, 0, 530, 240, 0, 0, 1]\ndistCoeffs: [0, 0, 0, 0]\n",
         "# ScanNet\n528 0 319.5 0\n0 530 240 0\n0 0 1 0\n0 0 0 1\n",
         "{\"width\": 640, \"height\": 480, \"intrinsic_matrix\": [528, 0, 0, 0, 530, 0, 319.5, 240, 1]}",
         "{\n\t\"intrinsic\": {\n\t\t\"width\": 640, \"height\": 480,\n\t\t\"intrinsic_matrix\": [[528, 0, 319.5], [0, "
@@ -391,6 +397,12 @@ TEST(Calibration, CameraFilesOfOthers) {
         std::string::npos);
     EXPECT_NE(error(replaced(kalibr, "distortion_coeffs", "distortion_coefs")).find("did you mean"), std::string::npos);
     EXPECT_NE(error("1 2 3 4 5\n").find("it holds 5 numbers"), std::string::npos);
+    const CameraModel bent = read_of("528 530 319.5 240 0.1 -0.2 0.001 -0.002 0.05").model;
+    EXPECT_EQ((std::array{bent.k1, bent.k2, bent.p1, bent.p2, bent.k3}), (std::array{0.1, -0.2, 0.001, -0.002, 0.05}));
+    EXPECT_EQ(read_of("Camera_Matrix: [528, 0, 319.5, 0, 530, 240, 0, 0, 1]\nDistortion_Coefficients: [0.1, 0, 0, 0]\n")
+                  .model.k1,
+              0.1);
+    EXPECT_NE(error("528 0.5 319.5\n0 530 240\n0 0 1\n").find("skewed"), std::string::npos);
     EXPECT_NE(error("name: kinect\n").find("neither fx, fy, cx, cy nor"), std::string::npos);
 }
 

@@ -79,9 +79,12 @@ TEST(ImageList, ReadsOtherSpellings) {
         {"1,5 rgb/7.png", "rgb/7.png"},
         {"1,5\trgb/7 8.png", "rgb/7 8.png"},
         {"1500,1500.png", "1500.png", 1'500'000'000'000},
+        {"1.5;rgb/7.png", "rgb/7.png"},
+        {"1.5; \"rgb/7.png\";640", "rgb/7.png"},
+        {"1,5;rgb/7.png", "rgb/7.png"},
     };
     for (const auto& c : cases) {
-        for (const std::string mark : {"", "\xef\xbb\xbf", "\xef\xbb\xbf# time name\n"}) {
+        for (const std::string mark : {"", "\xef\xbb\xbf", "\xef\xbb\xbf# time name\n", "timestamp;filename\r\n"}) {
             const std::string text = mark + c.line + "\n";
             std::vector<ListedImage> images;
             std::string message;
@@ -91,6 +94,40 @@ TEST(ImageList, ReadsOtherSpellings) {
             EXPECT_EQ(images[0].time_ns, c.time_ns) << c.line;
         }
     }
+}
+
+// Promise: lines end as on any system, and are counted the same: a list whose lines end with carriage returns alone is
+// no list of one line.
+TEST(ImageList, LinesEndAnyhow) {
+    for (const std::string end : {"\n", "\r\n", "\r"}) {
+        const std::string text = "# a" + end + "1.5 a.png" + end + end + "1.6 b.png" + end + "x";
+        std::vector<ListedImage> images;
+        std::string message;
+        EXPECT_EQ(parse_image_list(text, "f", images, message), Status::kInvalid);
+        EXPECT_EQ(message, "f, line 5: 'x' is not a time in seconds; a line is 'seconds file name'.");
+        ASSERT_EQ(parse_image_list(text.substr(0, text.size() - 1), "f", images, message), Status::kOk) << message;
+        ASSERT_EQ(images.size(), 2U);
+        EXPECT_EQ(text.substr(images[1].name_offset, images[1].name_size), "b.png");
+    }
+}
+
+// Promise: text of two bytes a letter, which Windows' shell writes, is named with a command that converts it; only the
+// first line may be a heading.
+TEST(ImageList, NamesOtherText) {
+    const auto message_of = [](const std::string& text) {
+        std::vector<ListedImage> images;
+        std::string message;
+        EXPECT_EQ(parse_image_list(text, "my list.txt", images, message), Status::kInvalid);
+        return message;
+    };
+    using namespace std::string_literals;
+    for (const std::string& text : {"\xff\xfe\x31\0.\0"s, "\xfe\xff\0\x31\0."s, "1\0.\0\x35\0"s, "\0\x31\0."s}) {
+        EXPECT_EQ(message_of(text),
+                  "my list.txt: is UTF-16, text of two bytes a letter; convert: iconv -f UTF-16 -t UTF-8 'my list.txt' "
+                  "> new, and name it as this one.");
+    }
+    EXPECT_NE(message_of("1 a.png\ntime name\n2 b.png\n").find("line 2: 'time' is not a time"), std::string::npos);
+    EXPECT_NE(message_of("time name\ntime name\n1 b.png\n").find("line 2: 'time' is not a time"), std::string::npos);
 }
 
 // Promise: the unit of times is recognised, since 1970, since the start and since the camera was switched on, at any
@@ -167,6 +204,13 @@ TEST(Associations, AreBothLists) {
     std::vector<ImagePair> pairs;
     std::string message;
     ListTimes times;
+    // One time for both.
+    const std::string three = "1.5 rgb/a 1.png depth/b 1.png\n1.6,rgb/c.png,depth/d.png\n";
+    ASSERT_EQ(parse_associations(three, "a.txt", pairs, message, times), Status::kOk) << message;
+    ASSERT_EQ(pairs.size(), 2U);
+    EXPECT_EQ(pairs[0].depth.time_ns, 1'500'000'000);
+    EXPECT_EQ(three.substr(pairs[0].depth.name_offset, pairs[0].depth.name_size), "depth/b 1.png");
+    EXPECT_EQ(three.substr(pairs[1].depth.name_offset, pairs[1].depth.name_size), "depth/d.png");
     EXPECT_EQ(parse_associations("1.5 a.png 1.5\n", "a.txt", pairs, message, times), Status::kInvalid);
     EXPECT_NE(message.find("a.txt, line 1: no usable file name"), std::string::npos) << message;
     EXPECT_EQ(parse_associations("1.5 a.png 1.5 b.png\n1.4 a.png 1.4 b.png\n", "a.txt", pairs, message, times),

@@ -226,6 +226,19 @@ TEST(ImageReader, NamesOtherFormats) {
         EXPECT_NE(message.find("mogrify -format png -define png:bit-depth=16 'depth'/*.tif"), std::string::npos)
             << message;
     }
+    // What stands in an image's place when it was never fetched.
+    for (const auto& [text, name] :
+         {std::pair{"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
+                    "is a pointer of Git LFS, not the image itself; fetch it: git lfs pull"},
+          {"<!DOCTYPE html><html><head>", "is a page of the web, not an image; download it again"},
+          {"<html>", "is a page of the web"}}) {
+        EXPECT_EQ(decode_other_image(bytes_of(text), "rgb/1.png", header, {}, message), Status::kInvalid);
+        EXPECT_NE(message.find(name), std::string::npos) << message;
+        const test::TemporaryFolder folder;
+        test::write_text(folder.path("1.png"), text);
+        EXPECT_EQ(read_image_header(folder.path("1.png"), header, message), Status::kInvalid);
+        EXPECT_NE(message.find(name), std::string::npos) << message;
+    }
     EXPECT_EQ(decode_other_image(npy("<f4", "(2, 4)", Bytes(32)), "a.npy", header, {}, message), Status::kInvalid);
     EXPECT_NE(message.find("a NumPy array of type '<f4' and shape (2, 4)"), std::string::npos) << message;
 }

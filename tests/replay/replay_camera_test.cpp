@@ -313,6 +313,63 @@ TEST(ReplayCamera, OtherListsPlayTheSame) {
     }
 }
 
+// Promise: a folder without lists plays when there is one text file that names both images in a line, whatever it is
+// called, or two folders of images whose names are times or numbers: those that are times as they are, numbers with a
+// rate. Names with backslashes are those of folders.
+TEST(ReplayCamera, PlaysWithoutLists) {
+    const struct {
+        const char *name, *colour, *depth, *list;
+        double fps = 0;
+        std::int64_t period_ns = 33'000'000;
+    } cases[] = {
+        {"a list by another name", "rgb/%d.png", "depth/%d.png",
+         "100.1 rgb/0.png depth/0.png\n100.133 rgb/1.png depth/1.png\n100.166 rgb/2.png depth/2.png\n"},
+        {"of Windows", "rgb/%d.png", "depth/%d.png",
+         "100.1 rgb\\0.png 100.1 depth\\0.png\r\n100.133 rgb\\1.png 100.133 depth\\1.png\r\n100.166 rgb\\2.png 100.166 "
+         "depth\\2.png\r\n"},
+        {"times", "rgb/100.1%d3.png", "depth/100.1%d2.png", nullptr, 0, 10'000'000},
+        {"numbers", "color/frame-00%d.color.png", "depth/frame-00%d.depth.png", nullptr, 20, 50'000'000},
+        {"in one folder", "frame-00%d.color.png", "frame-00%d.depth.png", nullptr, 20, 50'000'000},
+        {"in one folder, by begins", "results/frame00%d.png", "results/depth00%d.png", nullptr, 20, 50'000'000},
+        {"counted without zeros", "image/9%d.png", "depth/9%d.png", nullptr, 10, 100'000'000},
+    };
+    const auto name_of = [](const char* form, int i) {
+        std::string name(form);
+        return name.replace(name.find("%d"), 2, std::to_string(i));
+    };
+    for (const auto& c : cases) {
+        SCOPED_TRACE(c.name);
+        TemporaryFolder folder;
+        write_recording(folder.path());
+        std::filesystem::rename(folder.path() + "/rgb", folder.path() + "/images_a");
+        std::filesystem::rename(folder.path() + "/depth", folder.path() + "/images_b");
+        for (const char* const list : {"/rgb.txt", "/depth.txt"}) std::filesystem::remove(folder.path() + list);
+        for (int i = 0; i < 3; ++i) {
+            const std::string file = "/" + std::to_string(i) + ".png";
+            write_text(folder.path() + "/" + name_of(c.colour, i), test::read_text(folder.path() + "/images_a" + file));
+            write_text(folder.path() + "/" + name_of(c.depth, i), test::read_text(folder.path() + "/images_b" + file));
+        }
+        if (c.list != nullptr) write_text(folder.path() + "/fr1_desk.txt", c.list);
+        write_text(folder.path() + "/groundtruth.txt", "100.1 0 0 0 0 0 0 1\n");
+        write_text(folder.path() + "/rgb_notes.md", "no list");
+        ReplayCamera camera({.folder = folder.path(), .calibration = "", .frames_per_s = c.fps});
+        ASSERT_EQ(camera.open(), Status::kOk) << camera.message();
+        std::int64_t before_ns = 0;
+        for (std::uint32_t i = 0; i < 3; ++i) {
+            Frame frame;
+            ASSERT_EQ(camera.poll(frame), Status::kOk) << camera.message();
+            EXPECT_EQ(frame.colour.at(3, 3), test::colour_byte(i, 3 * 64 + 3));
+            EXPECT_EQ(frame.depth.at(3, 3), test::depth_value(i, 3 * 64 + 3));
+            EXPECT_EQ(i == 0 ? c.period_ns : frame.time_ns - before_ns, c.period_ns);
+            before_ns = frame.time_ns;
+        }
+        if (c.fps == 0) continue;
+        ReplayCamera without({.folder = folder.path(), .calibration = ""});
+        EXPECT_EQ(without.open(), Status::kInvalid);
+        EXPECT_NE(without.message().find(": times go up by 1: frame numbers?"), std::string::npos) << without.message();
+    }
+}
+
 // Promise: a broken image in the middle says so, leaves the caller's frame alone, and the rest can still be played.
 TEST(ReplayCamera, GoesOnAfterABrokenImage) {
     TemporaryFolder folder;

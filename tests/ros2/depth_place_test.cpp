@@ -46,7 +46,8 @@ const CameraModel kColourLens = lens(160, 120, 150);
 struct DriverOptions {
     CameraModel depth = kColourLens;
     const char* depth_frame = kDepthFrame;
-    bool has_depth_info = true, has_frames = true;
+    bool has_depth_info = true;
+    const char* frames = "/tf_static";
 };
 
 class Driver {
@@ -56,7 +57,7 @@ public:
           depth_(node_, "/camera/depth/image_rect_raw", {.is_reliable = false, .depth = 2}),
           info_(node_, "/camera/color/camera_info", {.is_reliable = false, .depth = 2}),
           depth_info_(node_, options.has_depth_info ? "/camera/depth/camera_info" : "/elsewhere", {.depth = 2}),
-          frames_(node_, options.has_frames ? "/tf_static" : "/elsewhere_too", {.is_latched = true, .depth = 1}) {
+          frames_(node_, options.frames, {.is_latched = true, .depth = 1}) {
         // As the driver of a RealSense has them: bodies look along x, optical frames along z.
         constexpr std::array<double, 4> kOptical = {-0.5, 0.5, -0.5, 0.5}, kStraight = {0, 0, 0, 1};
         EXPECT_TRUE(frames_.write({{{{.frame_id = "camera_link"}, "camera_depth_frame", {{0, 0, 0}, kStraight}},
@@ -148,17 +149,20 @@ void expect_registered(Ros2Camera& camera, const CameraModel& depth, const Rigid
 
 // Promise: depth of another size, field of view and place than colour's is registered by CameraInfo beside its topic
 // (P, of images called rectified) and by the transforms on /tf_static, through the bodies' frames into the optical
-// ones; and that is said.
+// ones, or on that of a namespace that depth's topic is in; and that is said.
 TEST(Ros2DepthPlace, IsRegisteredByFrames) {
     const CameraModel depth = lens(212, 120, 110);
-    const Driver driver({.depth = depth});
-    Ros2Camera camera(unaligned());
-    ASSERT_EQ(open_patiently(camera), Status::kOk) << camera.message();
-    ASSERT_EQ(camera.notes().size(), 1U);
-    EXPECT_NE(camera.notes()[0].find("/camera/depth/camera_info and /tf_static): registered"), std::string::npos)
-        << camera.notes()[0];
-    // The colour camera stands 2 mm ahead and 100 mm to the left.
-    expect_registered(camera, depth, {{0, 0, 0, 1}, {0.1, 0, -0.002}});
+    for (const std::string frames : {"/tf_static", "/camera/tf_static", "/camera/depth/tf_static"}) {
+        const Driver driver({.depth = depth, .frames = frames.c_str()});
+        Ros2Camera camera(unaligned());
+        ASSERT_EQ(open_patiently(camera), Status::kOk) << camera.message();
+        ASSERT_EQ(camera.notes().size(), 1U);
+        EXPECT_NE(camera.notes()[0].find("/camera/depth/camera_info and " + frames + "): registered"),
+                  std::string::npos)
+            << camera.notes()[0];
+        // The colour camera stands 2 mm ahead and 100 mm to the left.
+        expect_registered(camera, depth, {{0, 0, 0, 1}, {0.1, 0, -0.002}});
+    }
 }
 
 // Promise: so is depth of colour's size, which would be tracked wrongly else; and depth of colour's view in larger
@@ -200,7 +204,7 @@ TEST(Ros2DepthPlace, SaysWhatIsMissing) {
         Status status;
         const char* words;
     };
-    for (const Case& c : {Case{{.depth = lens(212, 120, 110), .has_frames = false},
+    for (const Case& c : {Case{{.depth = lens(212, 120, 110), .frames = "/elsewhere/tf_static"},
                                Status::kUnavailable,
                                "/tf_static does not say how 'camera_depth_optical_frame' lies to "
                                "'camera_color_optical_frame': give the topic of depth that is aligned"},
@@ -228,7 +232,7 @@ TEST(Ros2DepthPlace, IsRegisteredByACalibration) {
                            "height = 120\nfx = 110\nfy = 110\ncx = 105.5\ncy = 59.5\ntx = 0.05\nty = 0.01\ntz = 0\n"
                            "qx = 0\nqy = 0\nqz = 0\nqw = 1\n";
     const CameraModel depth = lens(212, 120, 110);
-    const Driver driver({.depth = depth, .has_depth_info = false, .has_frames = false});
+    const Driver driver({.depth = depth, .has_depth_info = false, .frames = "/elsewhere/tf_static"});
     Ros2Options options = unaligned();
     options.calibration = path;
     Ros2Camera camera(options);
