@@ -141,7 +141,8 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     loop.view = view.feed_if_any();
     const bool is_by_clock = is_live || is_realtime;
     const bool keeps_to_map = options.is_localising || !options.record.empty() || !options.map_store.empty();
-    loop.controls = {!is_by_clock, !loop.trajectory.empty(), !keeps_to_map, !options.map_out.empty(),
+    loop.controls = {!is_by_clock, !loop.trajectory.empty(), !keeps_to_map,
+                     !options.map_out.empty() || options.grid.is_any(),
                      options.record.empty() && options.map_store.empty()};
     loop.is_localising = options.is_localising;
     loop.ros.has_grid = !arguments.session.grid.grid.empty();
