@@ -1,4 +1,5 @@
-/* Hears the poses of `stillmesh run --poses udp:127.0.0.1:5600`, until none has come for five seconds: poses_udp [PORT] */
+/* Hears the poses of `stillmesh run --poses udp:127.0.0.1:5600`, until none has come for five seconds: poses_udp [PORT]
+ */
 #include <arpa/inet.h>
 #include <stdio.h>
 #include <stdlib.h>
