@@ -94,7 +94,7 @@ Ros2Camera::Session::~Session() {
         is_closing = true;
     }
     if (thread.joinable()) thread.join();
-    release_images();  // to a shelf that is still there
+    release_images();  // to shelves that are still there
 }
 
 bool Ros2Camera::Session::is_matched(std::size_t stream) const {
@@ -226,7 +226,7 @@ bool Ros2Camera::Session::take_as(Stream stream) {
     if (loan.message() == nullptr) return loan.is_any();
     const Message& message = *loan.message();
     const std::int64_t arrival_ns = monotonic_ns();
-    Image image = take_from(shelf);
+    Image image = take_from(shelves[stream == kColour ? 0 : 1]);
     image->time_ns = time_of(message.header);
     std::string why;
     const bool is_good = fill(message, stream == kColour, *image, why);

@@ -316,10 +316,17 @@ public:
     }
 
     std::string save_map() override {
+        const std::string grid = grid_.save_soon();
+        if (!map_saver_->is_open() && !grid.empty()) return grid;
         if (!map_saver_->is_open()) return "the map is not saved, since there is no --map-out to write it to";
         if (engine_->statistics().keyframes.size == 0) return "the map is not saved, since there is none yet";
         map_saver_->save_soon();
-        return "the map is saved to " + map_out_;
+        return "the map is saved to " + map_out_ + (grid.empty() ? "" : ", " + grid);
+    }
+    [[nodiscard]] ViewDownloads::Files files() const override {
+        const std::string& grid = grid_.grid_name();
+        return {map_saver_->is_open() ? map_out_ : "", grid.empty() ? "" : grid + ".yaml",
+                grid.empty() ? "" : grid + ".pgm", grid_.cloud_file()};
     }
     std::string localise_only(bool is_wanted) override {
         if (writer_ != nullptr || store_.is_open()) {

@@ -51,8 +51,10 @@ void GridOutputs::show_on(GridShelf* shelf) {
 }
 
 void GridOutputs::work(const Engine& engine, std::int64_t now_ns, std::optional<std::int64_t> until_ns) {
-    if (!job_.is_working() && !is_shown_) {
-        is_for_file_ = !is_writing_ && file_.is_due(now_ns);
+    if (!job_.is_working() && !is_shown_ && !has_cloud_) {
+        is_answer_ = is_asked_ && !is_writing_;
+        if (is_answer_) is_asked_ = false;
+        is_for_file_ = is_answer_ || (!is_writing_ && file_.is_due(now_ns));
         is_shown_ = shown_.is_due(now_ns);
         if (!is_for_file_ && !is_shown_) return;
         job_.begin(engine);
@@ -60,11 +62,35 @@ void GridOutputs::work(const Engine& engine, std::int64_t now_ns, std::optional<
     }
     // At least one slice, or a board that is never ahead of its frames would never have a grid.
     const std::int64_t end_ns = std::min(now_ns + kBehindFrame_ns, until_ns.value_or(now_ns + kBehindFrame_ns));
-    while (job_.step(engine) || (is_shown_ && job_.has_grid() && show_rows())) {
+    while (job_.step(engine) || (is_shown_ && job_.has_grid() && show_rows()) || add_points(engine)) {
         if (monotonic_ns() >= end_ns) return;
     }
     is_shown_ = false;
-    if (is_for_file_ && job_.has_grid()) save_aside();  // without a floor the end of the run says so
+    // Without a floor whoever asked is told; else the end of the run says so.
+    if (is_answer_ && !grid_.empty() && !job_.has_grid()) {
+        const std::lock_guard lock(mutex_);
+        news_ = "--grid " + grid_ + ": is not saved: " + why_no_grid(job_) + ".";
+    }
+    if (is_for_file_ && (job_.has_grid() || has_cloud_)) save_aside();
+    is_answer_ = has_cloud_ = false;
+}
+
+std::string GridOutputs::save_soon() {
+    if (!options_.is_any()) return {};
+    is_asked_ = true;
+    if (cloud_.empty()) return "the grid is saved to " + grid_ + ".yaml";
+    return grid_.empty() ? "the cloud is saved to " + cloud_
+                         : "the grid is saved to " + grid_ + ".yaml, the cloud to " + cloud_;
+}
+
+bool GridOutputs::add_points(const Engine& engine) {
+    if (!is_answer_ || cloud_.empty()) return false;
+    if (!has_cloud_) {
+        std::string why_not;  // told at the end of the run
+        points_.begin(job_, level(why_not));
+        has_cloud_ = true;
+    }
+    return points_.add(engine, job_);
 }
 
 bool GridOutputs::show_rows() {
@@ -96,18 +122,27 @@ bool GridOutputs::show_rows() {
 void GridOutputs::save_aside() {
     join();
     is_writing_ = true;
-    const std::string picture = std::filesystem::path(grid_).filename().string() + ".pgm";
+    std::vector<std::pair<std::string, std::string>> files;
+    if (!grid_.empty() && job_.has_grid()) {
+        const std::string picture = std::filesystem::path(grid_).filename().string() + ".pgm";
+        files.emplace_back(grid_ + ".pgm", grid_pgm(job_.grid()));
+        files.emplace_back(grid_ + ".yaml", grid_yaml(job_.grid(), job_.floor(), picture));
+    }
     try {
-        thread_ = std::jthread([this, name = grid_, pgm = grid_pgm(job_.grid()),
-                                yaml = grid_yaml(job_.grid(), job_.floor(), picture)] {
-            std::string message;
-            if (!write_whole_file(name + ".pgm", pgm, message) || !write_whole_file(name + ".yaml", yaml, message)) {
-                fail(message);
-            }
-            is_writing_ = false;
-        });
+        // A cloud's file is put together there: some megabytes.
+        thread_ = std::jthread(
+            [this, files = std::move(files), cloud = has_cloud_ ? cloud_ : "", points = std::move(points_)]() mutable {
+                std::string message;
+                if (!cloud.empty()) files.emplace_back(cloud, points.ply());
+                for (const auto& [name, bytes] : files) {
+                    if (write_whole_file(name, bytes, message)) continue;
+                    fail(message);
+                    break;
+                }
+                is_writing_ = false;
+            });
     } catch (const std::system_error& error) {
-        fail(grid_ + ": could not be written, for want of a thread: " + error.what() + ".");
+        fail(grid_ + cloud_ + ": could not be written, for want of a thread: " + error.what() + ".");
         is_writing_ = false;
     }
 }
@@ -142,7 +177,7 @@ void GridOutputs::write_all(const Engine& engine) {
     if (!options_.is_any()) return;
     join();
     const std::int64_t begin_ns = monotonic_ns();
-    is_shown_ = is_for_file_ = false;  // what was begun between frames ends here
+    is_shown_ = is_for_file_ = is_answer_ = is_asked_ = has_cloud_ = false;  // what was begun between frames ends here
     job_.begin(engine);
     while (job_.step(engine)) {
     }

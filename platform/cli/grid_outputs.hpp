@@ -1,6 +1,7 @@
-// `--grid` and `--cloud`: what the keyframes' depth images make of the map, written at the end of a run, the grid as
-// often as `--map-every` says too. While frames come a little is done behind each, on the engine's thread; files are
-// written by a thread of their own. Memory: the grid's (docs/grid.md), with `--cloud` 12 bytes a point at the end.
+// `--grid` and `--cloud`: what the keyframes' depth images make of the map, written at the end of a run, and when it is
+// asked for; the grid as often as `--map-every` says too. While frames come a little is done behind each, on the
+// engine's thread; files are written by a thread of their own. Memory: the grid's (docs/grid.md), with `--cloud` 12
+// bytes a point while it is written.
 #pragma once
 
 #include <atomic>
@@ -12,6 +13,7 @@
 
 #include "engine/engine.hpp"
 #include "platform/cli/grid_options.hpp"
+#include "platform/grid/grid_files.hpp"
 #include "platform/grid/grid_job.hpp"
 #include "platform/motion/gravity_finder.hpp"
 #include "platform/report/run_record.hpp"
@@ -30,6 +32,11 @@ public:
     void set_gravity(const GravityFinder* gravity) { gravity_ = gravity; }
     // Behind a frame, at `now_ns` of monotonic_ns; the next is due at `until_ns`, if that is known.
     void work(const Engine& engine, std::int64_t now_ns, std::optional<std::int64_t> until_ns);
+    // Both are made and written as soon as they can be. What to say of it; empty: there are none to be.
+    [[nodiscard]] std::string save_soon();
+    // Of the map at hand; empty: none. NAME of NAME.yaml and NAME.pgm; the cloud's file.
+    [[nodiscard]] const std::string& grid_name() const { return grid_; }
+    [[nodiscard]] const std::string& cloud_file() const { return cloud_; }
     // What the user should hear of now; empty: nothing.
     [[nodiscard]] std::string take_news();
     // The map is laid aside: what was made of it is written, and the next gets another name.
@@ -52,6 +59,8 @@ private:
 
     // Some rows of the grid that was made, to be shown. False: it was the last.
     bool show_rows();
+    // Some points of the cloud. False: it was the last of them, or there is none to be.
+    bool add_points(const Engine& engine);
     void save_aside();
     void write_all(const Engine& engine);
     void join() {
@@ -65,7 +74,10 @@ private:
     const GravityFinder* gravity_ = nullptr;
     std::string grid_, cloud_;  // of the map at hand
     Due file_, shown_;
-    bool is_for_file_ = false, is_shown_ = false;  // the job at hand
+    bool is_asked_ = false;  // by save_soon()
+    // The job at hand: what it is for, whether it answers a wish, whether the cloud has begun.
+    bool is_for_file_ = false, is_shown_ = false, is_answer_ = false, has_cloud_ = false;
+    CloudPoints points_;
     std::uint32_t rows_shown_ = 0;
     GridShelf* shelf_ = nullptr;
     GridJob job_;

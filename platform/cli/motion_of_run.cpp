@@ -6,6 +6,7 @@
 
 #include "platform/motion/accelerometer_file.hpp"
 #include "platform/motion/motion_file.hpp"
+#include "platform/ros2/ros_base.hpp"
 #include "platform/ros2/ros_motion.hpp"
 
 namespace stillmesh {
@@ -99,6 +100,21 @@ bool open_accelerometer(const RunArguments& arguments, const std::string& folder
         return false;
     }
     return read_accelerometer(file, readings, message) == Status::kOk;
+}
+
+bool place_on_robot(const RunArguments& arguments, std::optional<RunArguments>& placed, std::string& message) {
+    const std::size_t comma = arguments.live.camera.rfind(',');
+    const std::string info =
+        comma == std::string::npos ? "/camera/color/camera_info" : arguments.live.camera.substr(comma + 1);
+    const auto pose = base_from_camera_by_tf(
+        {.info = ros_motion_topic("ros2:" + info, ""), .base = arguments.loop.ros.frame_prefix + "base_link"}, message);
+    if (!pose) {
+        message = "--base-from-camera tf_static: " + message;
+        return false;
+    }
+    placed = arguments;
+    placed->loop.ros.base_from_camera_link = placed->loop.mavlink.base_from_camera_link = *pose;
+    return true;
 }
 
 }  // namespace stillmesh

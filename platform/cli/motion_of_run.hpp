@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,5 +24,10 @@ namespace stillmesh {
 // What --level gravity needs; `readings` stays empty where nobody asked. False: `message`.
 [[nodiscard]] bool open_accelerometer(const RunArguments& arguments, const std::string& folder,
                                       std::vector<Acceleration>& readings, std::string& message);
+
+// `--base-from-camera tf_static` of `--camera ros2`, whose images come: `placed` is `arguments` with what the robot
+// says. False: `message`.
+[[nodiscard]] bool place_on_robot(const RunArguments& arguments, std::optional<RunArguments>& placed,
+                                  std::string& message);
 
 }  // namespace stillmesh

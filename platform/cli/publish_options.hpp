@@ -62,9 +62,13 @@ inline void add_mavlink_options(CLI::App& app, MavlinkOptions& options) {
 inline void add_publish_options(CLI::App& app, RosOptions& ros, MavlinkOptions& mavlink) {
     add_ros_options(app, ros);
     add_mavlink_options(app, mavlink);
-    CLI::Option* const base = add_base_option(app, [&ros, &mavlink](const RigidTransform& base_from_camera_link) {
-                                  ros.base_from_camera_link = mavlink.base_from_camera_link = base_from_camera_link;
-                              })->group("ROS 2 (--publish ros2)");
+    CLI::Option* const base = add_base_option(
+                                  app,
+                                  [&ros, &mavlink](const RigidTransform& base_from_camera_link) {
+                                      ros.base_from_camera_link = mavlink.base_from_camera_link = base_from_camera_link;
+                                  },
+                                  [&ros] { ros.is_base_from_tf = true; })
+                                  ->group("ROS 2 (--publish ros2)");
     app.parse_complete_callback([&app, base, &ros, &mavlink] {
         const auto is_of_ros = [&app](const char* name) {
             const CLI::Option* const option = app.get_option(name);

@@ -141,7 +141,8 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     loop.view = view.feed_if_any();
     const bool is_by_clock = is_live || is_realtime;
     const bool keeps_to_map = options.is_localising || !options.record.empty() || !options.map_store.empty();
-    loop.controls = {!is_by_clock, !loop.trajectory.empty(), !keeps_to_map, !options.map_out.empty(),
+    loop.controls = {!is_by_clock, !loop.trajectory.empty(), !keeps_to_map,
+                     !options.map_out.empty() || options.grid.is_any(),
                      options.record.empty() && options.map_store.empty()};
     loop.is_localising = options.is_localising;
     loop.ros.has_grid = !arguments.session.grid.grid.empty();
@@ -384,8 +385,11 @@ int live(const RunArguments& arguments) {
         for (const std::string& note : camera->notes()) r.notes.push_back(note);
         Source counted = open_source;
         counted.frames = camera->frames_expected();
+        std::string problem;
+        std::optional<RunArguments> on_robot;
+        if (arguments.loop.ros.is_base_from_tf && !place_on_robot(arguments, on_robot, problem)) return refuse(problem);
         // Waiting for a camera and opening it is no part of the program's start-up.
-        return track(counted, arguments, monotonic_ns(), r);
+        return track(counted, on_robot ? *on_robot : arguments, monotonic_ns(), r);
     };
     if (!camera->is_file() || !arguments.inject.empty()) {
         return keep_alive(
@@ -479,6 +483,9 @@ int run_command(const RunArguments& given, std::int64_t begin_ns) {
         return refuse("--append: needs a file to add to: --trajectory FILE or --poses FILE.");
     }
     if (!std::isfinite(session.map_every_s)) return refuse("--map-every: give a number of seconds.");
+    if (arguments.loop.ros.is_base_from_tf && !arguments.live.camera.starts_with("ros2")) {
+        return refuse("--base-from-camera tf_static: is for --camera ros2; else give X,Y,Z[,QX,QY,QZ,QW].");
+    }
     if (session.map_every_s > 0 && session.map_out.empty() && session.grid.grid.empty()) {
         return refuse("--map-every: needs a file to write the map to: --map-out FILE, or --grid NAME.");
     }

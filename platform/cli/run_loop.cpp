@@ -106,6 +106,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         view.event(sentence);
     };
     put(trajectory, kHeader);
+    if (options.view != nullptr) options.view->downloads().set(session.files());
     RunControl control(options.view, options.controls, poses.wishes(), options.is_localising);
     bool was_saving = true;
     std::string line;  // keeps its memory from frame to frame
@@ -257,6 +258,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
                 tell(fmt::format("map {}: {}", maps.count() + 1, sentence));
                 maps.begin_another(record, given.size());
                 view.begin_map();
+                if (options.view != nullptr) options.view->downloads().set(session.files());
                 control.map_is_new();
                 record.new_maps.push_back({loss.second(frame.time_ns), sentence});
             }

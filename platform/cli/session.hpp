@@ -14,6 +14,7 @@
 #include "platform/report/run_record.hpp"
 #include "platform/ros2/map_points.hpp"
 #include "platform/ros2/shown_grid.hpp"
+#include "platform/view/view_downloads.hpp"
 
 namespace stillmesh {
 
@@ -86,8 +87,11 @@ public:
     // Lays the map aside, written where maps are written to, and begins another. Empty: there is none yet, nothing was
     // done; else what to say.
     [[nodiscard]] virtual std::string begin_new_map() { return {}; }
-    // Between frames: the map is written where maps are written to, as soon as it can be. What to say of it.
+    // Between frames: map, grid and cloud are written where they are written to, as soon as they can be. What to say of
+    // it.
     [[nodiscard]] virtual std::string save_map() { return {}; }
+    // Where that is, of the map at hand; empty: nowhere.
+    [[nodiscard]] virtual ViewDownloads::Files files() const { return {}; }
     // From the next frame on the map stays as it is, or is added to again. Likewise.
     [[nodiscard]] virtual std::string localise_only(bool is_wanted) {
         static_cast<void>(is_wanted);

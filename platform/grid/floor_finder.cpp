@@ -44,6 +44,20 @@ Vector point_of(const DepthImage& depth, std::size_t cell) noexcept {
     return {static_cast<double>(depth.rays[2 * cell]) * z, static_cast<double>(depth.rays[2 * cell + 1]) * z, z};
 }
 
+// Of the surface of one cell, in the map. False: it is none that the camera looks down on.
+bool normal_at(const DepthImage& depth, std::size_t cell, const RotationMatrix& rotation, Vector& normal) noexcept {
+    const std::size_t right = cell + kStride, down = cell + std::size_t{kStride} * depth.columns;
+    if (!depth.is_still(right) || !depth.is_still(down)) return false;
+    const Vector p = point_of(depth, cell);
+    const Vector to_right = minus(point_of(depth, right), p), to_down = minus(point_of(depth, down), p);
+    if (!(std::abs(to_right[2]) < kStepMax * p[2] && std::abs(to_down[2]) < kStepMax * p[2])) return false;
+    const Vector across = cross(to_down, to_right);
+    const double length = std::sqrt(dot(across, across));
+    if (!(length > 0 && -across[1] > kUprightCosine * length)) return false;
+    normal = unit(times(rotation, across));
+    return true;
+}
+
 }  // namespace
 
 void FloorFinder::add(const DepthImage& depth, const RigidTransform& map_from_camera) noexcept {
@@ -53,64 +67,55 @@ void FloorFinder::add(const DepthImage& depth, const RigidTransform& map_from_ca
         for (std::uint32_t column = 0; column + kStride < depth.columns; column += kStride) {
             const std::size_t cell = std::size_t{row} * depth.columns + column;
             if (!depth.is_still(cell)) continue;
-            const Vector p = point_of(depth, cell);
-            Patch patch;
-            const Vector turned = times(rotation, p);
-            patch.at = {turned[0] + t[0], turned[1] + t[1], turned[2] + t[2]};
-            patch.weight = 1 / (p[2] * p[2]);
-            patch.camera_height = -dot(turned, up_);
-            const std::size_t right = cell + kStride, down = cell + std::size_t{kStride} * depth.columns;
-            if (depth.is_still(right) && depth.is_still(down)) {
-                const Vector to_right = minus(point_of(depth, right), p), to_down = minus(point_of(depth, down), p);
-                const Vector normal = cross(to_down, to_right);
-                const double length = std::sqrt(dot(normal, normal));
-                const bool is_one = std::abs(to_right[2]) < kStepMax * p[2] && std::abs(to_down[2]) < kStepMax * p[2];
-                patch.has_normal = is_one && length > 0 && -normal[1] > kUprightCosine * length;
-                if (patch.has_normal) patch.normal = unit(times(rotation, normal));
+            ++total_;
+            const Vector p = point_of(depth, cell), turned = times(rotation, p);
+            const Vector at{turned[0] + t[0], turned[1] + t[1], turned[2] + t[2]};
+            // Normals cost most: only of what this pass asks about.
+            Vector normal;
+            if (is_asked(at, -dot(turned, up_)) && normal_at(depth, cell, rotation, normal)) {
+                take(at, normal, 1 / (p[2] * p[2]));
             }
-            take(patch);
         }
     }
 }
 
-void FloorFinder::take(const Patch& patch) noexcept {
-    ++total_;
+// `camera_height`: of the camera above it, along the direction that is up so far.
+bool FloorFinder::is_asked(const Vector& at, double camera_height) noexcept {
+    if (pass_ == Pass::kDirections) return true;
+    if (pass_ == Pass::kHeights) return camera_height >= kCameraMin_m && camera_height <= kCameraMax_m;
+    const double within_m = kFitWithin_m[static_cast<std::size_t>(pass_) - static_cast<std::size_t>(Pass::kFirstFit)];
+    const double z = dot(at, up_) - height_m_;
+    below_ += z < -kBelow_m ? 1U : 0U;
+    return std::abs(z) <= within_m;
+}
+
+void FloorFinder::take(const Vector& at, const Vector& normal, double weight) noexcept {
     if (pass_ == Pass::kDirections) {
-        if (patch.has_normal) take_direction(patch);
+        take_direction(normal);
+    } else if (dot(normal, up_) < kLevelCosine) {
+        return;
     } else if (pass_ == Pass::kHeights) {
-        take_height(patch);
+        const int bin = static_cast<int>((dot(at, up_) - kLowest_m) / kBin_m);
+        if (bin >= 0 && bin < kHeights) ++flat_[static_cast<std::size_t>(bin)];
     } else {
-        take_fit(patch);
+        take_fit(at, weight);
     }
 }
 
-void FloorFinder::take_direction(const Patch& patch) noexcept {
+void FloorFinder::take_direction(const Vector& normal) noexcept {
     const auto bin_of = [](double value) {
         return std::clamp(static_cast<int>((value + 1) * (kSide / 2)), 0, kSide - 1);
     };
-    Direction& bin = directions_[static_cast<std::size_t>(bin_of(patch.normal[0]) * kSide + bin_of(patch.normal[2]))];
-    bin.x += static_cast<float>(patch.normal[0]);
-    bin.y += static_cast<float>(patch.normal[1]);
-    bin.z += static_cast<float>(patch.normal[2]);
+    Direction& bin = directions_[static_cast<std::size_t>(bin_of(normal[0]) * kSide + bin_of(normal[2]))];
+    bin.x += static_cast<float>(normal[0]);
+    bin.y += static_cast<float>(normal[1]);
+    bin.z += static_cast<float>(normal[2]);
     ++bin.count;
 }
 
-void FloorFinder::take_height(const Patch& patch) noexcept {
-    const int bin = static_cast<int>((dot(patch.at, up_) - kLowest_m) / kBin_m);
-    if (bin < 0 || bin >= kHeights) return;
-    ++any_[static_cast<std::size_t>(bin)];
-    if (!patch.has_normal || dot(patch.normal, up_) < kLevelCosine) return;
-    if (patch.camera_height < kCameraMin_m || patch.camera_height > kCameraMax_m) return;
-    ++flat_[static_cast<std::size_t>(bin)];
-}
-
-void FloorFinder::take_fit(const Patch& patch) noexcept {
-    const double within_m = kFitWithin_m[static_cast<std::size_t>(pass_) - static_cast<std::size_t>(Pass::kFirstFit)];
-    const double z = dot(patch.at, up_) - height_m_;
-    below_ += z < -kBelow_m ? 1U : 0U;
-    if (!patch.has_normal || std::abs(z) > within_m || dot(patch.normal, up_) < kLevelCosine) return;
+void FloorFinder::take_fit(const Vector& at, double w) noexcept {
     ++inliers_;
-    const double x = dot(patch.at, right_), y = dot(patch.at, ahead_), w = patch.weight;
+    const double x = dot(at, right_), y = dot(at, ahead_), z = dot(at, up_) - height_m_;
     Moments& m = moments_;
     m.w += w;
     m.x += w * x;

@@ -43,22 +43,15 @@ private:
         float x = 0, y = 0, z = 0;
         std::uint32_t count = 0;
     };
-    // A surface of one cell, in the map.
-    struct Patch {
-        Vector at{}, normal{};
-        double weight = 0;
-        double camera_height = 0;  // of the camera above it, along the direction that is up so far
-        bool has_normal = false;   // of a surface that the camera looks down on
-    };
     // Sums for a plane of heights over the two level directions.
     struct Moments {
         double w = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, yy = 0, xz = 0, yz = 0, zz = 0;
     };
 
-    void take(const Patch& patch) noexcept;
-    void take_direction(const Patch& patch) noexcept;
-    void take_height(const Patch& patch) noexcept;
-    void take_fit(const Patch& patch) noexcept;
+    [[nodiscard]] bool is_asked(const Vector& at, double camera_height) noexcept;
+    void take(const Vector& at, const Vector& normal, double weight) noexcept;
+    void take_direction(const Vector& normal) noexcept;
+    void take_fit(const Vector& at, double w) noexcept;
     [[nodiscard]] bool find_up() noexcept;
     [[nodiscard]] bool find_height() noexcept;
     [[nodiscard]] bool fit() noexcept;
@@ -67,7 +60,7 @@ private:
 
     Pass pass_ = Pass::kDirections;
     std::array<Direction, static_cast<std::size_t>(kSide* kSide)> directions_{};
-    std::array<std::uint32_t, kHeights> flat_{}, any_{};
+    std::array<std::uint32_t, kHeights> flat_{};
     Vector up_{0, -1, 0}, right_{1, 0, 0}, ahead_{0, 0, 1};  // in the map
     double height_m_ = 0;                                    // of the floor along up_
     std::uint64_t total_ = 0, inliers_ = 0, below_ = 0;      // of this pass

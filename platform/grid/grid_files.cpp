@@ -14,6 +14,7 @@ namespace {
 
 constexpr char kFree = static_cast<char>(254), kOccupied = 0, kUnknown = static_cast<char>(205);
 
+constexpr std::size_t kPointBytes = 3 * sizeof(float);
 static_assert(std::endian::native == std::endian::little, "a cloud is written as it lies in memory");
 
 }  // namespace
@@ -41,37 +42,54 @@ std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::
         level.rotation_xyzw[2], level.rotation_xyzw[3]);
 }
 
-std::string cloud_ply(const DepthSource& images, const GridJob& job,
-                      const std::optional<RigidTransform>& level_from_map) {
-    const RigidTransform out_from_map = level_from_map.value_or(RigidTransform{});
-    std::string points;
-    std::size_t count = 0;
-    for (const GridJob::Look& look : job.looks()) {
-        const DepthImage depth = images.depth_image(look.index);
-        const RigidTransform level = compose(job.floor().level_from_map, look.map_from_camera);
-        const RigidTransform out_from_camera = compose(out_from_map, look.map_from_camera);
-        for (std::size_t i = 0; i < depth.depth_mm.size(); ++i) {
-            if (!depth.is_still(i)) continue;
-            const double z = depth.depth_mm[i] * 1e-3;
-            const std::array<double, 3> p = {static_cast<double>(depth.rays[2 * i]) * z,
-                                             static_cast<double>(depth.rays[2 * i + 1]) * z, z};
-            const std::array<double, 3> on_floor = transformed(level, p);
-            if (job.has_grid() && !job.grid().stands(on_floor[0], on_floor[1], on_floor[2])) continue;
-            const std::array<double, 3> at = transformed(out_from_camera, p);
-            const float xyz[3] = {static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2])};
-            char bytes[sizeof(xyz)];
-            std::memcpy(bytes, xyz, sizeof(xyz));
-            points.append(bytes, sizeof(bytes));
-            ++count;
-        }
+void CloudPoints::begin(const GridJob& job, const std::optional<RigidTransform>& level_from_map) {
+    constexpr std::size_t kCellsMax = 80 * 60;
+    level_from_map_ = level_from_map;
+    points_.clear();
+    points_.reserve(job.looks().size() * kCellsMax * kPointBytes);
+    next_ = 0;
+}
+
+bool CloudPoints::add(const DepthSource& images, const GridJob& job) {
+    if (next_ >= job.looks().size()) return false;
+    const GridJob::Look& look = job.looks()[next_++];
+    const DepthImage depth = images.depth_image(look.index);
+    if (depth.columns == 0 || depth.frame != look.frame) return true;  // it is gone
+    const RigidTransform level = compose(job.floor().level_from_map, look.map_from_camera);
+    const RigidTransform out_from_camera = compose(level_from_map_.value_or(RigidTransform{}), look.map_from_camera);
+    for (std::size_t i = 0; i < depth.depth_mm.size(); ++i) {
+        if (!depth.is_still(i)) continue;
+        const double z = depth.depth_mm[i] * 1e-3;
+        const std::array<double, 3> p = {static_cast<double>(depth.rays[2 * i]) * z,
+                                         static_cast<double>(depth.rays[2 * i + 1]) * z, z};
+        const std::array<double, 3> on_floor = transformed(level, p);
+        if (job.has_grid() && !job.grid().stands(on_floor[0], on_floor[1], on_floor[2])) continue;
+        const std::array<double, 3> at = transformed(out_from_camera, p);
+        const float xyz[3] = {static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2])};
+        char bytes[kPointBytes];
+        std::memcpy(bytes, xyz, kPointBytes);
+        points_.append(bytes, kPointBytes);
     }
+    return true;
+}
+
+std::string CloudPoints::ply() const {
     return fmt::format(
                "ply\nformat binary_little_endian 1.0\ncomment {}\nelement vertex {}\nproperty float x\nproperty float "
                "y\nproperty float z\nend_header\n",
-               level_from_map ? "m; z up, floor at 0 where it is known"
-                              : "m; the first camera: x right, y down, z forward",
-               count) +
-           points;
+               level_from_map_ ? "m; z up, floor at 0 where it is known"
+                               : "m; the first camera: x right, y down, z forward",
+               points_.size() / kPointBytes) +
+           points_;
+}
+
+std::string cloud_ply(const DepthSource& images, const GridJob& job,
+                      const std::optional<RigidTransform>& level_from_map) {
+    CloudPoints points;
+    points.begin(job, level_from_map);
+    while (points.add(images, job)) {
+    }
+    return points.ply();
 }
 
 std::string why_no_grid(const GridJob& job) {

@@ -13,7 +13,23 @@ namespace stillmesh {
 [[nodiscard]] std::string grid_pgm(const OccupancyGrid& grid);
 // `picture`: its file's name, in the same folder.
 [[nodiscard]] std::string grid_yaml(const OccupancyGrid& grid, const Floor& floor, const std::string& picture);
-// All that keyframes see, but what a grid knows to have gone. `level_from_map`: z up; else as the map lies.
+// A cloud, a look at a time: all that keyframes see, but what a grid knows to have gone. Memory: 12 bytes a cell of
+// each look, taken when it begins.
+class CloudPoints {
+public:
+    // Of a job that is done. `level_from_map`: z up; else as the map lies.
+    void begin(const GridJob& job, const std::optional<RigidTransform>& level_from_map);
+    // The next look. False: there is none.
+    bool add(const DepthSource& images, const GridJob& job);
+    // The file.
+    [[nodiscard]] std::string ply() const;
+
+private:
+    std::optional<RigidTransform> level_from_map_;
+    std::string points_;
+    std::size_t next_ = 0;
+};
+// All of it at once.
 [[nodiscard]] std::string cloud_ply(const DepthSource& images, const GridJob& job,
                                     const std::optional<RigidTransform>& level_from_map);
 

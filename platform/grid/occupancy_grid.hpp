@@ -33,7 +33,7 @@ enum class GridCell : std::uint8_t { kUnknown, kFree, kOccupied };
 class OccupancyGrid {
 public:
     [[nodiscard]] static std::size_t bytes(const GridOptions& options) noexcept {
-        return std::size_t{options.cells_max} * sizeof(Cell);
+        return std::size_t{options.cells_max} * (sizeof(Cell) + 3 * sizeof(std::uint8_t));
     }
     // `block`: bytes(options), aligned to 8; outlives it.
     void create(std::span<std::byte> block, const GridOptions& options) noexcept;
@@ -64,10 +64,8 @@ private:
         std::uint8_t low : 4 = 15, high : 4 = 0;
     };
     struct Cell {
-        std::int8_t counts[kLayers] = {};
+        std::uint64_t counts = 0;  // a byte per layer
         Span spans[kLayers];
-        std::uint16_t look = 0;             // number of the moment that `hit` and `seen` are of
-        std::uint8_t hit = 0, seen = 0;     // a bit per layer; of `seen` the first: something moves there
         std::uint8_t movers = 0;            // looks that showed something that moves, less what showed what stands
         std::uint16_t hits = 0;             // of surfaces above the floor, all in all
         std::uint16_t since = 0, last = 0;  // when they were hit since nothing was there, in moments
@@ -81,29 +79,49 @@ private:
         Point at;
     };
 
+    [[nodiscard]] static unsigned count_of(const Cell& cell, int layer) noexcept {
+        return static_cast<unsigned>(cell.counts >> 8 * layer & 0xFFU);
+    }
+
+    // A way through the grid in fixed point: cells and layers, 32 bits behind the point.
+    struct Ray {
+        struct Place {
+            std::int64_t column = 0, row = 0, layer = 0;
+            Place operator+(const Place& b) const noexcept { return {column + b.column, row + b.row, layer + b.layer}; }
+            Place operator*(int times) const noexcept { return {column * times, row * times, layer * times}; }
+        };
+        Place at, step;
+    };
+
     [[nodiscard]] static Eye eye_of(const RigidTransform& level_from_camera) noexcept;
     [[nodiscard]] static Point point_of(const DepthImage& depth, std::size_t cell, const Eye& eye) noexcept;
-    [[nodiscard]] Cell* cell_at(float x, float y) noexcept;
+    // kNowhere: outside.
+    [[nodiscard]] std::size_t cell_at(float x, float y) const noexcept;
     [[nodiscard]] int layer_of(float z) const noexcept;
-    [[nodiscard]] static bool is_empty(const Cell& cell) noexcept;
     [[nodiscard]] unsigned step_of(float z, int layer) const noexcept;
     void hit(const Point& p) noexcept;
     void leave(const Point& p) noexcept;
     void join(const Point& a, const Point& b) noexcept;
     void look_through(const Point& eye, const Point& end) noexcept;
-    static void renew(Cell& cell, std::uint16_t look) noexcept;
+    [[nodiscard]] bool is_inside(const Ray::Place& at) const noexcept;
+    void march(Ray& ray, int steps, int but) noexcept;
     [[nodiscard]] bool is_ridge(std::uint32_t x, std::uint32_t y) const noexcept;
-    static void count(Cell& cell) noexcept;
+    void count_look() noexcept;
+    void count(std::size_t at) noexcept;
 
     GridOptions options_;
     std::span<Cell> cells_;
+    // A byte per cell, a bit per layer. Apart from the cells: rays touch these alone, as a rule, and they fit in a
+    // first cache. What this moment shows, hit and seen through (of that the first bit: something moves there), and
+    // where a surface is after all moments before.
+    std::span<std::uint8_t> hit_, seen_, surface_;
     float low_m_ = 0, high_m_ = 0, layers_per_m_ = 0, cells_per_m_ = 0;
     float x_min_ = 0, x_max_ = 0, y_min_ = 0, y_max_ = 0;  // of what was covered
     double origin_x_ = 0, origin_y_ = 0;
     std::uint32_t width_ = 0, height_ = 0;
     std::uint64_t first_frame_ = 0;
-    std::uint16_t look_ = 0, moment_ = 0;  // of the image at hand
-    bool is_cut_ = false;
+    std::uint16_t moment_ = 0;  // of the image at hand
+    bool is_first_ = true, is_cut_ = false;
 };
 
 }  // namespace stillmesh

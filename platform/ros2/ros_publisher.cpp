@@ -37,6 +37,7 @@ public:
         : ring_(kSlots),
           messages_(options),
           has_tf_(options.has_tf),
+          is_base_from_tf_(options.is_base_from_tf),
           has_grid_(options.has_grid),
           grid_(compose(options.base_from_camera_link, kLinkFromOptical)) {}
     ~Sender() { static_cast<void>(close()); }
@@ -120,6 +121,7 @@ private:
         };
         for (const auto& [topic, name, type, qos] : all) {
             if (!has_tf_ && (topic == kTf || topic == kStaticTf)) continue;
+            if (is_base_from_tf_ && topic == kStaticTf) continue;
             if (!has_grid_ && topic == kMap) continue;  // another program's
             writers_[topic] = context_->writer(name, type, qos, message);
             if (writers_[topic] >= 0) continue;
@@ -194,7 +196,7 @@ private:
 
     SlotRing<Slot> ring_;
     RosMessages messages_;
-    bool has_tf_, has_grid_;
+    bool has_tf_, is_base_from_tf_, has_grid_;
     std::shared_ptr<RosContext> context_;
     std::array<dds_entity_t, kTopics> writers_{};
     MapPoints points_;

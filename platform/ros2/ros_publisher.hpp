@@ -26,6 +26,7 @@ struct RosOptions {
     bool has_tf = true;        // else neither /tf nor /tf_static: another program says where base_link is
     bool has_grid = false;     // /map: there is a grid to drive in
     RigidTransform base_from_camera_link;
+    bool is_base_from_tf = false;  // another program says where the camera is: asked for, and no /tf_static of ours
 };
 
 class RosPublisher {

@@ -20,7 +20,7 @@ enum class ViewVerb : std::uint8_t {
     kSpeed,         // `value` times the recording's; 0: as fast as it can
     kSaving,        // `value` 1: the trajectory is written again, 0: no more
     kReset,         // another map begins here
-    kSaveMap,       // it is written where maps are written to
+    kSaveMap,       // it is written where maps are written to, and so are grid and cloud
     kLocaliseOnly,  // `value` 1: the map stays as it is, 0: it is added to
 };
 struct ViewCommand {
@@ -37,7 +37,7 @@ struct ViewControls {
     bool can_pause = false;  // and step, and speed
     bool can_save = false;   // there is a trajectory to be written
     bool can_reset = false;
-    bool can_save_map = false;  // there is a place for it
+    bool can_save_map = false;  // or grid, or cloud: there is a place for it
     bool can_localise = false;  // alone, and map again
 };
 struct ViewStanding {

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "platform/view/view_commands.hpp"
+#include "platform/view/view_downloads.hpp"
 #include "platform/view/view_snapshot.hpp"
 
 namespace stillmesh {
@@ -77,6 +78,8 @@ public:
     void look(ViewCursor& cursor, ViewNews& news);
     // All places that are kept of the map at hand, with time and rotation.
     void poses(std::vector<ViewPose>& poses);
+    // Files that may be taken home; any thread.
+    [[nodiscard]] ViewDownloads& downloads() noexcept { return downloads_; }
     // What is wanted of the run.
     [[nodiscard]] ViewCommands& commands() noexcept { return commands_; }
     // Of the last frame, by monotonic_ns; 0: none yet.
@@ -91,6 +94,7 @@ private:
     void put_what_waits() noexcept;
 
     ViewCommands commands_;
+    ViewDownloads downloads_;
     std::atomic<int> watchers_{0};
     std::atomic<std::int64_t> last_frame_ns_{0};
 

@@ -111,14 +111,22 @@ void compose_view_news(const ViewNews& news, std::string& text) {
     text += '}';
 }
 
-void compose_view_control(const ViewCommands& commands, bool may_steer, std::string& text) {
+void compose_view_control(const ViewCommands& commands, const ViewDownloads& downloads, bool may_steer,
+                          std::string& text) {
     const ViewControls controls = commands.controls();
     const ViewStanding standing = commands.standing();
     text = fmt::format(
         "{{\"may_steer\":{},\"can_pause\":{},\"can_save\":{},\"can_reset\":{},\"can_save_map\":{},\"can_localise\":{},"
-        "\"paused\":{},\"saving\":{},\"speed\":{},\"localising\":{}}}",
+        "\"paused\":{},\"saving\":{},\"speed\":{},\"localising\":{},\"take\":[",
         may_steer, controls.can_pause, controls.can_save, controls.can_reset, controls.can_save_map,
         controls.can_localise, standing.is_paused, standing.is_saving, standing.speed, standing.is_localising);
+    const char* between = "";
+    for (std::size_t i = 0; i < kViewDownloads.size(); ++i) {
+        if (downloads.file(i).empty()) continue;
+        fmt::format_to(std::back_inserter(text), "{}\"{}\"", between, kViewDownloads[i].path);
+        between = ",";
+    }
+    text += "]}";
 }
 
 void compose_view_poses(const std::vector<ViewPose>& poses, bool is_csv, std::string& text) {

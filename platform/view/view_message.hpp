@@ -18,7 +18,8 @@ void compose_view_frame(const ViewSnapshot& snapshot, std::string& text);
 // Empty: nothing is new.
 void compose_view_news(const ViewNews& news, std::string& text);
 // What can be asked of the run, and how it stands.
-void compose_view_control(const ViewCommands& commands, bool may_steer, std::string& text);
+void compose_view_control(const ViewCommands& commands, const ViewDownloads& downloads, bool may_steer,
+                          std::string& text);
 // To be taken home: lines of CSV with the state, or a trajectory in TUM format of what was measured.
 void compose_view_poses(const std::vector<ViewPose>& poses, bool is_csv, std::string& text);
 

@@ -1,11 +1,14 @@
 #include "platform/view/view_server.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <httplib.h>
 #include <pthread.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -139,7 +142,7 @@ public:
         }
         if (const std::uint64_t changes = feed_.commands().changes(); changes != control_seen_) {
             control_seen_ = changes;
-            compose_view_control(feed_.commands(), may_steer_, text_);
+            compose_view_control(feed_.commands(), feed_.downloads(), may_steer_, text_);
             if (!send(sink, "control", text_)) return false;
         }
         // Clouds that there were before come in parts, without a wait between them.
@@ -178,6 +181,39 @@ private:
     ViewCursor cursor_;
     ViewNews news_;
     std::string text_, out_;
+};
+
+// A file as it was when it was asked for: what is written in its place later is another one.
+class OpenFile {
+public:
+    explicit OpenFile(const std::string& name) {
+        // Of a FIFO nobody waits for the other end.
+        const int file = name.empty() ? -1 : ::open(name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+        struct stat status {};
+        if (file >= 0 && (::fstat(file, &status) != 0 || !S_ISREG(status.st_mode))) {
+            static_cast<void>(::close(file));
+            return;
+        }
+        file_ = file;
+        size_ = static_cast<std::size_t>(status.st_size);
+    }
+    ~OpenFile() {
+        if (is_open()) static_cast<void>(::close(file_));
+    }
+    OpenFile(const OpenFile&) = delete;
+    OpenFile& operator=(const OpenFile&) = delete;
+    [[nodiscard]] bool is_open() const { return file_ >= 0; }
+    [[nodiscard]] std::size_t size() const { return size_; }
+    // A piece of it. False: it cannot be read, or nobody takes it.
+    [[nodiscard]] bool give(std::size_t offset, std::size_t size, httplib::DataSink& sink) const {
+        std::array<char, 65536> piece{};
+        const ssize_t got = ::pread(file_, piece.data(), std::min(size, piece.size()), static_cast<off_t>(offset));
+        return got > 0 && sink.write(piece.data(), static_cast<std::size_t>(got));
+    }
+
+private:
+    int file_ = -1;
+    std::size_t size_ = 0;
 };
 
 void refuse_request(httplib::Response& response, int status, const char* sentence) {
@@ -275,6 +311,8 @@ private:
     // Before anything of the request's body is read.
     [[nodiscard]] bool refuse(const httplib::Request& request, httplib::Response& response) {
         const bool is_command = request.method == "POST" && request.path == "/command" && !token_.empty();
+        const bool is_download = std::any_of(kViewDownloads.begin(), kViewDownloads.end(),
+                                             [&](const ViewDownload& one) { return request.path == one.path; });
         if (!rate_.allows(monotonic_ns())) {
             refuse_request(response, 429, "too many requests; wait a second.");
         } else if (!is_own_host(request.get_header_value("Host"), address_.host)) {
@@ -283,7 +321,10 @@ private:
             refuse_request(response, 405, "there is nothing to be changed here; GET alone.");
         } else if (!request.ranges.empty()) {
             refuse_request(response, 416, "files are given whole.");
-        } else if (is_command && !is_same_token(request.get_header_value("X-Stillmesh-Token"), token_)) {
+        } else if (is_download && token_.empty()) {
+            refuse_request(response, 403, "is for who has a token; start the run with --view-token.");
+        } else if ((is_command || is_download) &&
+                   !is_same_token(request.get_header_value("X-Stillmesh-Token"), token_)) {
             const bool is_patient = wrong_tokens_.allows(monotonic_ns());
             refuse_request(response, is_patient ? 403 : 429,
                            is_patient ? "that is not the token; it was said when the run began."
@@ -304,6 +345,27 @@ private:
             response.status = 202;
             response.set_content("will be done behind this frame.\n", "text/plain; charset=utf-8");
         });
+    }
+    void route_files() {
+        for (std::size_t i = 0; i < kViewDownloads.size(); ++i) {
+            server_.Get(kViewDownloads[i].path, [this, i](const httplib::Request&, httplib::Response& response) {
+                const std::string name = feed_.downloads().file(i);
+                const auto file = std::make_shared<OpenFile>(name);
+                if (!file->is_open()) {
+                    return refuse_request(response, 404,
+                                          (name.empty() ? std::string("this run writes none; start it with ") +
+                                                              kViewDownloads[i].option + "."
+                                                        : "was not written yet; save it first.")
+                                              .c_str());
+                }
+                response.set_header("Content-Disposition",
+                                    std::string("attachment; filename=") + (kViewDownloads[i].path + 1));
+                response.set_content_provider(file->size(), kViewDownloads[i].type,
+                                              [file](std::size_t offset, std::size_t size, httplib::DataSink& sink) {
+                                                  return file->give(offset, size, sink);
+                                              });
+            });
+        }
     }
     void route_downloads() {
         for (const bool is_csv : {false, true}) {
@@ -326,6 +388,7 @@ private:
         });
         route_commands();
         route_downloads();
+        route_files();
         for (const ViewFile& file : view_files()) {
             server_.Get(std::string(file.path), [&file](const httplib::Request&, httplib::Response& response) {
                 // From a provider: what is given as a text would be compressed anew for each who asks.

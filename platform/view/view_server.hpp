@@ -1,7 +1,8 @@
 // Serves the page that shows a run, over HTTP, on threads of its own: the files of view_files.hpp; /stream, the run as
 // server-sent events (frame, news, control, alive, end); /trajectory.txt and /poses.csv, the path as it is shown. Read
-// only, unless it was opened with a token: then POST /command (view_commands.hpp), with the token in the header
-// X-Stillmesh-Token, which no other site can send. No path reaches a file.
+// only, unless it was opened with a token: then POST /command (view_commands.hpp) and the files that the run writes
+// (view_downloads.hpp), with the token in the header X-Stillmesh-Token, which no other site can send. No path reaches a
+// file.
 //
 // Limits: kViewStreamsMax streams, kViewThreadsMax connections served at a time and as many waiting, 50 requests a
 // second (more: 429), GET and HEAD alone but for commands of 64 bytes, no ranges. Who takes nothing for two seconds is

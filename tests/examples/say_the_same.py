@@ -2,15 +2,17 @@
 """Promise: every program of platform/examples has a comment that says what it is for and fewer than 60 lines, is built and run,
 and prints what is written in said.txt, whatever language it is in.
 
-  say_the_same.py --source DIR [--program NAME=FILE]... [--python PYTHON] [--without END OF A NAME]...
+  say_the_same.py --source DIR --stillmesh FILE [--program NAME=FILE]... [--python PYTHON] [--without END OF A NAME]...
 NAME: that of the example, with _in_c behind it for C. said.txt: [NAME], and what it prints.
 """
 import argparse
 import pathlib
 import re
+import socket
 import subprocess
 import sys
 import tempfile
+import time
 
 LINES_MAX = 59
 NO_PROGRAMS = {"wall.hpp", "wall.h", "wall.py"}  # the camera's part
@@ -20,9 +22,25 @@ def sections_of(text):
     return {name: body for name, body in re.findall(r"^\[(\w+)\]\n(.*?)(?=^\[|\Z)", text, re.M | re.S)}
 
 
+def heard(command, stillmesh, work):
+    """What one says who hears the poses of a run."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with subprocess.Popen([*command, str(port)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as listener:
+        end = time.monotonic() + 50  # he gives up after 60 s
+        while f":{port:04X} " not in pathlib.Path("/proc/net/udp").read_text(encoding="utf-8") and time.monotonic() < end:
+            time.sleep(0.05)
+        subprocess.run([stillmesh, "run", "--simulate", "walking_xyz:1", "--frames", "5", "--limits", "pocket", "--poses",
+                        f"udp:127.0.0.1:{port}"], capture_output=True, check=True, cwd=work)
+        out, err = listener.communicate(timeout=100)
+    return subprocess.CompletedProcess(command, listener.returncode, out, err)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--source", required=True, type=pathlib.Path)
+    parser.add_argument("--stillmesh", required=True)
     parser.add_argument("--program", action="append", default=[])
     parser.add_argument("--python")
     parser.add_argument("--without", action="append", default=[])
@@ -52,7 +70,10 @@ def main():
         if name == "localise":
             command = command + [str(arguments.source / "vocabulary/default.voc")]
         with tempfile.TemporaryDirectory() as work:
-            run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=work)
+            if name.startswith("poses_udp"):
+                run = heard(command, arguments.stillmesh, work)
+            else:
+                run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=work)
         example = re.sub("_in_(c|python)$", "", name)
         if run.returncode != 0 or run.stdout != wanted.get(example):
             complaints.append(f"{name}: exit {run.returncode}, and said\n{run.stdout}{run.stderr}and not\n{wanted.get(example)}")

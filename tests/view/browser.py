@@ -5,6 +5,7 @@ import os
 import re
 import sys
 import tempfile
+import time
 
 from browser_driver import SHADES, keep_promises
 from run_view import Run
@@ -175,5 +176,41 @@ def the_map_is_steered_by_keyboard(browser):
         browser.picture("map-buttons-wide")
 
 
+def files_are_taken_home(browser):
+    """Who has the token takes map, grid and cloud home by buttons, each under its name and with its size told; what was not saved yet
+    is said not to be. Without the token, and in a run that writes none, there are no such buttons."""
+    scene = ("--simulate", "static_halfsphere:1", "--realtime", "--frames", "100000", "--view-token", "a-token-for-tests")
+    buttons = ("take-map", "take-grid", "take-cloud")
+    hidden = f"return {list(buttons)}.map((id) => at(id).hidden)"
+    with tempfile.TemporaryDirectory() as folder:
+        outputs = ("--map-out", f"{folder}/o.map", "--grid", f"{folder}/o", "--cloud", f"{folder}/o.ply")
+        with Run(PROGRAM, *scene, *outputs) as run:
+            browser.open(f"http://127.0.0.1:{run.port}/", 390, 844, "light")
+            browser.script("sessionStorage.clear(); location.reload()")
+            browser.becomes("latest && control.may_steer && token === ''")
+            assert browser.script(hidden) == [True, True, True]
+            browser.open("about:blank", 390, 844, "light")
+            browser.open(f"http://127.0.0.1:{run.port}/#token=a-token-for-tests", 390, 844, "light")
+            browser.becomes("latest && control.may_steer && !at('take-cloud').hidden")
+            assert browser.script(hidden) == [False, False, False]
+            browser.script("window.names = []; HTMLAnchorElement.prototype.click = function () { names.push(this.download) }; at('take-map').click()")
+            browser.becomes("at('taken').textContent.includes('save it first')")
+            for name, button in (("o.map", "take-map"), ("o.yaml", "take-grid"), ("o.ply", "take-cloud")):
+                while not os.path.exists(f"{folder}/{name}"):  # a grid wants to have seen a floor
+                    browser.script("at('save-map').click()")
+                    browser.becomes("at('events').textContent.includes('is saved to')")
+                    time.sleep(3)
+                browser.script(f"setText('taken', ''); at('{button}').click()")
+                browser.becomes("at('taken').textContent.includes('MB')")
+            assert browser.script("return names") == ["room.map", "grid.yaml", "grid.pgm", "cloud.ply"]
+            assert browser.script("return document.documentElement.scrollWidth") <= 390
+            browser.script("at('taken').scrollIntoView()")
+            browser.picture("taken-home")
+    with Run(PROGRAM, *scene) as run:
+        browser.open(f"http://127.0.0.1:{run.port}/#token=a-token-for-tests", 1300, 1000, "light")
+        browser.becomes("latest && control.may_steer")
+        assert browser.script(hidden) == [True, True, True]
+
+
 keep_promises((it_shows_the_run, keys_move_the_map, it_comes_back, every_state_is_said,
-               it_says_that_it_waits, who_has_the_token_steers, the_map_is_steered_by_keyboard))
+               it_says_that_it_waits, who_has_the_token_steers, the_map_is_steered_by_keyboard, files_are_taken_home))

@@ -200,6 +200,55 @@ def the_map_is_saved_and_kept():
         assert control_when(run, lambda c: c["can_localise"])["can_save_map"] is False
 
 
+def files_are_taken_home():
+    """Who has the token takes map, grid and cloud home while the run goes on, byte for byte as they were saved last; before they are
+    saved there is none, and without the token there never is. Saving them changes no pose: the run's state hashes are its own."""
+    scene = ("--simulate", "static_halfsphere:1", "--frames", "100000")
+    paths = ("/room.map", "/grid.yaml", "/grid.pgm", "/cloud.ply")
+    token = {"X-Stillmesh-Token": TOKEN}
+    with tempfile.TemporaryDirectory() as folder:
+        files = dict(zip(paths, (f"{folder}/office.map", f"{folder}/office.yaml", f"{folder}/office.pgm", f"{folder}/office.ply")))
+        hashes = f"{folder}/hashes"
+        with Run(PROGRAM, *scene, "--view-token", TOKEN, "--map-out", files["/room.map"], "--grid", f"{folder}/office", "--cloud",
+                 files["/cloud.ply"], "--state-hashes", hashes) as run:
+            assert control_when(run, lambda c: c["can_save_map"])["take"] == list(paths)
+            for path in paths:
+                assert run.get(path)[0] == 403 and run.get(path, headers={**token, "Host": "evil.example"})[0] == 403
+                status, _, body = run.get(path, headers=token)
+                assert status == 404 and b"save it first" in body, (status, body)
+            time.sleep(1.1)
+            assert run.get(paths[0], headers={"X-Stillmesh-Token": TOKEN[:-1]})[0] == 403
+            end = time.monotonic() + WAIT_S
+            while not all(os.path.exists(file) for file in files.values()):  # a grid wants to have seen a floor
+                assert time.monotonic() < end, run.lines
+                assert ask(run, "save_map") == 202
+                time.sleep(2)
+            time.sleep(3)  # for what was asked last
+            for path, file in files.items():
+                status, headers, body = run.get(path, headers=token)
+                assert status == 200 and f"filename={path[1:]}" in headers["Content-Disposition"], (path, status)
+                with open(file, "rb") as kept:
+                    assert body == kept.read(), path
+                assert run.get(path + "?file=/etc/passwd", headers=token)[2] == body
+                assert run.get(path, method="HEAD", headers=token)[0] == 200
+            assert run.get("/../office.yaml", headers=token)[0] in (400, 404)
+            run.process.terminate()
+            assert run.wait() == 143, run.lines
+        with open(hashes) as lines:
+            saved = lines.read().splitlines()
+        alone = f"{folder}/alone"
+        subprocess.run([PROGRAM, "run", *scene[:3], str(len(saved)), "--state-hashes", alone], check=True, capture_output=True,
+                       timeout=WAIT_S * 4)
+        with open(alone) as lines:
+            assert lines.read().splitlines() == saved
+    with Run(PROGRAM, *LONG, "--view-token", TOKEN) as run:
+        assert control_when(run, lambda c: c["can_localise"])["take"] == []
+        status, _, body = run.get("/grid.pgm", headers=token)
+        assert status == 404 and b"--grid" in body, (status, body)
+    with Run(PROGRAM, *LONG) as run:
+        assert run.get("/room.map", headers=token)[0] == 403
+
+
 def a_clock_is_not_stopped():
     """Where frames come by a clock there is no pause: the page is told so, and a command for it does nothing."""
     with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "100000", "--view-token", TOKEN) as run:
@@ -210,7 +259,8 @@ def a_clock_is_not_stopped():
 
 def main():
     promises = (without_a_token_nothing_is_set, the_token_opens, a_recording_is_paused, what_is_asked_changes_no_bit,
-                saving_and_a_new_map, the_map_is_saved_and_kept, a_clock_is_not_stopped)
+                saving_and_a_new_map, the_map_is_saved_and_kept,
+                files_are_taken_home, a_clock_is_not_stopped)
     for promise in promises:
         begin = time.monotonic()
         promise()

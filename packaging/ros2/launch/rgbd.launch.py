@@ -13,7 +13,7 @@ ARGUMENTS = {
     "colour": ("/camera/color/image_raw", "colour images: rgb8, bgr8 or mono8"),
     "depth": ("/camera/aligned_depth_to_color/image_raw", "depth aligned to colour: 16UC1 or 32FC1"),
     "info": ("/camera/color/camera_info", "CameraInfo of the colour images"),
-    "base_from_camera": ("0,0,0", "camera_link on base_link: x,y,z or x,y,z,qx,qy,qz,qw"),
+    "base_from_camera": ("0,0,0", "camera_link on base_link: x,y,z or x,y,z,qx,qy,qz,qw, or tf_static: as the robot says"),
     "tf": ("--tf", "--tf, or --no-tf where another program publishes odom -> base_link"),
     "limits": ("room", "room, or pocket for a small board"),
 }

@@ -3,7 +3,7 @@
 'use strict';
 
 let control = { may_steer: false, can_pause: false, can_save: false, can_reset: false, can_save_map: false, can_localise: false,
-  paused: false, saving: true, speed: 0, localising: false };
+  paused: false, saving: true, speed: 0, localising: false, take: [] };
 let token = sessionStorage.getItem('token') || '';
 
 function takeToken() {
@@ -28,8 +28,31 @@ function showControl() {
   setText('saving', control.saving ? 'Stop saving' : 'Save again');
   at('reset').disabled = !control.can_reset;
   at('save-map').disabled = !control.can_save_map;
+  for (const [id, paths] of files) at(id).hidden = !(control.may_steer && token !== '' && paths.every((path) => control.take.includes(path)));
   at('localise').disabled = !control.can_localise;
   at('localise').setAttribute('aria-pressed', String(control.localising));
+}
+
+const files = [['take-map', ['/room.map']], ['take-grid', ['/grid.yaml', '/grid.pgm']], ['take-cloud', ['/cloud.ply']]];
+
+// Who asks for a file says the token, which a link cannot.
+async function take(path) {
+  try {
+    const answer = await fetch(path, { headers: { 'X-Stillmesh-Token': token } });
+    if (!answer.ok) {
+      setText('taken', `${path.slice(1)}: ${(await answer.text()).trim()}`);
+      return;
+    }
+    const file = await answer.blob();
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(file);
+    link.download = path.slice(1);
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    setText('taken', `${path.slice(1)}: ${(file.size / 1e6).toFixed(2)} MB, as it was saved last.`);
+  } catch (error) {
+    setText('taken', 'The program does not answer.');
+  }
 }
 
 const ofMap = ['save_map', 'localise=0', 'localise=1', 'reset'];  // done behind a frame
@@ -57,6 +80,7 @@ function beginControl() {
   at('pace').addEventListener('change', () => ask(`speed=${at('pace').value}`));
   at('saving').addEventListener('click', () => ask(`saving=${control.saving ? 0 : 1}`));
   at('save-map').addEventListener('click', () => ask('save_map'));
+  for (const [id, paths] of files) at(id).addEventListener('click', async () => { for (const path of paths) await take(path); });
   at('localise').addEventListener('click', () => ask(`localise=${control.localising ? 0 : 1}`));
   // What is lost by it does not come back: a second press within three seconds.
   let armed = 0;

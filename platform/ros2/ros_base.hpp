@@ -1,0 +1,25 @@
+// `--base-from-camera tf_static`: where a robot itself says that its camera is (/tf_static, from its base to the frame
+// that CameraInfo of the colour images names), asked once, before a run begins. Cost: until both have come,
+// kRosBaseWait_ms at most. In a build without Cyclone DDS it says so.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "engine/geometry/rigid_transform.hpp"
+
+namespace stillmesh {
+
+inline constexpr std::uint32_t kRosBaseWait_ms = 5000;
+
+struct RosBaseQuestion {
+    std::string info;  // topic of CameraInfo
+    std::string base = "base_link";
+};
+
+// camera_link (x ahead, y left, z up) on the base. Empty: `message` says what was not told, and what to do.
+[[nodiscard]] std::optional<RigidTransform> base_from_camera_by_tf(const RosBaseQuestion& question,
+                                                                   std::string& message);
+
+}  // namespace stillmesh
