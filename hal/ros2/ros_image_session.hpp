@@ -62,10 +62,10 @@ struct Ros2Camera::Session : live::LiveSession<RosPixelsOnLoan> {
     CameraInfo lens, depth_lens;
     FrameTree frames;
     std::string frames_from = "/tf_static";  // who told of them last
-    std::array<std::string, 2> frame_ids;  // of the last image of colour and depth
-    std::array<RosShelf, 2> shelves;       // of colour and depth: on one, each image would come to hold memory for both
-    std::vector<std::int64_t> stamps_us;   // of colour, until the rate is known
-    std::int64_t period_us = 0;            // 0: not known yet
+    std::array<std::string, 2> frame_ids;    // of the last image of colour and depth
+    std::array<RosShelf, 2> shelves;      // of colour and depth: on one, each image would come to hold memory for both
+    std::vector<std::int64_t> stamps_us;  // of colour, until the rate is known
+    std::int64_t period_us = 0;           // 0: not known yet
     std::array<std::int64_t, kStreams> last_ns{};  // when one came
     std::jthread thread;
 
