@@ -5,7 +5,6 @@
 
 #include "hal/calibration/calibration.hpp"
 #include "hal/ros2/ros_image_session.hpp"
-#include "hal/ros2/ros_name.hpp"
 
 namespace stillmesh {
 namespace {
@@ -124,13 +123,13 @@ Status Ros2Camera::place_depth(std::unique_lock<std::mutex>& lock, std::chrono::
     }
     std::optional<RigidTransform> pose;
     static_cast<void>(session.changed.wait_until(
-        lock, until, [&] { return (pose = session.frames.between(frame, colour_frame)).has_value(); }));
+        lock, until, [&] { return (pose = session.frames.tree().between(frame, colour_frame)).has_value(); }));
     if (!pose) {
         return refuse(Status::kUnavailable, options_.depth + " is of another camera than " + options_.colour +
-                                                ", and " + session.frames_from + " does not say how '" + frame +
+                                                ", and " + session.frames.told_by() + " does not say how '" + frame +
                                                 "' lies to '" + colour_frame + "': " + kRemedy);
     }
-    return register_here({model, *pose}, lens + " and " + session.frames_from);
+    return register_here({model, *pose}, lens + " and " + session.frames.told_by());
 }
 
 Status Ros2Camera::register_here(const SeparateDepth& depth, const std::string& source) {
@@ -206,20 +205,6 @@ LiveCounts Ros2Camera::counts() const noexcept {
     LiveCounts sum = before_;
     if (session_ != nullptr) sum.add(session_->counted());
     return sum;
-}
-
-bool parse_ros2_topics(const std::string& text, Ros2Options& options) {
-    const std::size_t first = text.find(',');
-    const std::size_t second = first == std::string::npos ? first : text.find(',', first + 1);
-    if (second == std::string::npos) return false;
-    options.colour = text.substr(0, first);
-    options.depth = text.substr(first + 1, second - first - 1);
-    options.info = text.substr(second + 1);
-    for (std::string* const name : {&options.colour, &options.depth, &options.info}) {
-        if (!is_ros_name(*name)) return false;
-        if (name->front() != '/') name->insert(0, "/");
-    }
-    return true;
 }
 
 }  // namespace stillmesh

@@ -17,7 +17,6 @@ using live::monotonic_ns;
 constexpr std::size_t kStampsForRate = 5;
 constexpr std::int64_t kPeriodMin_us = 4'000, kPeriodMax_us = 1'000'000;
 constexpr RosQos kSensorData{.is_reliable = false, .depth = 4};
-constexpr RosQos kStatic{.is_reliable = true, .history = RosHistory::kLatched, .depth = 100};
 
 [[nodiscard]] RosPixelsOnLoan take_from(RosShelf& shelf) {
     constexpr std::size_t kImages = 16;  // more than ever are out: giving back asks for no memory
@@ -31,10 +30,6 @@ constexpr RosQos kStatic{.is_reliable = true, .history = RosHistory::kLatched, .
 
 [[nodiscard]] std::int64_t time_of(const ros::Header& header) {
     return std::int64_t{header.stamp.sec} * 1'000'000'000 + header.stamp.nanosec;
-}
-
-[[nodiscard]] std::string_view text_of(const char* text) {
-    return text != nullptr ? std::string_view(text) : std::string_view();
 }
 
 [[nodiscard]] RosImageView view_of(const ros::Image& image) {
@@ -80,12 +75,6 @@ constexpr RosQos kStatic{.is_reliable = true, .history = RosHistory::kLatched, .
 
 Ros2Camera::Session::Session(Ros2Options given_options) : options(std::move(given_options)) {
     names = {options.colour, options.depth, options.info, info_beside(options.depth)};
-    // Of several robots in one domain each has its own in its namespace: of /a/b/image those are /a and /a/b.
-    frames_topics.push_back({frames_from});
-    for (std::size_t slash = options.depth.find('/', 1); slash != std::string::npos && frames_topics.size() < 8;
-         slash = options.depth.find('/', slash + 1)) {
-        frames_topics.push_back({options.depth.substr(0, slash) + "/tf_static"});
-    }
 }
 
 Ros2Camera::Session::~Session() {
@@ -134,11 +123,7 @@ bool Ros2Camera::Session::subscribe(const RosContext& context, std::string& mess
         readers[i] = all.add(context, names[i], *types[i], kSensorData, message);
         if (readers[i] < 0) return false;
     }
-    for (FramesTopic& topic : frames_topics) {
-        if (!options.calibration.empty()) break;
-        topic.reader = all.add(context, topic.name, ros::kTf, kStatic, message);
-        if (topic.reader < 0) return false;
-    }
+    if (options.calibration.empty() && !frames.listen(all, context, options.depth, message)) return false;
     thread = std::jthread([this] { serve(); });
     return true;
 }
@@ -196,24 +181,10 @@ bool Ros2Camera::Session::take_lens(Stream stream) {
 }
 
 bool Ros2Camera::Session::take_frames() {
-    bool is_any = false;
-    for (const FramesTopic& topic : frames_topics) is_any = (topic.reader > 0 && take_frames(topic)) || is_any;
-    return is_any;
-}
-
-bool Ros2Camera::Session::take_frames(const FramesTopic& topic) {
-    const RosLoan<ros::Tf> loan(topic.reader);
-    if (loan.message() == nullptr) return loan.is_any();
     const std::lock_guard lock(mutex);
-    frames_from = topic.name;
-    for (std::uint32_t i = 0; i < loan.message()->transforms._length; ++i) {
-        const ros::TransformStamped& one = loan.message()->transforms._buffer[i];
-        const auto& [t, q] = one.transform;
-        frames.add(text_of(one.child_frame_id), text_of(one.header.frame_id), std::array{t.x, t.y, t.z},
-                   std::array{q.x, q.y, q.z, q.w});
-    }
-    changed.notify_all();
-    return true;
+    const bool is_any = frames.take();
+    if (is_any) changed.notify_all();
+    return is_any;
 }
 
 bool Ros2Camera::Session::take_image(Stream stream) {

@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "hal/calibration/frame_tree.hpp"
 #include "hal/live/live_session.hpp"
 #include "hal/ros2/ros2_camera.hpp"
+#include "hal/ros2/ros_frames.hpp"
 #include "hal/ros2/ros_readers.hpp"
 
 namespace stillmesh {
@@ -50,22 +50,16 @@ struct Ros2Camera::Session : live::LiveSession<RosPixelsOnLoan> {
     Ros2Options options;
     std::array<std::string, kStreams> names;
     std::array<dds_entity_t, kStreams> readers{};
-    struct FramesTopic {
-        std::string name;
-        dds_entity_t reader = 0;
-    };
-    std::vector<FramesTopic> frames_topics;  // /tf_static, and those in the namespaces of depth's topic
     RosReaders all;
     bool has_lens = false;  // this and all below: under the mutex
     bool has_depth_lens = false;
     std::string problem;  // frames came that cannot be used
     CameraInfo lens, depth_lens;
-    FrameTree frames;
-    std::string frames_from = "/tf_static";  // who told of them last
-    std::array<std::string, 2> frame_ids;    // of the last image of colour and depth
-    std::array<RosShelf, 2> shelves;      // of colour and depth: on one, each image would come to hold memory for both
-    std::vector<std::int64_t> stamps_us;  // of colour, until the rate is known
-    std::int64_t period_us = 0;           // 0: not known yet
+    RosFrames frames;                      // of the robot of depth's topic
+    std::array<std::string, 2> frame_ids;  // of the last image of colour and depth
+    std::array<RosShelf, 2> shelves;       // of colour and depth: on one, each image would come to hold memory for both
+    std::vector<std::int64_t> stamps_us;   // of colour, until the rate is known
+    std::int64_t period_us = 0;            // 0: not known yet
     std::array<std::int64_t, kStreams> last_ns{};  // when one came
     std::jthread thread;
 
@@ -84,7 +78,6 @@ private:
     void serve() noexcept;
     bool take_lens(Stream stream);
     bool take_frames();
-    bool take_frames(const FramesTopic& topic);
     bool take_image(Stream stream);
     template <typename Message>
     bool take_as(Stream stream);

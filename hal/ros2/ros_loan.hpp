@@ -4,7 +4,14 @@
 
 #include <dds/dds.h>
 
+#include <string_view>
+
 namespace stillmesh {
+
+// Of a message's string, which may be none.
+[[nodiscard]] inline std::string_view text_of(const char* text) {
+    return text != nullptr ? std::string_view(text) : std::string_view();
+}
 
 template <typename Message>
 class RosLoan {

@@ -103,11 +103,10 @@ bool open_accelerometer(const RunArguments& arguments, const std::string& folder
 }
 
 bool place_on_robot(const RunArguments& arguments, std::optional<RunArguments>& placed, std::string& message) {
-    const std::size_t comma = arguments.live.camera.rfind(',');
-    const std::string info =
-        comma == std::string::npos ? "/camera/color/camera_info" : arguments.live.camera.substr(comma + 1);
-    const auto pose = base_from_camera_by_tf(
-        {.info = ros_motion_topic("ros2:" + info, ""), .base = arguments.loop.ros.frame_prefix + "base_link"}, message);
+    const std::size_t colon = arguments.live.camera.find(':');
+    const std::string topics = colon == std::string::npos ? "" : arguments.live.camera.substr(colon + 1);
+    const auto pose =
+        base_from_camera_by_tf({.topics = topics, .base = arguments.loop.ros.frame_prefix + "base_link"}, message);
     if (!pose) {
         message = "--base-from-camera tf_static: " + message;
         return false;

@@ -1,6 +1,6 @@
-// `--base-from-camera tf_static`: where a robot itself says that its camera is (/tf_static, from its base to the frame
-// that CameraInfo of the colour images names), asked once, before a run begins. Cost: until both have come,
-// kRosBaseWait_ms at most. In a build without Cyclone DDS it says so.
+// `--base-from-camera tf_static`: where a robot itself says that its camera is (/tf_static, or that of a namespace of
+// the images, from its base to the frame that CameraInfo of the colour images names), asked once, before a run begins.
+// Cost: until both have come, kRosBaseWait_ms at most. In a build without Cyclone DDS it says so.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ namespace stillmesh {
 inline constexpr std::uint32_t kRosBaseWait_ms = 5000;
 
 struct RosBaseQuestion {
-    std::string info;  // topic of CameraInfo
+    std::string topics;  // of the camera: COLOUR,DEPTH,INFO; empty: those of the realsense driver
     std::string base = "base_link";
 };
 

@@ -25,6 +25,8 @@ BUILD_S, WAIT_S = 3600, 120
 
 def run(command, folder, limit_s=WAIT_S):
     environment = {"PATH": SYSTEM, "HOME": folder, "LANG": "C.UTF-8"}
+    if "CMAKE_GENERATOR" in os.environ:  # that of this build: not every machine has make
+        environment["CMAKE_GENERATOR"] = os.environ["CMAKE_GENERATOR"]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=limit_s, check=False)
     if done.returncode != 0:
         sys.exit(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
@@ -97,7 +99,7 @@ def main():
         return 77
     with tempfile.TemporaryDirectory() as folder:
         settings = ["--cmake-args", f"-DSTILLMESH_PROGRAM={pathlib.Path(arguments.program).resolve()}"] if arguments.program else []
-        run(["colcon", "build", "--base-paths", f"{arguments.source}/packaging/ros2", *settings], folder, BUILD_S)
+        run(["colcon", "build", "--base-paths", f"{pathlib.Path(arguments.source).resolve()}/packaging/ros2", *settings], folder, BUILD_S)
         found = run(["bash", "-c", ". install/setup.bash && printf %s \"$AMENT_PREFIX_PATH\""], folder)
         prefix = pathlib.Path(found)
         assert prefix.is_absolute() and str(prefix).startswith(folder), found

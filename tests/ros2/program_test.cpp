@@ -230,7 +230,7 @@ TEST(RosProgram, FromImagesAndWheelsToOdometry) {
     whole_way(true);
 }
 // Promise: and so it is where the robot itself says, by /tf_static, where its camera is: /odom is that of its base, and
-// no other transform is told for the camera. Where nobody says it, a sentence names both frames and the remedy.
+// no other transform is told for the camera. Of another camera than a robot's it is refused at once.
 TEST(RosProgram, TheRobotSaysWhereItsCameraIs) {
     whole_way(false, true);
 }
