@@ -11,7 +11,7 @@
 namespace stillmesh {
 
 inline void complain(const std::string& sentence, LogLevel level = LogLevel::kError) {
-    write_standard_error(std::string(log_prefix(level)) + "stillmesh: " + printable(sentence) + "\n");
+    write_standard_error(log_entry(level, "stillmesh: " + printable(sentence)));
 }
 
 inline int refuse(const std::string& sentence) {

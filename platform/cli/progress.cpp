@@ -37,7 +37,7 @@ void ProgressLine::frame(std::uint64_t count, PoseState state, std::int64_t now_
 
 void ProgressLine::say(const std::string& sentence) {
     finish();
-    write_standard_error(log_prefix(LogLevel::kNotice) + printable(sentence) + "\n");
+    write_standard_error(log_entry(LogLevel::kNotice, printable(sentence)));
 }
 
 void ProgressLine::finish() {

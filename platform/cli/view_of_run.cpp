@@ -77,7 +77,7 @@ bool ViewOfRun::open(const ViewServerOptions& options, std::string& message) {
     }
     server_ = open_view_server(filled, feed(), message);
     if (server_ == nullptr) return false;
-    write_standard_error(std::string(log_prefix(LogLevel::kNotice)) + server_->sentence() + "\n");
+    write_standard_error(log_entry(LogLevel::kNotice, server_->sentence()));
     return true;
 }
 

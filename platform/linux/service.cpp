@@ -78,6 +78,17 @@ const char* log_prefix(LogLevel level) noexcept {
     return kPrefixes[static_cast<std::size_t>(level)];
 }
 
+std::string log_entry(LogLevel level, std::string_view lines) {
+    const std::string prefix = log_prefix(level);
+    std::string entry;
+    while (!lines.empty()) {
+        const std::string_view line = lines.substr(0, lines.find('\n'));
+        entry.append(prefix).append(line).push_back('\n');
+        lines.remove_prefix(std::min(line.size() + 1, lines.size()));
+    }
+    return entry;
+}
+
 std::string become_realtime() {
     std::string refused;
     // On fault: what was never touched (other threads' stacks) need not be there.

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 namespace stillmesh {
 
@@ -34,6 +35,8 @@ enum class LogLevel : std::uint8_t { kCritical = 2, kError = 3, kWarning = 4, kN
 // What a line on standard error begins with: "<4>" where it goes into systemd's journal (JOURNAL_STREAM says so), so
 // that `journalctl -p warning` finds it; nothing anywhere else.
 [[nodiscard]] const char* log_prefix(LogLevel level) noexcept;
+// A sentence of one or more lines, each with that beginning: a journal takes every line for an entry of its own.
+[[nodiscard]] std::string log_entry(LogLevel level, std::string_view lines);
 
 // Memory stays in memory, and this thread goes before ordinary ones (SCHED_FIFO). Empty when both were granted, else a
 // sentence about what was not and what would help; the program then runs on as an ordinary one.

@@ -42,6 +42,12 @@ namespace {
     return poses;
 }
 
+[[nodiscard]] std::size_t count_of(const std::string& text, const std::string& word) {
+    std::size_t count = 0;
+    for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++count;
+    return count;
+}
+
 struct Folder {
     std::filesystem::path path;
     Folder() {
@@ -199,7 +205,8 @@ TEST(Service, TellsTheServiceManager) {
 }
 
 #ifdef STILLMESH_OPENNI2_FOLDER
-// Promise: a service whose camera is not there yet has started, is alive, says what it waits for, and stops when told.
+// Promise: a service whose camera is not there yet has started, is alive, says what it waits for, and stops when told;
+// every line of that is a warning in its journal.
 TEST(Service, WaitsForItsCamera) {
     const Folder folder;
     Manager manager(folder.path / "notify");
@@ -218,7 +225,12 @@ TEST(Service, WaitsForItsCamera) {
     double seconds = 0;
     EXPECT_EQ(stop(child, seconds), 143);
     EXPECT_LT(seconds, kStopMax_s);
-    EXPECT_EQ(text_of(log).rfind("<4>stillmesh: ", 0), 0U) << text_of(log);
+    const std::string said = text_of(log);
+    const std::string wait = said.substr(0, said.find("Waiting for one"));
+    EXPECT_EQ(wait.rfind("<4>stillmesh: ", 0), 0U) << said;
+    const auto lines = std::count(wait.begin(), wait.end(), '\n') + 1;
+    EXPECT_GE(lines, 2) << "one for each driver" << said;
+    EXPECT_EQ(static_cast<std::ptrdiff_t>(count_of(wait, "<4>")), lines) << said;
 }
 #endif
 
