@@ -38,7 +38,7 @@ std::uint32_t PointFusion::find_alike(const MapPoint& point, const Vector2& pixe
     std::uint32_t best = p.hamming_wide_max + 1;
     std::uint32_t best_feature = kNone;
     const double ratio = static_cast<double>(point.distance_m) / z_m * world_->pixel_noise.scale(point.level);
-    grid_.visit_near(pixel.x(), pixel.y(), p.radius_posed_px * ratio, [&](std::uint32_t i) {
+    grid_.visit_near(pixel.x(), pixel.y(), p.radius_posed_px * kScaleSlack * ratio, [&](std::uint32_t i) {
         const Observation& o = there[i];
         const double scale = world_->pixel_noise.scale(o.level);
         if (scale > kScaleSlack * ratio || ratio > kScaleSlack * scale) return;

@@ -175,7 +175,7 @@ bool PlaceMatcher::mark_projected(std::uint32_t slot) noexcept {
 PlaceMatcher::Alike PlaceMatcher::find_alike(const MapPoint& point, const Vector2& pixel, double ratio) const noexcept {
     const MatchingParameters& p = configuration_->matching;
     Alike best{0, p.hamming_max + 1};
-    grid_.visit_near(pixel.x(), pixel.y(), p.radius_posed_px * std::max(ratio, 1.0), [&](std::uint32_t i) {
+    grid_.visit_near(pixel.x(), pixel.y(), p.radius_posed_px * kScaleSlack * ratio, [&](std::uint32_t i) {
         const Observation& o = query_[i];
         if (o.level == kNotEligible) return;
         const double scale = pixel_noise_.scale(o.level);

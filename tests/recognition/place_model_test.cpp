@@ -177,7 +177,6 @@ TEST(PlaceModel, ClaimsByProjection) {
             ASSERT_EQ(units, is_asked ? 2U : 0U);
             in_view += is_asked ? 1U : 0U;
             std::uint32_t least = p.hamming_max;
-            bool is_open = false;
             for (std::uint32_t i = 0; is_asked && i < kSeen; ++i) {
                 const double scale = noise.scale(crowd.query[i].level);
                 const double off = std::max(scale / ratio, ratio / scale);
@@ -185,14 +184,10 @@ TEST(PlaceModel, ClaimsByProjection) {
                 const std::uint32_t distance = hamming_distance(crowd.descriptors[i], point->descriptor);
                 if (!crowd.is_eligible[i] || off > kScaleSlack || distance > least) continue;
                 if ((here - pixel).norm() > p.radius_posed_px * scale) continue;
-                // Of a larger scale and beyond the square that is searched: cells of the grid decide.
-                const double side = p.radius_posed_px * std::max(ratio, 1.0);
-                is_open = is_open || (here - pixel).cwiseAbs().maxCoeff() > side;
                 if (distance < least) nearest.clear();
                 least = distance;
                 nearest.push_back(i);
             }
-            if (is_open) continue;
             std::uint32_t changed = 0, could_change = 0;
             for (std::uint32_t i = 0; i < kSeen; ++i) {
                 const bool is_nearest = std::find(nearest.begin(), nearest.end(), i) != nearest.end();
