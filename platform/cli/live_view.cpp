@@ -85,8 +85,9 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
     const bool is_keyframe = out.statistics.is_keyframe && out.state == PoseState::kTracked;
     if (!is_due && !is_keyframe && film_ == nullptr) return;
     ViewSnapshot& to = feed_->draft();
-    if (is_due) to.keyframes.resize(kViewKeyframesMax);
-    if (!session.look(look_, is_due ? std::span(to.keyframes) : std::span<KeyframePose>())) look_ = {};
+    to.keyframes.resize(is_due ? kViewKeyframesMax : 0);
+    to.links.resize(is_due ? kViewLinksMax : 0);
+    if (!session.look(look_, to.keyframes, to.links)) look_ = {};
     if (is_keyframe) {
         cloud_.keyframe = out.statistics.frame;
         keep_cloud(frame, look_);
@@ -102,6 +103,7 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
     to.reason = out.state != out.estimate.state ? "camera fault" : unsure_reason_name(out.unsure);
     to.map_from_camera = pose_of(out);
     to.keyframes.resize(look_.keyframes_written);
+    to.links.resize(look_.links_written);
     to.statistics = out.statistics;
     to.stage_ms = look_.stage_ms;
     to.keyframe_pool = look_.keyframes;
@@ -172,8 +174,11 @@ void LiveView::no_pose(const Moment& moment, const Frame& frame, const char* rea
 void LiveView::finish(TrackingSession& session) {
     if (film_ == nullptr) return;
     std::vector<KeyframePose> keyframes(kViewKeyframesMax);
+    std::vector<KeyframeLink> links(kViewLinksMax);
     SessionLook look;
-    keyframes.resize(session.look(look, keyframes) ? look.keyframes_written : 0);
+    if (!session.look(look, keyframes, links)) look = {};
+    keyframes.resize(look.keyframes_written);
+    links.resize(look.links_written);
     std::vector<ViewCloud> clouds;
     ViewCursor cursor;
     ViewNews news;
@@ -181,7 +186,7 @@ void LiveView::finish(TrackingSession& session) {
         feed_->look(cursor, news);
         clouds.insert(clouds.end(), news.clouds.begin(), news.clouds.end());
     } while (news.clouds.size() == kViewCloudsAtOnce);
-    film_->finish(std::move(keyframes), std::move(clouds));
+    film_->finish(std::move(keyframes), std::move(links), std::move(clouds));
 }
 
 // What stood still, spread over the image as the features are, with the depth right below them.

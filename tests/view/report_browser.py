@@ -43,6 +43,8 @@ def it_is_seen_from_a_file(browser):
         open_report(browser, width, height, scheme)
         browser.becomes(SHADES % "camera" + " > 100")
         browser.becomes(SHADES % "map" + " > 15")
+        assert browser.script("return Number(document.getElementById('map').dataset.links)") > 3
+        assert browser.script("return document.getElementById('n-loops').textContent") == "0"
         drawn = browser.script("""return [...document.querySelectorAll('#curves canvas')].map((c) => { const x = c.getContext('2d');
           return new Set(new Uint32Array(x.getImageData(0, 0, c.width, c.height).data.buffer)).size })""")
         assert len(drawn) == 4 and min(drawn) > 3, drawn
