@@ -579,7 +579,7 @@ private:
     std::string map_store_, store_note_;
     bool can_wait_ = true;
     const MotionSource* motion_ = nullptr;
-    const std::vector<Acceleration>* accelerations_ = nullptr;
+    const AccelerationSource* accelerations_ = nullptr;
     GravityFinder gravity_;
     std::int64_t last_frame_ns_ = -1;
     std::uint64_t hinted_frames_ = 0;
