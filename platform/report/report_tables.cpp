@@ -49,7 +49,7 @@ namespace {
         "laid out {:.1f} "
         "MiB of it; it never asks for more. The program's peak was {:.1f} MiB. The bars show how full each pool ever "
         "was; a full "
-        "pool is normal: it forgets the oldest.</p><div class=\"scroll\"><table class=\"numbers\"><tr><th "
+        "pool is normal: it forgets what is least useful.</p><div class=\"scroll\"><table class=\"numbers\"><tr><th "
         "scope=\"col\">pool</th><td></td>"
         "<th scope=\"col\">most in use</th><th scope=\"col\">limit</th></tr>",
         mib(run.block_bytes), mib(run.arena_used_bytes), mib(run.peak_resident_bytes));
