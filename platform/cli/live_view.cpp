@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/base/time.hpp"
 #include "engine/geometry/lens.hpp"
 
 namespace stillmesh {
@@ -78,8 +79,8 @@ void LiveView::fill(const Moment& moment, const Frame& frame, ViewSnapshot& to) 
 
 void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFrame& out, TrackingSession& session) {
     if (feed_ == nullptr) return;
-    last_time_ns_ = frame.time_ns;
     keep_place(frame, out);
+    last_time_ns_ = frame.time_ns;
     const bool is_due = feed_->is_due(moment.now_ns);
     const bool is_picture = film_ != nullptr && film_->wants_picture();
     const bool is_keyframe = out.statistics.is_keyframe && out.state == PoseState::kTracked;
@@ -114,6 +115,9 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
 
 void LiveView::keep_place(const Frame& frame, const SessionFrame& out) {
     const bool has_pose = out.state != PoseState::kNone;
+    // Where frames are missing nothing is known of the way between; as the report does (page/run.js).
+    const double missing_s = seconds_between(last_time_ns_, frame.time_ns);
+    if (missing_s > std::max(0.25, 3e-3 * static_cast<double>(budget_ms_))) had_pose_ = false;
     if (has_pose) {
         const auto& t = out.world_from_camera.t;
         const float state = static_cast<float>(out.state) + (had_pose_ ? 0.0F : kViewPlaceGap);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -151,6 +153,36 @@ TEST(LiveView, AKeyframeLeavesWhatStoodStill) {
     EXPECT_EQ(news.places.size(), 1U);  // of one time: the second is no other place
     ViewSnapshot seen;
     EXPECT_FALSE(feed.take(seen));
+}
+
+// Promise: no line of the path leads over a stretch without a pose, nor over one without frames: a quarter of a second,
+// or three frames of a slow camera.
+TEST(LiveView, GapsOfThePathAreSeen) {
+    constexpr std::int64_t kMs_ns = 1'000'000;
+    const auto gaps_of = [](std::int64_t period_ns, const std::vector<std::int64_t>& times_ms) {
+        ViewFeed feed;
+        ShownSession session;
+        Pixels pixels(64, 48, PixelFormat::kGrey8, 9);
+        LiveView view(&feed, nullptr, pinhole(64, 48), period_ns);
+        for (const std::int64_t time_ms : times_ms) {
+            SessionFrame out;  // below 0: without a pose
+            out.state = time_ms < 0 ? PoseState::kNone : PoseState::kTracked;
+            pixels.frame.time_ns = std::abs(time_ms) * kMs_ns;
+            view.frame({0, 1, pixels.frame.time_ns, 5}, pixels.frame, out, session);
+        }
+        ViewCursor cursor;
+        ViewNews news;
+        feed.look(cursor, news);
+        std::vector<int> gaps;
+        for (const ViewPlace& place : news.places) gaps.push_back(place.state >= kViewPlaceGap ? 1 : 0);
+        return gaps;
+    };
+    using Gaps = std::vector<int>;
+    EXPECT_EQ(gaps_of(100 * kMs_ns, {1000, 1100, 1300, 1400}), (Gaps{1, 0, 0, 0}));
+    EXPECT_EQ(gaps_of(100 * kMs_ns, {1000, 1100, -1200, 1300}), (Gaps{1, 0, 1}));
+    EXPECT_EQ(gaps_of(100 * kMs_ns, {1000, 1100, 1450, 1550}), (Gaps{1, 0, 1, 0}));
+    EXPECT_EQ(gaps_of(33 * kMs_ns, {1000, 1200, 1460, 1600}), (Gaps{1, 0, 1, 0}));
+    EXPECT_EQ(gaps_of(200 * kMs_ns, {1000, 1200, 1700, 2400}), (Gaps{1, 0, 0, 1}));
 }
 
 // Promise: the engine's thread calls no heap for a page that looks on, once it has begun: not for frames, keyframes,
