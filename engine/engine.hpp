@@ -111,7 +111,7 @@ public:
     // then each keyframe with the older ones that it shares most points with, at most `of_each` of them, each sharing
     // map.shared_min. All: keyframes_max * of_each + kLoopLinksMax. Two keyframes may be linked in both ways. Loops of
     // a map that was loaded are not known, nor places that were recognised too roughly to correct anything by them.
-    // Cost: keyframes^2 * (1 + of_each / 8) comparisons at most.
+    // Cost: keyframes_max * keyframes comparisons, and of_each for each link that is stronger than one chosen before.
     [[nodiscard]] std::uint32_t keyframe_links(std::span<KeyframeLink> out, std::uint32_t of_each) const noexcept;
     // One of the small depth images, index < limits.depth_images_max; borrowed until the next submit or step. Each
     // keyframe made from a frame has one, and once a second what is seen now is kept beside that of the nearest

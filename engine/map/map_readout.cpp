@@ -26,20 +26,18 @@ std::uint32_t list_covisible(const Map& map, std::uint32_t of_each, std::span<Ke
         if (!keyframes.is_taken(slot)) continue;
         const std::uint64_t newer = keyframes.at(slot).frame;
         const auto room = out.subspan(count, std::min<std::size_t>(of_each, out.size() - count));
+        const auto fewer = [](const KeyframeLink& a, const KeyframeLink& b) {
+            return a.shared_points < b.shared_points;
+        };
         std::size_t chosen = 0;
+        std::uint32_t enough = shared_min;  // points that are worth a place
         for (std::uint32_t other = 0; other < keyframes.slots_count() && !room.empty(); ++other) {
             const std::uint32_t shared = map.shared(slot, other);
-            if (shared < shared_min || keyframes.at(other).frame >= newer) continue;
-            KeyframeLink* place = &room[0];
-            if (chosen < room.size()) {
-                place = &room[chosen++];
-            } else {  // instead of the weakest
-                for (KeyframeLink& link : room) {
-                    if (link.shared_points <= place->shared_points) place = &link;
-                }
-                if (shared <= place->shared_points) continue;
-            }
-            *place = {keyframes.at(other).frame, newer, shared, KeyframeLinkKind::kCovisible};
+            if (shared < enough || keyframes.at(other).frame >= newer) continue;
+            const bool is_full = chosen == room.size();
+            KeyframeLink& place = is_full ? *std::min_element(room.begin(), room.end(), fewer) : room[chosen++];
+            place = {keyframes.at(other).frame, newer, shared, KeyframeLinkKind::kCovisible};
+            if (chosen == room.size()) enough = std::min_element(room.begin(), room.end(), fewer)->shared_points + 1;
         }
         count += static_cast<std::uint32_t>(chosen);
     }
