@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "engine/base/time.hpp"
 #include "engine/geometry/lens.hpp"
 
 namespace stillmesh {
@@ -116,8 +115,8 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
 void LiveView::keep_place(const Frame& frame, const SessionFrame& out) {
     const bool has_pose = out.state != PoseState::kNone;
     // Where frames are missing nothing is known of the way between; as the report does (page/run.js).
-    const double missing_s = seconds_between(last_time_ns_, frame.time_ns);
-    if (missing_s > std::max(0.25, 3e-3 * static_cast<double>(budget_ms_))) had_pose_ = false;
+    const double missing_ms = static_cast<double>(frame.time_ns - last_time_ns_) * 1e-6;
+    if (missing_ms > std::max(250.0, 3.0 * static_cast<double>(budget_ms_))) had_pose_ = false;
     if (has_pose) {
         const auto& t = out.world_from_camera.t;
         const float state = static_cast<float>(out.state) + (had_pose_ ? 0.0F : kViewPlaceGap);
