@@ -246,6 +246,11 @@ const FeatureSet& Engine::features() const noexcept {
 std::uint32_t Engine::keyframes(std::span<KeyframePose> out) const noexcept {
     return list_keyframes(state_of(this).world.map, out);
 }
+std::uint32_t Engine::keyframe_links(std::span<KeyframeLink> out, std::uint32_t of_each) const noexcept {
+    const EngineState& state = state_of(this);
+    const std::uint32_t loops = state.loop_closing.list_loops(out);
+    return loops + list_covisible(state.world.map, of_each, out.subspan(loops));
+}
 DepthImage Engine::depth_image(std::uint32_t index) const noexcept {
     const World& world = state_of(this).world;
     return world.depth_images.at(index, world.map.keyframes());

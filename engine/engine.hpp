@@ -107,6 +107,12 @@ public:
     // All keyframes, as many as `out` takes (limits.keyframes_max: all); returns how many were written. With them poses
     // that were given out can be carried along as the map is corrected.
     [[nodiscard]] std::uint32_t keyframes(std::span<KeyframePose> out) const noexcept;
+    // The graph over them, as many links as `out` takes; returns how many were written. First loops, the newest first;
+    // then each keyframe with the older ones that it shares most points with, at most `of_each` of them, each sharing
+    // map.shared_min. All: keyframes_max * of_each + kLoopLinksMax. Two keyframes may be linked in both ways. Loops of
+    // a map that was loaded are not known, nor places that were recognised too roughly to correct anything by them.
+    // Cost: keyframes_max * keyframes comparisons, and of_each for each link that is stronger than one chosen before.
+    [[nodiscard]] std::uint32_t keyframe_links(std::span<KeyframeLink> out, std::uint32_t of_each) const noexcept;
     // One of the small depth images, index < limits.depth_images_max; borrowed until the next submit or step. Each
     // keyframe made from a frame has one, and once a second what is seen now is kept beside that of the nearest
     // keyframe. Without cells: none has this index.

@@ -59,6 +59,16 @@ struct KeyframePose {
     RigidTransform map_from_camera;
 };
 
+// Two keyframes that hold each other: by points that both see, or by a loop that was closed or confirmed between them.
+enum class KeyframeLinkKind : std::uint32_t { kCovisible = 0, kLoop = 1 };
+inline constexpr std::uint32_t kLoopLinksMax = 64;  // loops that are remembered; the oldest is forgotten
+struct KeyframeLink {
+    std::uint64_t older_id = kNoKeyframe;
+    std::uint64_t newer_id = kNoKeyframe;
+    std::uint32_t shared_points = 0;  // that both see
+    KeyframeLinkKind kind = KeyframeLinkKind::kCovisible;
+};
+
 // The steps of a frame, for timing.
 enum class Stage : std::uint8_t { kPrepare, kFeatures, kMatching, kMesh, kRegion, kPose, kLocalMap, kMapUpdate };
 inline constexpr std::uint32_t kStages = 8;

@@ -93,6 +93,19 @@ void EssentialGraph::add_loops() noexcept {
     }
 }
 
+std::uint32_t EssentialGraph::list_loops(std::size_t pending, std::span<KeyframeLink> out) const noexcept {
+    const Pool<Keyframe>& keyframes = world_->map.keyframes();
+    std::uint32_t count = 0;
+    for (std::size_t i = loops_.size() - std::min(pending, loops_.size()); i-- > 0 && count < out.size();) {
+        const Keyframe* const older = keyframes.find(loops_[i].a);
+        const Keyframe* const newer = keyframes.find(loops_[i].b);
+        if (older == nullptr || newer == nullptr) continue;
+        out[count++] = {older->frame, newer->frame, world_->map.shared(loops_[i].a.slot(), loops_[i].b.slot()),
+                        KeyframeLinkKind::kLoop};
+    }
+    return count;
+}
+
 std::uint32_t EssentialGraph::add_covisible(std::uint64_t settled_end) noexcept {
     const Pool<Keyframe>& keyframes = world_->map.keyframes();
     const std::uint32_t slots = keyframes.slots_count();

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "engine/adjust/pose_graph.hpp"
 #include "engine/base/ring.hpp"
@@ -15,10 +16,8 @@ namespace stillmesh {
 
 class EssentialGraph {
 public:
-    static constexpr std::uint32_t kLoopsMax = 64;
-
     static constexpr std::uint32_t loops_max(std::uint32_t keyframes_max) noexcept {
-        return keyframes_max > kLoopsMax ? kLoopsMax : (keyframes_max > 0 ? keyframes_max : 1U);
+        return keyframes_max > kLoopLinksMax ? kLoopLinksMax : (keyframes_max > 0 ? keyframes_max : 1U);
     }
     static constexpr std::uint32_t edges_max(std::uint32_t keyframes_max) noexcept { return 6 * keyframes_max; }
     static constexpr std::uint32_t build_units_max(const Limits& limits) noexcept {
@@ -37,6 +36,8 @@ public:
     void add_loop(Handle<Keyframe> a, Handle<Keyframe> b, const SE3& a_from_b) noexcept {
         loops_.push_over({a, b, a_from_b});
     }
+    // Loops whose keyframes are both there, but the newest `pending`; the newest first, as many as fit. How many.
+    [[nodiscard]] std::uint32_t list_loops(std::size_t pending, std::span<KeyframeLink> out) const noexcept;
     // Of the map as it is. Keyframes before `settled_end` (frame) lie right by loops closed before: what they share
     // across a long time counts. Units.
     [[nodiscard]] std::uint32_t build(std::uint64_t settled_end) noexcept;

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "engine/loop_closing/essential_graph.hpp"
 #include "engine/loop_closing/loop_candidates.hpp"
@@ -47,6 +48,12 @@ public:
     void reset() noexcept;
 
     [[nodiscard]] Progress step(WorkBudget& budget) noexcept override;
+    // Loops that were closed or confirmed and whose keyframes are both there, the newest first, as many as fit. How
+    // many.
+    [[nodiscard]] std::uint32_t list_loops(std::span<KeyframeLink> out) const noexcept {
+        const bool is_pending = stage_ >= Stage::kBuild && stage_ <= Stage::kCommit;
+        return graph_.list_loops(is_pending ? 1 : 0, out);
+    }
     [[nodiscard]] std::uint32_t piece_units_max() const noexcept { return piece_units_max_; }
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
 

@@ -17,6 +17,10 @@ static_assert(sizeof(bool) == 1);
 static_assert(sizeof(sm_keyframe) == sizeof(stillmesh::KeyframePose) &&
               offsetof(sm_keyframe, map_from_camera) == offsetof(stillmesh::KeyframePose, map_from_camera) &&
               sizeof(sm_transform) == sizeof(stillmesh::RigidTransform));
+static_assert(sizeof(sm_keyframe_link) == sizeof(stillmesh::KeyframeLink) &&
+              offsetof(sm_keyframe_link, kind) == offsetof(stillmesh::KeyframeLink, kind) &&
+              static_cast<int>(stillmesh::KeyframeLinkKind::kLoop) == SM_LINK_LOOP &&
+              stillmesh::kLoopLinksMax == SM_LOOP_LINKS_MAX);
 
 struct sm_trajectory {
     const sm_engine* engine = nullptr;
@@ -209,6 +213,12 @@ std::uint32_t sm_keyframes(const sm_engine* engine, sm_keyframe* out, std::uint3
     return engine == nullptr || out == nullptr
                ? 0
                : engine->engine->keyframes({reinterpret_cast<KeyframePose*>(out), count});
+}
+std::uint32_t sm_keyframe_links(const sm_engine* engine, sm_keyframe_link* out, std::uint32_t count,
+                                std::uint32_t of_each) {
+    return engine == nullptr || out == nullptr
+               ? 0
+               : engine->engine->keyframe_links({reinterpret_cast<KeyframeLink*>(out), count}, of_each);
 }
 sm_status sm_get_depth_image(const sm_engine* engine, std::uint32_t index, sm_depth_image* image) {
     if (engine == nullptr) return SM_INVALID;

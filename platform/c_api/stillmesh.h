@@ -331,6 +331,14 @@ typedef struct sm_keyframe {
     uint64_t parent_id;
     sm_transform map_from_camera;
 } sm_keyframe;
+/* Two keyframes that hold each other: by points that both see, or by a loop that was closed or confirmed. */
+#define SM_LOOP_LINKS_MAX 64
+enum { SM_LINK_COVISIBLE = 0, SM_LINK_LOOP = 1 };
+typedef struct sm_keyframe_link {
+    uint64_t older_id, newer_id;
+    uint32_t shared_points; /* that both see */
+    uint32_t kind;
+} sm_keyframe_link;
 /* What was seen at one moment, small: mm along the camera's axis, row by row, 0 where there is none. Cell i lies on the
    ray (rays[2 i], rays[2 i + 1], 1) of the camera. What moved then has SM_DEPTH_MOVING added: it is no part of the
    room. */
@@ -351,6 +359,10 @@ SM_API sm_status sm_get_tracking_view(sm_engine* engine, sm_tracking_view* view)
 SM_API sm_status sm_get_features(const sm_engine* engine, sm_features* features);
 /* All keyframes, as many as `out` takes (limits.keyframes_max: all); how many were written. */
 SM_API uint32_t sm_keyframes(const sm_engine* engine, sm_keyframe* out, uint32_t count);
+/* The graph over them, as many links as `out` takes; how many were written. First loops, the newest first; then each
+   keyframe with the older ones that it shares most points with, at most `of_each`. All: limits.keyframes_max * of_each
+   + SM_LOOP_LINKS_MAX. */
+SM_API uint32_t sm_keyframe_links(const sm_engine* engine, sm_keyframe_link* out, uint32_t count, uint32_t of_each);
 /* index < limits.depth_images_max; borrowed until the next sm_submit or sm_step. */
 SM_API sm_status sm_get_depth_image(const sm_engine* engine, uint32_t index, sm_depth_image* image);
 SM_API uint64_t sm_reference_keyframe(const sm_engine* engine);

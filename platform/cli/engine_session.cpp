@@ -28,6 +28,7 @@
 #include "platform/vocabulary/vocabulary_file.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
+#include "platform/view/view_snapshot.hpp"
 #endif
 
 namespace stillmesh {
@@ -360,7 +361,7 @@ public:
         return &engine_->features();
     }
 
-    bool look(SessionLook& look, std::span<KeyframePose> keyframes) override {
+    bool look(SessionLook& look, std::span<KeyframePose> keyframes, std::span<KeyframeLink> links) override {
         look.tracking = engine_->tracking_view();
         for (std::size_t i = 0; i < kStages; ++i) look.stage_ms[i] = static_cast<float>(spent_ns_[i]) * 1e-6F;
         const EngineStatistics statistics = engine_->statistics();
@@ -368,6 +369,7 @@ public:
         look.map_points = statistics.map_points;
         look.keyframe_queue = statistics.keyframe_queue;
         look.keyframes_written = keyframes.empty() ? 0 : engine_->keyframes(keyframes);
+        look.links_written = links.empty() ? 0 : engine_->keyframe_links(links, kViewLinksOfEach);
         return true;
     }
 
@@ -577,7 +579,7 @@ private:
     std::string map_store_, store_note_;
     bool can_wait_ = true;
     const MotionSource* motion_ = nullptr;
-    const std::vector<Acceleration>* accelerations_ = nullptr;
+    const AccelerationSource* accelerations_ = nullptr;
     GravityFinder gravity_;
     std::int64_t last_frame_ns_ = -1;
     std::uint64_t hinted_frames_ = 0;

@@ -34,7 +34,7 @@ struct SessionOptions {
     bool is_localising = false;            // the map that was read stays as it is
     std::string vocabulary = "default";    // or a file; "none": no place is ever recognised
     const MotionSource* motion = nullptr;  // how the camera moved, by others; nullptr: not known. Outlives the session
-    const std::vector<Acceleration>* accelerations = nullptr;  // of --level gravity; nullptr: none. Outlives it too
+    const AccelerationSource* accelerations = nullptr;  // of --level gravity; nullptr: none. Outlives it too
     bool can_wait = true;  // for a full recording ring, between frames: the camera is no live one
 };
 

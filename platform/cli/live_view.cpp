@@ -78,15 +78,16 @@ void LiveView::fill(const Moment& moment, const Frame& frame, ViewSnapshot& to) 
 
 void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFrame& out, TrackingSession& session) {
     if (feed_ == nullptr) return;
-    last_time_ns_ = frame.time_ns;
     keep_place(frame, out);
+    last_time_ns_ = frame.time_ns;
     const bool is_due = feed_->is_due(moment.now_ns);
     const bool is_picture = film_ != nullptr && film_->wants_picture();
     const bool is_keyframe = out.statistics.is_keyframe && out.state == PoseState::kTracked;
     if (!is_due && !is_keyframe && film_ == nullptr) return;
     ViewSnapshot& to = feed_->draft();
-    if (is_due) to.keyframes.resize(kViewKeyframesMax);
-    if (!session.look(look_, is_due ? std::span(to.keyframes) : std::span<KeyframePose>())) look_ = {};
+    to.keyframes.resize(is_due ? kViewKeyframesMax : 0);
+    to.links.resize(is_due ? kViewLinksMax : 0);
+    if (!session.look(look_, to.keyframes, to.links)) look_ = {};
     if (is_keyframe) {
         cloud_.keyframe = out.statistics.frame;
         keep_cloud(frame, look_);
@@ -102,6 +103,7 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
     to.reason = out.state != out.estimate.state ? "camera fault" : unsure_reason_name(out.unsure);
     to.map_from_camera = pose_of(out);
     to.keyframes.resize(look_.keyframes_written);
+    to.links.resize(look_.links_written);
     to.statistics = out.statistics;
     to.stage_ms = look_.stage_ms;
     to.keyframe_pool = look_.keyframes;
@@ -112,6 +114,9 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
 
 void LiveView::keep_place(const Frame& frame, const SessionFrame& out) {
     const bool has_pose = out.state != PoseState::kNone;
+    // Where frames are missing nothing is known of the way between; as the report does (page/run.js).
+    const double missing_ms = static_cast<double>(frame.time_ns - last_time_ns_) * 1e-6;
+    if (missing_ms > std::max(250.0, 3.0 * static_cast<double>(budget_ms_))) had_pose_ = false;
     if (has_pose) {
         const auto& t = out.world_from_camera.t;
         const float state = static_cast<float>(out.state) + (had_pose_ ? 0.0F : kViewPlaceGap);
@@ -172,8 +177,11 @@ void LiveView::no_pose(const Moment& moment, const Frame& frame, const char* rea
 void LiveView::finish(TrackingSession& session) {
     if (film_ == nullptr) return;
     std::vector<KeyframePose> keyframes(kViewKeyframesMax);
+    std::vector<KeyframeLink> links(kViewLinksMax);
     SessionLook look;
-    keyframes.resize(session.look(look, keyframes) ? look.keyframes_written : 0);
+    if (!session.look(look, keyframes, links)) look = {};
+    keyframes.resize(look.keyframes_written);
+    links.resize(look.links_written);
     std::vector<ViewCloud> clouds;
     ViewCursor cursor;
     ViewNews news;
@@ -181,7 +189,7 @@ void LiveView::finish(TrackingSession& session) {
         feed_->look(cursor, news);
         clouds.insert(clouds.end(), news.clouds.begin(), news.clouds.end());
     } while (news.clouds.size() == kViewCloudsAtOnce);
-    film_->finish(std::move(keyframes), std::move(clouds));
+    film_->finish(std::move(keyframes), std::move(links), std::move(clouds));
 }
 
 // What stood still, spread over the image as the features are, with the depth right below them.

@@ -148,7 +148,7 @@ void append_points(const SavedMap& map, bool has_moving, std::string& text) {
 }
 [[nodiscard]] std::string json_text(const std::string& file, const SavedMap& map, bool has_moving) {
     Json json = info_json(file, map);
-    Json keyframes = Json::array(), points = Json::array();
+    Json keyframes = Json::array(), points = Json::array(), links = Json::array();
     for (const SavedKeyframe& k : map.keyframes) {
         keyframes.push_back({{"frame", k.frame},
                              {"time_ns", k.pose.time_ns},
@@ -167,7 +167,11 @@ void append_points(const SavedMap& map, bool has_moving, std::string& text) {
                           {"seen", p.seen},
                           {"is_moving", p.is_moving}});
     });
+    for (const KeyframeLink& link : covisible_keyframes(map)) {
+        links.push_back({{"older", link.older_id}, {"newer", link.newer_id}, {"shared_points", link.shared_points}});
+    }
     json["keyframe_list"] = std::move(keyframes);
+    json["covisible_list"] = std::move(links);
     json["point_list"] = std::move(points);
     return json.dump(1) + "\n";
 }

@@ -44,16 +44,17 @@ bool is_ros_motion(const std::string& value) {
 std::string motion_problem(const RunArguments& arguments) {
     const std::string& camera = arguments.live.camera;
     for (const auto& [option, value] : {std::pair<const char*, const std::string&>{"--odometry", arguments.odometry},
-                                        {"--gyro", arguments.gyroscope}}) {
+                                        {"--gyro", arguments.gyroscope},
+                                        {"--accelerometer", arguments.accelerometer}}) {
         if (value.empty()) continue;
         if (is_ros_motion(value)) {
             if (camera.starts_with("ros2")) continue;
             return std::string(option) + " " + value + ": has ROS's times; give --camera ros2 with it.";
         }
         if (!camera.empty()) {
-            return "--odometry, --gyro: a file knows no live camera; give --replay DIR or --simulate SCENE, or topics "
-                   "of "
-                   "ROS 2 beside --camera ros2.";
+            return std::string(option) +
+                   ": a file knows no live camera; give --replay DIR or --simulate SCENE, or a "
+                   "topic of ROS 2 beside --camera ros2.";
         }
     }
     return {};
@@ -76,17 +77,30 @@ bool open_motion(const RunArguments& arguments, const std::string& folder, std::
     return true;
 }
 
-bool open_accelerometer(const RunArguments& arguments, const std::string& folder, std::vector<Acceleration>& readings,
-                        std::string& message) {
+bool open_accelerometer(const RunArguments& arguments, const std::string& folder,
+                        std::unique_ptr<AccelerationSource>& source, std::string& message) {
     const bool is_asked = arguments.session.grid.level == Level::kGravity;
     if (!is_asked && arguments.accelerometer.empty()) return true;
     if (!is_asked) {
         message = "--accelerometer: says where up is, which --level gravity asks for; give both.";
         return false;
     }
+    if (const std::string topic = ros_motion_topic(arguments.accelerometer, "/imu"); !topic.empty()) {
+        RosMotionOptions options;
+        options.accelerometer = topic;
+        options.base_from_camera_link = arguments.loop.ros.base_from_camera_link;
+        auto heard = std::make_unique<RosMotion>();
+        if (!heard->open(options, message)) {
+            message = "--accelerometer ros2: " + message;
+            return false;
+        }
+        source = std::move(heard);
+        return true;
+    }
     if (!arguments.live.camera.empty()) {
         message =
-            "--level gravity: an accelerometer's file knows no live camera; give --replay DIR or --simulate SCENE.";
+            "--level gravity: needs an accelerometer; give --accelerometer ros2 beside --camera ros2, or a file beside "
+            "--replay DIR or --simulate SCENE.";
         return false;
     }
     std::error_code error;
@@ -99,7 +113,10 @@ bool open_accelerometer(const RunArguments& arguments, const std::string& folder
             "accelerometer.txt.";
         return false;
     }
-    return read_accelerometer(file, readings, message) == Status::kOk;
+    auto list = std::make_unique<AccelerationList>();
+    if (read_accelerometer(file, list->readings, message) != Status::kOk) return false;
+    source = std::move(list);
+    return true;
 }
 
 bool place_on_robot(const RunArguments& arguments, std::optional<RunArguments>& placed, std::string& message) {

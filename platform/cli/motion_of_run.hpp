@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "platform/cli/run_command.hpp"
 #include "platform/motion/gravity_finder.hpp"
@@ -21,9 +20,9 @@ namespace stillmesh {
 [[nodiscard]] bool open_motion(const RunArguments& arguments, const std::string& folder,
                                std::unique_ptr<MotionSource>& motion, std::string& message);
 
-// What --level gravity needs; `readings` stays empty where nobody asked. False: `message`.
+// What --level gravity needs; `source` stays empty where nobody asked. False: `message`.
 [[nodiscard]] bool open_accelerometer(const RunArguments& arguments, const std::string& folder,
-                                      std::vector<Acceleration>& readings, std::string& message);
+                                      std::unique_ptr<AccelerationSource>& source, std::string& message);
 
 // `--base-from-camera tf_static` of `--camera ros2`, whose images come: `placed` is `arguments` with what the robot
 // says. False: `message`.

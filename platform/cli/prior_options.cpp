@@ -20,8 +20,8 @@ void add_prior_options(CLI::App& app, RunArguments& arguments, const char* group
         ->group(group);
     app.add_option("--accelerometer", arguments.accelerometer,
                    "of --level gravity: 'time ax ay az', m/s^2 in the camera's axes; a recording's own "
-                   "accelerometer.txt if not given")
-        ->type_name("FILE")
+                   "accelerometer.txt if not given; ros2: /imu")
+        ->type_name("FILE|ros2[:TOPIC]")
         ->group(group);
     app.add_option_function<double>(
            "--odometry-error",

@@ -91,7 +91,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         return refuse("--mask: a folder of masks is a recording's; give an image, or --replay.");
     std::string message, note;
     if (!open_motion(arguments, folder, motion, message)) return refuse(message);
-    std::vector<Acceleration> accelerations;
+    std::unique_ptr<AccelerationSource> accelerations;
     if (!open_accelerometer(arguments, folder, accelerations, message)) return refuse(message);
     PreparedCamera prepared(source.camera);
     if (prepared.prepare(arguments.mask, arguments.is_half, note, message) != Status::kOk) return refuse(message);
@@ -105,7 +105,7 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
     const bool is_live = source.times != nullptr;
     const bool is_realtime = arguments.is_realtime && !is_live;  // a live camera is
     options.motion = motion.get();
-    if (!accelerations.empty()) options.accelerations = &accelerations;
+    options.accelerations = accelerations.get();
     options.can_wait = !is_realtime && !is_live;
     if (create_engine_session(options, camera.info(), session, message) != Status::kOk) return refuse(message);
     if (!arguments.report.empty()) {

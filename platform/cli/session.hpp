@@ -38,7 +38,7 @@ struct SessionLook {
     TrackingView tracking;
     std::array<float, kStages> stage_ms{};  // of the last frame
     PoolStatistics keyframes, map_points, keyframe_queue;
-    std::uint32_t keyframes_written = 0;
+    std::uint32_t keyframes_written = 0, links_written = 0;
 };
 
 class TrackingSession {
@@ -99,11 +99,13 @@ public:
     }
     // What should outlive the program is saved, without asking for memory: there is none.
     virtual void rescue() {}
-    // The last frame's mesh and times, the pools, and as many keyframes as there is room for. Changes nothing, calls no
-    // heap. False: there is nothing to be seen.
-    [[nodiscard]] virtual bool look(SessionLook& look, std::span<KeyframePose> keyframes) {
+    // The last frame's mesh and times, the pools, and as many keyframes and links between them (kViewLinksOfEach) as
+    // there is room for. Changes nothing, calls no heap. False: there is nothing to be seen.
+    [[nodiscard]] virtual bool look(SessionLook& look, std::span<KeyframePose> keyframes,
+                                    std::span<KeyframeLink> links) {
         static_cast<void>(look);
         static_cast<void>(keyframes);
+        static_cast<void>(links);
         return false;
     }
     // Stages with their times, pools with their high-water marks, memory.

@@ -27,22 +27,33 @@ Triple times(const Triple& v, double factor) {
 
 }  // namespace
 
+void copy_between(const std::vector<Acceleration>& readings, std::int64_t after_ns, std::int64_t to_ns,
+                  std::vector<Acceleration>& out) {
+    const auto first_after = [&](std::int64_t time_ns) {
+        return std::upper_bound(readings.begin(), readings.end(), time_ns,
+                                [](std::int64_t time, const Acceleration& reading) { return time < reading.time_ns; });
+    };
+    out.assign(first_after(after_ns), first_after(std::max(after_ns, to_ns)));
+}
+
+void AccelerationList::between(std::int64_t after_ns, std::int64_t to_ns, std::vector<Acceleration>& out) const {
+    copy_between(readings, after_ns, to_ns, out);
+}
+
 std::optional<Triple> GravityFinder::mean_between(const TrajectoryPose& from, const TrajectoryPose& to) {
-    while (next_ < readings_->size() && (*readings_)[next_].time_ns <= from.time_ns) ++next_;
+    source_->between(from.time_ns, to.time_ns, readings_);
     Triple sum{};
-    std::size_t count = 0;
-    for (; next_ < readings_->size() && (*readings_)[next_].time_ns <= to.time_ns; ++next_, ++count) {
-        const Acceleration& reading = (*readings_)[next_];
+    for (const Acceleration& reading : readings_) {
         const double share =
             static_cast<double>(reading.time_ns - from.time_ns) / static_cast<double>(to.time_ns - from.time_ns);
         add_to(sum, rotated(between(from, to, share).q, reading.m_s2), 1);
     }
-    if (count == 0) return std::nullopt;
-    return times(sum, 1.0 / static_cast<double>(count));
+    if (readings_.empty()) return std::nullopt;
+    return times(sum, 1.0 / static_cast<double>(readings_.size()));
 }
 
 void GravityFinder::add(const TrajectoryPose& pose, const Quaternion& map_from_odom) {
-    if (readings_ == nullptr) return;
+    if (source_ == nullptr) return;
     const std::optional<TrajectoryPose> last = last_;
     last_ = pose;
     const std::int64_t since_ns = last ? pose.time_ns - last->time_ns : 0;

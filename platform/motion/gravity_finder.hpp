@@ -2,8 +2,8 @@
 // It measures gravity and how the camera's speed changes; the camera's own poses say the second, so that of each second
 // the change of speed is taken off, and nobody has to hold still. What seconds in a row say apart from each other, and
 // what an accelerometer is off by for good, is the doubt; where that is too large, up is unknown. Poses are the
-// odometry's, which do not jump; each second is turned by what map_from_odom was at its end. Memory: none but the
-// readings, 32 bytes each, which are borrowed. Cost: a rotation a reading.
+// odometry's, which do not jump; each second is turned by what map_from_odom was at its end. Memory: 32
+// bytes for each reading between two frames. Cost: a rotation a reading.
 #pragma once
 
 #include <cstdint>
@@ -21,6 +21,24 @@ struct Acceleration {
     Triple m_s2{};
 };
 
+// Who has them: a file, or a robot.
+class AccelerationSource {
+public:
+    virtual ~AccelerationSource() = default;
+    // Replaces `out` by those after one moment and not after another, in the order of their times, as far as they are
+    // known yet. Any thread.
+    virtual void between(std::int64_t after_ns, std::int64_t to_ns, std::vector<Acceleration>& out) const = 0;
+};
+// All of them known beforehand, in the order of their times.
+class AccelerationList final : public AccelerationSource {
+public:
+    std::vector<Acceleration> readings;
+    void between(std::int64_t after_ns, std::int64_t to_ns, std::vector<Acceleration>& out) const override;
+};
+// Of readings in the order of their times, likewise.
+void copy_between(const std::vector<Acceleration>& readings, std::int64_t after_ns, std::int64_t to_ns,
+                  std::vector<Acceleration>& out);
+
 struct Gravity {
     bool is_known = false;
     Triple up{0, -1, 0};   // in the map
@@ -35,8 +53,8 @@ public:
     static constexpr double kDoubtMax_rad = 0.035;  // two degrees, apart from the bias
     static constexpr int kPartsMin = 3;             // seconds
 
-    // `readings` in the order of their times, borrowed; nullptr: nothing is ever known.
-    void begin(const std::vector<Acceleration>* readings) { *this = GravityFinder(readings); }
+    // `source` is borrowed; nullptr: nothing is ever known.
+    void begin(const AccelerationSource* source) { *this = GravityFinder(source); }
     GravityFinder() = default;
     // A frame's measured pose, and what turns it into the map.
     void add(const TrajectoryPose& odom_from_camera, const Quaternion& map_from_odom);
@@ -45,13 +63,17 @@ public:
     [[nodiscard]] Gravity gravity() const;
 
 private:
-    explicit GravityFinder(const std::vector<Acceleration>* readings) : readings_(readings) {}
+    explicit GravityFinder(const AccelerationSource* source) : source_(source) {
+        if (source != nullptr) readings_.reserve(kReadingsUsual);
+    }
     // The mean of the readings between two poses, in the odometry's frame; empty: there are none.
     [[nodiscard]] std::optional<Triple> mean_between(const TrajectoryPose& from, const TrajectoryPose& to);
     void end_part(const Quaternion& map_from_odom);
 
-    const std::vector<Acceleration>* readings_ = nullptr;
-    std::size_t next_ = 0;  // reading
+    static constexpr std::size_t kReadingsUsual = 1024;  // between two frames: more take memory anew
+
+    const AccelerationSource* source_ = nullptr;
+    std::vector<Acceleration> readings_;  // between the last two poses
     std::optional<TrajectoryPose> last_;
     bool has_part_ = false;  // a second has begun: its speed at the begin, so far
     Triple speed_begin_{}, speed_{}, sum_{};

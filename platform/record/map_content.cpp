@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <exception>
+#include <utility>
 
 #include "engine/base/bytes.hpp"
 #include "engine/base/crc.hpp"
@@ -149,10 +150,12 @@ private:
     }
     // Features follow each other keyframe by keyframe.
     [[nodiscard]] bool take_links(ByteReader& in) {
+        content_.shown.reserve(content_.info.features);
         for (SavedKeyframe& keyframe : content_.keyframes) {
             for (std::uint32_t i = 0; i < keyframe.features; ++i) {
                 const std::uint32_t link = in.u32();
                 if (!in.is_ok() || link > content_.info.points) return false;
+                content_.shown.push_back(link);
                 if (link == 0) continue;
                 ++keyframe.points;
                 ++content_.points[link - 1].observers;
@@ -176,6 +179,34 @@ DepthImage SavedMap::depth_image(std::size_t index) const {
             rays,
             depth[index].frame,
             depth[index].map_from_camera};
+}
+
+std::vector<KeyframeLink> covisible_keyframes(const SavedMap& map, std::uint32_t shared_min) {
+    constexpr std::size_t kKeyframesMax = 1024;
+    std::vector<KeyframeLink> links;
+    if (map.keyframes.size() > kKeyframesMax) return links;
+    std::vector<std::vector<std::uint32_t>> observers(map.points.size());  // of each point, in order
+    std::size_t feature = 0;
+    for (std::uint32_t k = 0; k < map.keyframes.size(); ++k) {
+        std::vector<std::uint32_t> shared(k, 0);
+        for (std::uint32_t i = 0; i < map.keyframes[k].features; ++i) {
+            const std::uint32_t point = map.shown[feature++];
+            if (point == 0) continue;
+            std::vector<std::uint32_t>& others = observers[point - 1];
+            if (!others.empty() && others.back() == k) continue;
+            for (const std::uint32_t other : others) ++shared[other];
+            others.push_back(k);
+        }
+        for (std::uint32_t other = 0; other < k; ++other) {
+            if (shared[other] < std::max(shared_min, 1U)) continue;
+            const auto [older, newer] = std::minmax(map.keyframes[other].frame, map.keyframes[k].frame);
+            links.push_back({older, newer, shared[other], KeyframeLinkKind::kCovisible});
+        }
+    }
+    std::sort(links.begin(), links.end(), [](const KeyframeLink& a, const KeyframeLink& b) {
+        return std::pair(a.newer_id, a.older_id) < std::pair(b.newer_id, b.older_id);
+    });
+    return links;
 }
 
 Status parse_map_content(std::span<const std::byte> bytes, const std::string& file, SavedMap& content,

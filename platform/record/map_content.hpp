@@ -1,6 +1,7 @@
 // What is in a map file, for people and other programs: the camera, where keyframes stand and who follows whom, the
 // points and how sure they are, its depth images. Read by docs/SPEC-map.md, checksums and all; descriptors and features
-// are passed over. Memory: the file, 80 bytes a point, 9.5 KiB a depth image. Any bytes are safe.
+// are passed over. Memory: the file, 80 bytes a point, 4 bytes a feature,
+// 9.5 KiB a depth image. Any bytes are safe.
 #pragma once
 
 #include <cstdint>
@@ -42,6 +43,7 @@ struct SavedMap {
     double readout_s = 0;
     std::vector<SavedKeyframe> keyframes;
     std::vector<SavedPoint> points;
+    std::vector<std::uint32_t> shown;  // of each feature, keyframe by keyframe: its point, from 1; 0: none
     std::vector<SavedDepth> depth;
     std::vector<float> rays;  // of all depth images
     std::vector<std::uint16_t> depth_mm;
@@ -49,6 +51,12 @@ struct SavedMap {
     // As Engine::depth_image(): without cells where there is none; borrowed from this.
     [[nodiscard]] DepthImage depth_image(std::size_t index) const;
 };
+
+// Pairs of keyframes that share at least so many points, by their frames; loops are not in a file. None of a map that
+// no engine can hold: more than 1024 keyframes. Cost: that many pairs, and observers^2 for each point.
+inline constexpr std::uint32_t kSharedUsual = 15;  // map.shared_min
+[[nodiscard]] std::vector<KeyframeLink> covisible_keyframes(const SavedMap& map,
+                                                            std::uint32_t shared_min = kSharedUsual);
 
 // kUnavailable: cannot be read.    kInvalid: no map, or damaged: `message` says what.
 [[nodiscard]] Status read_map_content(const std::string& file, SavedMap& content, std::string& message);

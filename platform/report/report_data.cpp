@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "platform/report/picture_writer.hpp"
+#include "platform/view/shown_links.hpp"
 
 namespace stillmesh {
 namespace {
@@ -188,7 +189,9 @@ std::string film_data(const RunFilm& film) {
         append_pose(film.keyframes()[i].map_from_camera, text);
         text += ']';
     }
-    text += "],\"clouds\":[";
+    const ShownLinks links(film.keyframes(), film.links());
+    text += fmt::format("],\"covisible\":\"{}\",\"loops\":\"{}\",\"clouds\":[", bytes_of(links.covisible),
+                        bytes_of(links.loops));
     for (std::size_t i = 0; i < film.clouds().size(); ++i) {
         const ViewCloud& cloud = film.clouds()[i];
         const std::span<const ViewCloud::Point> points(cloud.points.data(), cloud.count);

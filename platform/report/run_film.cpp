@@ -114,8 +114,10 @@ void RunFilm::event(std::int64_t time_ns, std::string_view sentence) {
     events_.push_back({time_ns, std::string(sentence)});
 }
 
-void RunFilm::finish(std::vector<KeyframePose> keyframes, std::vector<ViewCloud> clouds) {
+void RunFilm::finish(std::vector<KeyframePose> keyframes, std::vector<KeyframeLink> links,
+                     std::vector<ViewCloud> clouds) {
     keyframes_ = std::move(keyframes);
+    links_ = std::move(links);
     clouds_ = std::move(clouds);
 }
 

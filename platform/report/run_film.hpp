@@ -84,13 +84,14 @@ public:
     void take(const ViewSnapshot& snapshot);
     void event(std::int64_t time_ns, std::string_view sentence);
     // The map as it is at the end.
-    void finish(std::vector<KeyframePose> keyframes, std::vector<ViewCloud> clouds);
+    void finish(std::vector<KeyframePose> keyframes, std::vector<KeyframeLink> links, std::vector<ViewCloud> clouds);
 
     [[nodiscard]] const std::vector<FilmFrame>& frames() const noexcept { return frames_; }
     [[nodiscard]] const std::vector<FilmPicture>& pictures() const noexcept { return pictures_; }
     [[nodiscard]] const std::vector<FilmEvent>& events() const noexcept { return events_; }
     [[nodiscard]] std::uint64_t events_left_out() const noexcept { return events_left_out_; }
     [[nodiscard]] const std::vector<KeyframePose>& keyframes() const noexcept { return keyframes_; }
+    [[nodiscard]] const std::vector<KeyframeLink>& links() const noexcept { return links_; }
     [[nodiscard]] const std::vector<ViewCloud>& clouds() const noexcept { return clouds_; }
     [[nodiscard]] std::uint64_t frame_stride() const noexcept { return frame_stride_; }
 
@@ -104,6 +105,7 @@ private:
     std::vector<FilmPicture> pictures_;
     std::vector<FilmEvent> events_;
     std::vector<KeyframePose> keyframes_;
+    std::vector<KeyframeLink> links_;
     std::vector<ViewCloud> clouds_;
 };
 

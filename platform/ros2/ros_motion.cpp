@@ -41,6 +41,7 @@ public:
         samples_.errors = options.errors;
         samples_.odometry.reserve(kSamplesMax);
         samples_.gyroscope.reserve(kSamplesMax);
+        accelerations_.reserve(kSamplesMax);
     }
     Listener(const Listener&) = delete;
     Listener& operator=(const Listener&) = delete;
@@ -49,7 +50,8 @@ public:
         context_ = RosContext::get(message);
         if (context_ == nullptr) return false;
         if (!subscribe(options.odometry, ros::kOdometry, odometry_, message) ||
-            !subscribe(options.imu, ros::kImu, imu_, message)) {
+            !subscribe(options.imu, ros::kImu, imu_, message) ||
+            !subscribe(options.accelerometer, ros::kImu, accelerometer_, message)) {
             return false;
         }
         try {
@@ -63,6 +65,10 @@ public:
     [[nodiscard]] std::optional<MotionHint> between_times(std::int64_t from_ns, std::int64_t to_ns) const {
         const std::lock_guard lock(mutex_);
         return samples_.between_times(from_ns, to_ns);
+    }
+    void between(std::int64_t after_ns, std::int64_t to_ns, std::vector<Acceleration>& out) const {
+        const std::lock_guard lock(mutex_);
+        copy_between(accelerations_, after_ns, to_ns, out);
     }
 
 private:
@@ -78,6 +84,8 @@ private:
             while (odometry_ > 0 && take_pose() && !stop.stop_requested()) {
             }
             while (imu_ > 0 && take_rate() && !stop.stop_requested()) {
+            }
+            while (accelerometer_ > 0 && take_acceleration() && !stop.stop_requested()) {
             }
         }
     }
@@ -102,20 +110,37 @@ private:
         const ros::Imu& imu = *loan.message();
         const auto& w = imu.angular_velocity;
         if (!std::isfinite(w.x + w.y + w.z)) return true;
-        const std::string_view frame = imu.header.frame_id != nullptr ? imu.header.frame_id : "";
-        TurningRate sample{.time_ns = time_of(imu.header), .rad_s = {w.x, w.y, w.z}};
-        if (!frame.ends_with("optical_frame")) sample.rad_s = stillmesh::rotated(optical_from_base_, sample.rad_s);
+        const TurningRate sample{.time_ns = time_of(imu.header), .rad_s = in_camera(imu, w)};
         const std::lock_guard lock(mutex_);
         add(samples_.gyroscope, sample);
         return true;
+    }
+    bool take_acceleration() {
+        const RosLoan<ros::Imu> loan(accelerometer_);
+        if (loan.message() == nullptr) return loan.is_any();
+        const ros::Imu& imu = *loan.message();
+        const auto& a = imu.linear_acceleration;
+        if (!std::isfinite(a.x + a.y + a.z)) return true;
+        const Acceleration sample{.time_ns = time_of(imu.header), .m_s2 = in_camera(imu, a)};
+        const std::lock_guard lock(mutex_);
+        add(accelerations_, sample);
+        return true;
+    }
+    // What such a message says is in the axes that its frame names.
+    template <typename Vector>
+    [[nodiscard]] Triple in_camera(const ros::Imu& imu, const Vector& v) const {
+        const std::string_view frame = imu.header.frame_id != nullptr ? imu.header.frame_id : "";
+        const Triple as_told{v.x, v.y, v.z};
+        return frame.ends_with("optical_frame") ? as_told : stillmesh::rotated(optical_from_base_, as_told);
     }
 
     RigidTransform base_from_optical_, optical_from_base_;
     std::shared_ptr<RosContext> context_;
     RosReaders readers_;
-    dds_entity_t odometry_ = 0, imu_ = 0;
+    dds_entity_t odometry_ = 0, imu_ = 0, accelerometer_ = 0;
     mutable std::mutex mutex_;  // of the samples
     MotionSamples samples_;
+    std::vector<Acceleration> accelerations_;
     std::jthread thread_;  // ends before what it reads
 };
 
@@ -124,14 +149,21 @@ RosMotion::~RosMotion() = default;
 
 bool RosMotion::open(const RosMotionOptions& options, std::string& message) {
     listener_ = std::make_unique<Listener>(options);
-    sources_ =
-        "ROS 2's " + options.odometry + (options.odometry.empty() || options.imu.empty() ? "" : " and ") + options.imu;
+    sources_ = "ROS 2's ";
+    for (const std::string& topic : {options.odometry, options.imu, options.accelerometer}) {
+        if (!topic.empty()) sources_ += (sources_.ends_with(' ') ? "" : " and ") + topic;
+    }
     return listener_->open(options, message);
 }
 
 std::optional<MotionHint> RosMotion::between_times(std::int64_t from_ns, std::int64_t to_ns) const {
     if (listener_ == nullptr) return std::nullopt;
     return listener_->between_times(from_ns, to_ns);
+}
+
+void RosMotion::between(std::int64_t after_ns, std::int64_t to_ns, std::vector<Acceleration>& out) const {
+    out.clear();
+    if (listener_ != nullptr) listener_->between(after_ns, to_ns, out);
 }
 
 }  // namespace stillmesh

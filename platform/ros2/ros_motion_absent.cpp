@@ -23,4 +23,10 @@ std::optional<MotionHint> RosMotion::between_times(std::int64_t from_ns, std::in
     return std::nullopt;
 }
 
+void RosMotion::between(std::int64_t after_ns, std::int64_t to_ns, std::vector<Acceleration>& out) const {
+    static_cast<void>(after_ns);
+    static_cast<void>(to_ns);
+    out.clear();
+}
+
 }  // namespace stillmesh

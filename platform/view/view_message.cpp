@@ -9,6 +9,7 @@
 #include <span>
 
 #include "platform/report/picture_writer.hpp"
+#include "platform/view/shown_links.hpp"
 
 namespace stillmesh {
 namespace {
@@ -79,6 +80,9 @@ void compose_view_frame(const ViewSnapshot& s, std::string& text) {
     append_bytes("cut", std::span<const ShownEdge>(s.cut), text);
     append_bytes("features", std::span<const ShownFeature>(s.features), text);
     append_keyframes(s.keyframes, text);
+    const ShownLinks links(s.keyframes, s.links);
+    append_bytes("covisible", std::span<const ShownLinks::Pair>(links.covisible), text);
+    append_bytes("loops", std::span<const ShownLinks::Pair>(links.loops), text);
     fmt::format_to(std::back_inserter(text), ",\"ms\":{:.2f},\"budget_ms\":{:.2f},\"stages\":[", s.frame_ms,
                    s.budget_ms);
     for (std::uint32_t i = 0; i < kStages; ++i) {

@@ -16,7 +16,9 @@ inline constexpr std::uint32_t kViewPixelsMax = 320 * 320;
 inline constexpr std::size_t kViewFeaturesMax = 2000;  // what is beyond is not shown
 inline constexpr std::size_t kViewEdgesMax = 3 * kViewFeaturesMax;
 inline constexpr std::size_t kViewKeyframesMax = 1024;  // as many as an engine may have
-inline constexpr float kViewStepsPerPixel = 8;          // of ShownEdge and ShownFeature
+inline constexpr std::size_t kViewLinksOfEach = 3;      // of covisible keyframes: more are a tangle
+inline constexpr std::size_t kViewLinksMax = kViewLinksOfEach * kViewKeyframesMax + kLoopLinksMax;
+inline constexpr float kViewStepsPerPixel = 8;  // of ShownEdge and ShownFeature
 
 struct ShownEdge {
     std::int16_t x0, y0, x1, y1;  // 1/8 px of the camera's image
@@ -41,6 +43,7 @@ struct ViewSnapshot {
     std::vector<ShownEdge> kept, cut;
     std::vector<ShownFeature> features;
     std::vector<KeyframePose> keyframes;
+    std::vector<KeyframeLink> links;  // between them
     FrameStatistics statistics;
     std::array<float, kStages> stage_ms{};
     float frame_ms = 0;   // frame in to pose out
@@ -54,6 +57,7 @@ struct ViewSnapshot {
         cut.reserve(kViewEdgesMax);
         features.reserve(kViewFeaturesMax);
         keyframes.reserve(kViewKeyframesMax);
+        links.reserve(kViewLinksMax);
     }
 };
 

@@ -20,6 +20,7 @@ COUNTERPARTS = {
     "create": "sm_engine_create", "start_at": "sm_start_at", "submit": "sm_submit", "step": "sm_step", "pose": "sm_get_pose",
     "frame_statistics": "sm_get_frame_statistics", "statistics": "sm_get_statistics",
     "tracking_view": "sm_get_tracking_view", "features": "sm_get_features", "keyframes": "sm_keyframes",
+    "keyframe_links": "sm_keyframe_links",
     "depth_image": "sm_get_depth_image",
     "reference_keyframe": "sm_reference_keyframe", "state_hash": "sm_state_hash", "begin_map_copy": "sm_begin_map_copy",
     "step_map_copy": "sm_step_map_copy", "load_map": "sm_load_map", "set_map_use": "sm_set_map_use", "step_store": "sm_step_store",

@@ -198,9 +198,10 @@ static void results(sm_engine* engine) {
     sm_tracking_view view = {sizeof(sm_tracking_view), 0, NULL, 0, NULL, 0};
     sm_features features = {sizeof(sm_features), 0, NULL, NULL, 0};
     sm_keyframe keyframes[8];
+    sm_keyframe_link links[64];
     sm_depth_image depth;
     size_t i;
-    uint32_t count;
+    uint32_t count, links_count;
     memset(&all, 0x77, sizeof all);
     all.size = offsetof(sm_statistics, frames_refused);
     EXPECT(sm_get_statistics(engine, &all) == SM_OK && all.frames == 10);
@@ -218,6 +219,10 @@ static void results(sm_engine* engine) {
     EXPECT(count > 8 && view.edges_count == frame.mesh_edges);
     count = sm_keyframes(engine, keyframes, 8);
     EXPECT(count == all.keyframes_size && keyframes[0].id != SM_NO_KEYFRAME && sm_keyframes(engine, NULL, 8) == 0);
+    links_count = sm_keyframe_links(engine, links, 64, 8);
+    EXPECT(links_count > 0 && links_count <= 8 * count && sm_keyframe_links(engine, links, 1, 8) == 1);
+    EXPECT(links[0].older_id < links[0].newer_id && links[0].shared_points > 0 && links[0].kind == SM_LINK_COVISIBLE);
+    EXPECT(sm_keyframe_links(engine, links, 64, 0) == 0 && sm_keyframe_links(engine, NULL, 64, 8) == 0);
     EXPECT(sm_reference_keyframe(engine) != SM_NO_KEYFRAME);
     /* these limits keep no depth images */
     memset(&depth, 0x77, sizeof depth);
@@ -426,7 +431,7 @@ static void null_engine(void) {
     EXPECT(sm_get_pose(NULL, &pose) == SM_INVALID && sm_get_statistics(NULL, &all) == SM_INVALID);
     EXPECT(sm_step(NULL, 1) == SM_IDLE && sm_step_store(NULL, 1) == SM_IDLE && sm_step_map_copy(NULL, 1) == SM_IDLE);
     EXPECT(sm_state_hash(NULL) == 0 && sm_reference_keyframe(NULL) == SM_NO_KEYFRAME &&
-           sm_keyframes(NULL, NULL, 0) == 0);
+           sm_keyframes(NULL, NULL, 0) == 0 && sm_keyframe_links(NULL, NULL, 0, 0) == 0);
     EXPECT(sm_save_map(NULL, "a", &problem) == SM_INVALID && sm_load_map_file(NULL, "a", 0, NULL) == SM_INVALID);
     EXPECT(sm_merge_map(NULL, "a", 1, NULL, NULL) == SM_INVALID &&
            sm_merge_map_file(NULL, "a", NULL, NULL) == SM_INVALID);

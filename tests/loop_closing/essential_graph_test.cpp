@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <iterator>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "tests/support/map_fault.hpp"
@@ -170,6 +172,35 @@ TEST(EssentialGraph, LoopsAreForgotten) {
     EXPECT_NEAR(again.moved_m(kKeyframes - 1), 0, 1e-9);
 }
 
+// Promise: loops are listed with what their keyframes share, the newest first, as many as fit; without the newest where
+// it is pending, and without one whose keyframe has left.
+TEST(EssentialGraph, ListsLoops) {
+    Way way;
+    std::vector<KeyframeLink> listed(4);
+    EXPECT_EQ(way.graph.list_loops(0, listed), 0U);
+    EXPECT_EQ(way.graph.list_loops(1, listed), 0U);
+    way.share(2, 9, 7);
+    for (const auto& [a, b] : {std::pair(0, 8), std::pair(1, 12), std::pair(2, 9)}) {
+        way.graph.add_loop(way.handles[static_cast<std::size_t>(a)], way.handles[static_cast<std::size_t>(b)], {});
+    }
+    const auto frame = [&](std::size_t i) { return way.world.map.keyframes().find(way.handles[i])->frame; };
+    ASSERT_EQ(way.graph.list_loops(0, listed), 3U);
+    EXPECT_EQ(listed[0].older_id, frame(2));
+    EXPECT_EQ(listed[0].newer_id, frame(9));
+    EXPECT_EQ(listed[0].shared_points, 7U);
+    EXPECT_EQ(listed[0].kind, KeyframeLinkKind::kLoop);
+    EXPECT_EQ(listed[2].newer_id, frame(8));
+    EXPECT_EQ(listed[3].older_id, kNoKeyframe) << "written beyond the count";
+    ASSERT_EQ(way.graph.list_loops(1, listed), 2U);
+    EXPECT_EQ(listed[0].newer_id, frame(12));
+    EXPECT_EQ(way.graph.list_loops(0, std::span(listed).first(2)), 2U);
+    way.world.map.release_keyframe(way.handles[12]);
+    ASSERT_EQ(way.graph.list_loops(0, listed), 2U);
+    EXPECT_EQ(listed[1].newer_id, frame(8));
+    way.graph.reset();
+    EXPECT_EQ(way.graph.list_loops(0, listed), 0U);
+}
+
 // Promise: the tree may run against the order in which keyframes lie in memory and in time, as after one of them left
 // and others were hung elsewhere; the loop is spread along the tree all the same, and what a child shares with a parent
 // younger than itself is one edge, not two.
@@ -193,8 +224,8 @@ TEST(EssentialGraph, AParentMayBeYounger) {
 // Promise: a large map remembers no more loops than a middling one, and a map of nothing has room for one.
 TEST(EssentialGraph, LoopsRememberedAreBounded) {
     EXPECT_EQ(EssentialGraph::loops_max(0), 1U);
-    EXPECT_EQ(EssentialGraph::loops_max(EssentialGraph::kLoopsMax), EssentialGraph::kLoopsMax);
-    EXPECT_EQ(EssentialGraph::loops_max(100'000), EssentialGraph::kLoopsMax);
+    EXPECT_EQ(EssentialGraph::loops_max(kLoopLinksMax), kLoopLinksMax);
+    EXPECT_EQ(EssentialGraph::loops_max(100'000), kLoopLinksMax);
 }
 
 }  // namespace

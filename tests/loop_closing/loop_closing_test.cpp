@@ -19,17 +19,23 @@ using test::configuration_of_ring;
 using test::kLap;
 using test::Ring;
 
-// Promise: coming home after a lap closes the loop once, takes the drift away, makes duplicates one, moves the camera
+// Promise: coming home after a lap closes the loop once, and lists it from then on between the place and the keyframe
+// that found it; takes the drift away, makes duplicates one, moves the camera
 // with the newest keyframe and gives the jump to map_from_odom alone; what the map keeps incrementally stays right.
 TEST(LoopClosing, ComingHomeTakesTheDriftAway) {
     auto ring = std::make_unique<Ring>();
     double before = 0;
+    std::vector<KeyframeLink> loops(2);
+    bool was_pending = false;
     for (std::uint32_t i = 0; i < kLap + 10; ++i) {
         static_cast<void>(ring->add_keyframe(i));
         before = std::max(before, ring->off_m());
         const SE3 newest_before = ring->newest();
         const SE3 camera_before = ring->camera();
-        ring->work(2000);
+        while (ring->work(2000, 1) != 0) {
+            was_pending = was_pending || ring->loops().stage() == LoopClosing::Stage::kSolve;
+            ASSERT_EQ(ring->loops().list_loops(loops), ring->statistics().closed) << i;
+        }
         // Whenever the map moved, the camera did what the newest keyframe did.
         const SE3 left = ring->newest() * newest_before.inverse() * camera_before;
         const SE3 camera = ring->camera();
@@ -56,6 +62,9 @@ TEST(LoopClosing, ComingHomeTakesTheDriftAway) {
         static_cast<unsigned long long>(s.refused_spread), static_cast<unsigned long long>(s.refused_far),
         static_cast<unsigned long long>(s.refused_unlikely));
     EXPECT_EQ(s.closed, 1U);
+    EXPECT_TRUE(was_pending);
+    EXPECT_EQ(loops[0].older_id, ring->world().last_loop.frame_old);
+    EXPECT_EQ(loops[0].newer_id, ring->world().last_loop.frame_new);
     EXPECT_GT(before, 0.1);
     EXPECT_LT(ring->off_m(), 0.25 * before);
     EXPECT_GT(s.largest_correction_m, 0.1);
@@ -197,6 +206,8 @@ TEST(LoopClosing, ConfirmsWhereNothingDrifted) {
     const LoopStatistics s = ring->statistics();
     EXPECT_EQ(s.closed, 0U);
     EXPECT_EQ(s.confirmed, 1U);
+    std::vector<KeyframeLink> loops(2);
+    EXPECT_EQ(ring->loops().list_loops(loops), 1U);
     EXPECT_LT(ring->off_m(), 1e-9);
 }
 

@@ -4,6 +4,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
+#include <tuple>
 #include <vector>
 
 #include "engine/map/eviction.hpp"
@@ -48,6 +50,53 @@ TEST(MapReadout, ListsKeyframes) {
     EXPECT_EQ(list_keyframes(*map, few), 3U);
     EXPECT_EQ(few[2].id, 33U);
     EXPECT_EQ(list_keyframes(*map, {}), 0U);
+}
+
+// Promise: each keyframe is listed with the older ones that it shares most with, so many as were asked for, none that
+// shares less than map.shared_min; as many as fit, and how many.
+TEST(MapReadout, ListsCovisible) {
+    test::MapInMemory map(test::small(6, 400, 400));
+    const std::uint32_t least = map->parameters().shared_min;
+    std::vector<Handle<Keyframe>> keyframes;
+    for (const std::uint64_t frame : {30U, 10U, 20U, 40U, 50U}) keyframes.push_back(test::add_keyframe(*map, frame));
+    const auto share = [&](std::size_t a, std::size_t b, std::uint32_t points) {
+        for (std::uint32_t i = 0; i < points; ++i) {
+            const Handle<MapPoint> point = test::add_point(*map);
+            for (const std::size_t k : {a, b}) map->add_observation(keyframes[k], test::observation_of(point));
+        }
+    };
+    share(0, 1, least);      // 30 and 10
+    share(0, 2, least - 1);  // 30 and 20: too few
+    share(3, 0, least + 1);  // 40 and 30
+    share(3, 1, least + 2);  // 40 and 10
+    share(3, 2, least + 2);  // 40 and 20: as many
+    share(3, 4, least + 3);  // 50 and 40
+    using Pairs = std::vector<std::tuple<std::uint64_t, std::uint64_t, std::uint32_t>>;
+    const auto list = [&](std::uint32_t of_each, std::size_t room) {
+        std::vector<KeyframeLink> out(room + 1);
+        Pairs pairs;
+        const std::uint32_t count = list_covisible(*map, of_each, std::span(out).first(room));
+        EXPECT_EQ(out[count].older_id, kNoKeyframe) << "written beyond the count";
+        for (std::uint32_t i = 0; i < count; ++i) {
+            EXPECT_EQ(out[i].kind, KeyframeLinkKind::kCovisible);
+            pairs.emplace_back(out[i].older_id, out[i].newer_id, out[i].shared_points);
+        }
+        return pairs;
+    };
+    const Pairs all = {
+        {10, 30, least}, {30, 40, least + 1}, {10, 40, least + 2}, {20, 40, least + 2}, {40, 50, least + 3}};
+    EXPECT_EQ(list(6, 20), all);
+    EXPECT_EQ(list(3, 20), all);
+    const Pairs two = {{10, 30, least}, {20, 40, least + 2}, {10, 40, least + 2}, {40, 50, least + 3}};
+    EXPECT_EQ(list(2, 20), two);
+    const Pairs one = {{10, 30, least}, {10, 40, least + 2}, {40, 50, least + 3}};
+    EXPECT_EQ(list(1, 20), one);
+    EXPECT_EQ(list(1, 3), one);
+    EXPECT_EQ(list(1, 2), (Pairs{one[0], one[1]}));
+    EXPECT_EQ(list(0, 20), Pairs{});
+    EXPECT_EQ(list(6, 0), Pairs{});
+    map->release_keyframe(keyframes[3]);
+    EXPECT_EQ(list(6, 20), (Pairs{one[0]}));
 }
 
 // Promise: the statistics say how full the pools are, were at most and can be, and what went from the map, each by its

@@ -50,7 +50,9 @@ double degrees_between(const Triple& a, const Triple& b) {
 
 Gravity found(const Walk& w, const Quaternion& map_from_odom = {0, 0, 0, 1}) {
     GravityFinder finder;
-    finder.begin(&w.readings);
+    AccelerationList list;
+    list.readings = w.readings;
+    finder.begin(&list);
     for (const TrajectoryPose& pose : w.in_map) finder.add(pose, map_from_odom);
     return finder.gravity();
 }
@@ -93,12 +95,36 @@ TEST(GravityFinder, UnknownWithAReason) {
     EXPECT_NE(why(w).find("m/s^2"), std::string::npos);
     w = walk(1, 8);
     GravityFinder finder;
-    finder.begin(&w.readings);
+    AccelerationList list;
+    list.readings = w.readings;
+    finder.begin(&list);
     for (const TrajectoryPose& pose : w.in_map) {
         finder.add(pose, {0, 0, 0, 1});
         finder.add_nothing();
     }
     EXPECT_FALSE(finder.gravity().is_known);
+}
+
+// Promise: of what is known beforehand those after one moment and not after another are given, in order; between a
+// moment and an earlier one there is nothing.
+TEST(GravityFinder, ReadingsBetween) {
+    AccelerationList list;
+    for (const std::int64_t time_ns : {10, 20, 20, 30, 50}) list.readings.push_back({time_ns, {}});
+    std::vector<Acceleration> out(7);
+    const auto times = [&](std::int64_t after_ns, std::int64_t to_ns) {
+        list.between(after_ns, to_ns, out);
+        std::vector<std::int64_t> all;
+        for (const Acceleration& reading : out) all.push_back(reading.time_ns);
+        return all;
+    };
+    using Times = std::vector<std::int64_t>;
+    EXPECT_EQ(times(10, 30), (Times{20, 20, 30}));
+    EXPECT_EQ(times(0, 10), Times{10});
+    EXPECT_EQ(times(30, 49), Times{});
+    EXPECT_EQ(times(30, 1000), Times{50});
+    EXPECT_EQ(times(50, 10), Times{});
+    list.readings.clear();
+    EXPECT_EQ(times(0, 100), Times{});
 }
 
 // Promise: the level frame has z where up is, x where the camera looks, level, and stays right-handed, whichever way

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "engine/base/random.hpp"
 #include "tests/persist/map_rig.hpp"
@@ -65,6 +67,48 @@ TEST_F(MapContentTest, IsTheEnginesMap) {
     EXPECT_EQ(observed, observing);
     EXPECT_GT(observed, content.points.size());
     EXPECT_EQ(content.camera.width, 160U);
+}
+
+// Promise: keyframes that share points are those that the engine says, with as many points; the least number counts.
+TEST_F(MapContentTest, LinksAreThoseOfTheEngine) {
+    SavedMap content;
+    std::string message;
+    ASSERT_EQ(parse_map_content(file, "room.map", content, message), Status::kOk) << message;
+    const auto newest_last = [](const KeyframeLink& a, const KeyframeLink& b) {
+        return std::pair(a.newer_id, a.older_id) < std::pair(b.newer_id, b.older_id);
+    };
+    std::vector<KeyframeLink> wanted(100);
+    wanted.resize((*rig)->keyframe_links(wanted, 100));
+    ASSERT_GE(wanted.size(), 3U);
+    std::sort(wanted.begin(), wanted.end(), newest_last);
+    const std::vector<KeyframeLink> links = covisible_keyframes(content);
+    ASSERT_EQ(links.size(), wanted.size());
+    std::uint32_t most = 0;
+    for (std::size_t i = 0; i < links.size(); ++i) {
+        EXPECT_EQ(links[i].older_id, wanted[i].older_id);
+        EXPECT_EQ(links[i].newer_id, wanted[i].newer_id);
+        EXPECT_EQ(links[i].shared_points, wanted[i].shared_points);
+        most = std::max(most, links[i].shared_points);
+    }
+    EXPECT_GE(covisible_keyframes(content, most).size(), 1U);
+    EXPECT_TRUE(covisible_keyframes(content, most + 1).empty());
+}
+
+// Promise: what is no map of an engine, with more keyframes or a point shown twice in one, breaks nothing.
+TEST(MapLinks, OfAnyMap) {
+    SavedMap map;
+    map.points.resize(1);
+    for (const std::uint64_t frame : {7U, 5U}) map.keyframes.push_back({{}, frame, 0, 20, 20});
+    map.shown.assign(40, 1);
+    EXPECT_TRUE(covisible_keyframes(map).empty());
+    const std::vector<KeyframeLink> links = covisible_keyframes(map, 0);
+    ASSERT_EQ(links.size(), 1U);
+    EXPECT_EQ(links[0].older_id, 5U);
+    EXPECT_EQ(links[0].newer_id, 7U);
+    EXPECT_EQ(links[0].shared_points, 1U);
+    map.keyframes.assign(1025, {{}, 0, 0, 1, 1});
+    map.shown.assign(1025, 1);
+    EXPECT_TRUE(covisible_keyframes(map, 1).empty());
 }
 
 // Promise: depth images are those of the engine, cells, rays and all, and stand where it has them.

@@ -86,6 +86,7 @@ TEST_F(ProgramMaps, LeavesForOtherPrograms) {
         ++listed;
     }
     EXPECT_EQ(listed, points - moving);
+    EXPECT_NE(json.find("\"shared_points\"", json.find("\"covisible_list\"")), std::string::npos);
     ASSERT_EQ(stillmesh_says("map export " + at("room.map") + " --moving --ply " + at("all.ply")).code, 0);
     EXPECT_EQ(number_behind(text_of(at("all.ply")), "element vertex "), points);
 

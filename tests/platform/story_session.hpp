@@ -44,7 +44,7 @@ public:
         return Status::kOk;
     }
     // A mesh over the picture: a person before a wall.
-    bool look(SessionLook& look, std::span<KeyframePose>) override {
+    bool look(SessionLook& look, std::span<KeyframePose>, std::span<KeyframeLink>) override {
         edges.clear();
         points.clear();
         for (float y = 30; y < 450; y += 24) {

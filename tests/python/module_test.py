@@ -235,7 +235,8 @@ class Module(unittest.TestCase):
                 other.load_map_bytes(data[:-1])
 
     def test_maps_in_one(self):
-        """Promise: two maps of one wall become one, in the coordinates of the first, which is fitted into limits and comes back;
+        """Promise: two maps of one wall become one, in the coordinates of the first, with links between keyframes that see the same,
+        which is fitted into limits and comes back;
         of another wall, damaged, or without a vocabulary they are refused with a sentence."""
         settings = stillmesh.Settings("pocket")
         settings["limits.keyframes_max"] = 80
@@ -256,6 +257,16 @@ class Module(unittest.TestCase):
         merge = made.merge_map_bytes(second)
         self.assertGreaterEqual(merge.agreeing, 4)
         self.assertEqual(len(made.keyframes), count + merge.keyframes)
+        ids = {keyframe.id for keyframe in made.keyframes}
+        links = made.keyframe_links()
+        self.assertGreaterEqual(len(links), len(ids) - 1)
+        for link in links:
+            self.assertTrue({link.older_id, link.newer_id} <= ids and link.older_id < link.newer_id and link.shared_points > 0)
+            self.assertIs(link.is_loop, False)
+        self.assertLess(len(made.keyframe_links(of_each=1)), len(links))
+        self.assertEqual(made.keyframe_links(of_each=0), [])
+        with self.assertRaises(ValueError):
+            made.keyframe_links(of_each=-1)
         # 120 px to the right at 2 m.
         np.testing.assert_allclose(merge.map_from_second[:3, 3], (120 * 2 / 260, 0, 0), atol=0.02)
         while made.step() != "idle":

@@ -106,6 +106,28 @@ TEST(Report, IsSelfContained) {
     EXPECT_NE(report_html(RunRecord(), RunFilm(0)).find("No frame was tracked"), std::string::npos);
 }
 
+// Promise: time is judged by the camera's own period; where that is not known, by that of 30 frames a second.
+TEST(Report, TimeIsOfTheCamera) {
+    const struct {
+        double period_ms;
+        const char *period, *grade;
+    } kCases[] = {{66.7, "67 ms", "good"}, {16.7, "17 ms", "bad"}, {0, "33 ms", "bad"}};
+    for (const auto& wanted : kCases) {
+        Story story;
+        play(story);
+        story.record.frame_ms = {};
+        for (int i = 0; i < 10; ++i) story.record.frame_ms.add(50);
+        story.record.frame_period_ms = wanted.period_ms;
+        const std::string html = report_html(story.record, story.film);
+        const std::size_t card = html.find("Time per frame");
+        ASSERT_NE(card, std::string::npos);
+        const std::string text = html.substr(card, html.find("</div>", card) - card);
+        EXPECT_NE(text.find(std::string("<em class=\"") + wanted.grade), std::string::npos) << text;
+        EXPECT_NE(text.find(std::string("after ") + wanted.period), std::string::npos) << text;
+        EXPECT_NE(html.find(std::string("far below the ") + wanted.period), std::string::npos) << wanted.period;
+    }
+}
+
 // Promise: each frame's numbers are in the page as the run had them: state, reason, place, counts and error.
 TEST(Report, HoldsEachFrame) {
     Story story;

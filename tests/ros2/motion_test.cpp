@@ -1,4 +1,4 @@
-// What wheels and a gyroscope say over ROS 2, with Fast DDS as the robot.
+// What wheels, a gyroscope and an accelerometer say over ROS 2, with Fast DDS as the robot.
 #include "platform/ros2/ros_motion.hpp"
 
 #include <gtest/gtest.h>
@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "platform/poses/body_frames.hpp"
 #include "tests/ros2/fast_dds.hpp"
@@ -67,8 +68,9 @@ void expect_turn(const MotionHint& hint, const RigidTransform& expected) {
 TEST(RosMotion, WheelsAreTheMotionOfTheCamera) {
     RosMotion motion;
     std::string message;
-    ASSERT_TRUE(
-        motion.open({.odometry = "/odom_in", .imu = "", .errors = {}, .base_from_camera_link = kMount}, message))
+    ASSERT_TRUE(motion.open(
+        {.odometry = "/odom_in", .imu = "", .accelerometer = "", .errors = {}, .base_from_camera_link = kMount},
+        message))
         << message;
     EXPECT_EQ(motion.sources(), "ROS 2's /odom_in");
     fast::Node node;
@@ -108,8 +110,9 @@ TEST(RosMotion, AGyroscopeIsTheTurnOfTheCamera) {
     for (const bool is_optical : {false, true}) {
         RosMotion motion;
         std::string message;
-        ASSERT_TRUE(
-            motion.open({.odometry = "", .imu = "/imu", .errors = {}, .base_from_camera_link = kMount}, message))
+        ASSERT_TRUE(motion.open(
+            {.odometry = "", .imu = "/imu", .accelerometer = "", .errors = {}, .base_from_camera_link = kMount},
+            message))
             << message;
         fast::Node node;
         fast::Node::Writer<fast::Imu> gyroscope(node, "/imu", {.is_reliable = false, .depth = 100});
@@ -127,6 +130,54 @@ TEST(RosMotion, AGyroscopeIsTheTurnOfTheCamera) {
             EXPECT_GT(hint->sigma_rad, 0);
             return true;
         }));
+    }
+}
+
+// Promise: an accelerometer's readings are heard in the camera's axes, told in those of base_link or in the camera's
+// own; those between two moments are given, without what is no number and what is late, and from them follows where up
+// is.
+TEST(RosMotion, AnAccelerometerSaysWhereUpIs) {
+    const RigidTransform back = inverse_of(compose(kMount, kLinkFromOptical));
+    const std::array<double, 3> in_base{0, 0, 9.81}, in_camera = rotated(back, in_base);
+    for (const bool is_optical : {false, true}) {
+        RosMotion motion;
+        std::string message;
+        ASSERT_TRUE(motion.open(
+            {.odometry = "", .imu = "", .accelerometer = "/imu", .errors = {}, .base_from_camera_link = kMount},
+            message))
+            << message;
+        EXPECT_EQ(motion.sources(), "ROS 2's /imu");
+        fast::Node node;
+        fast::Node::Writer<fast::Imu> imu(node, "/imu", {.is_reliable = false, .depth = 100});
+        ASSERT_TRUE(within(kPatience_ms, [&] { return imu.is_matched(); }));
+        const auto time = [](int i) { return kBegin_ns + i * kPeriod_ns; };
+        const auto send = [&](int i, const std::array<double, 3>& m_s2) {
+            fast::Imu out;
+            out.header = header_of(i, is_optical ? "camera_imu_optical_frame" : "base_link");
+            out.angular_velocity.fill(std::numeric_limits<double>::quiet_NaN());  // it has no gyroscope
+            out.linear_acceleration = m_s2;
+            EXPECT_TRUE(imu.write(out));
+        };
+        std::vector<Acceleration> heard;
+        GravityFinder finder;
+        finder.begin(&motion);
+        int sent = 0;
+        ASSERT_TRUE(within(kPatience_ms, [&] {
+            send(sent, is_optical ? in_camera : in_base);
+            send(sent, {std::numeric_limits<double>::quiet_NaN(), 0, 0});
+            send(sent - 1, {1, 2, 3});
+            TrajectoryPose pose;  // the camera stands still
+            pose.time_ns = time(++sent - kAgo);
+            finder.add(pose, {0, 0, 0, 1});
+            motion.between(time(sent - kAgo - 3), time(sent - kAgo), heard);
+            return finder.gravity().is_known && heard.size() == 3;
+        })) << finder.gravity().why_not;
+        for (std::size_t i = 0; i < 3; ++i) {
+            EXPECT_EQ(heard[i].time_ns, time(sent - kAgo - 2 + static_cast<int>(i)));
+            for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(heard[i].m_s2[k], in_camera[k], 1e-9);
+        }
+        for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(finder.gravity().up[k], in_camera[k] / 9.81, 1e-9);
+        EXPECT_FALSE(motion.between_times(time(0), time(sent - kAgo)).has_value());
     }
 }
 

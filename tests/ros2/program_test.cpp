@@ -134,16 +134,37 @@ const RigidTransform kMastFromOptical{{-0.5, 0.5, -0.5, 0.5}, {0.1, 0, 0}};
              transform("mast", "camera_color_optical_frame", kMastFromOptical)}};
 }
 
+// What an accelerometer in the camera measures between three frames of a simulated camera, whose world has z up.
+[[nodiscard]] std::array<double, 3> acceleration_at(const test::Sequence& sequence, std::size_t i) {
+    const auto& before = sequence.frames[i - 1].truth;
+    const auto& here = sequence.frames[i].truth;
+    const auto& after = sequence.frames[i + 1].truth;
+    const double seconds = static_cast<double>(here.time_ns - before.time_ns) * 1e-9;
+    std::array<double, 3> in_world{0, 0, 9.81};
+    for (std::size_t k = 0; k < 3; ++k) in_world[k] += (before.t[k] - 2 * here.t[k] + after.t[k]) / (seconds * seconds);
+    return rotated(inverse_of(RigidTransform{{here.q[0], here.q[1], here.q[2], here.q[3]}, {}}), in_world);
+}
+void expect_up(const std::string& summary, const SimulatedPose& first) {
+    const std::size_t line = summary.find("gravity       up is ");
+    ASSERT_NE(line, std::string::npos) << summary;
+    std::array<double, 3> up{};
+    ASSERT_EQ(std::sscanf(summary.c_str() + line, "gravity up is %lf %lf %lf in", &up[0], &up[1], &up[2]), 3);
+    const auto truth =
+        rotated(inverse_of(RigidTransform{{first.q[0], first.q[1], first.q[2], first.q[3]}, {}}), {0, 0, 1});
+    EXPECT_GT(up[0] * truth[0] + up[1] * truth[1] + up[2] * truth[2], 0.9994) << summary;  // two degrees
+}
+
 // Images of a simulated camera, and its wheels if it has some, from Fast DDS; what the program says of them. `is_told`:
-// the robot says where its camera is.
-void whole_way(bool has_wheels, bool is_told = false) {
-    const test::Sequence sequence = test::rendered("static_xyz", 150, 320, 240);
+// the robot says where its camera is; `has_accelerometer`: in the camera, a reading a frame.
+void whole_way(bool has_wheels, bool is_told = false, bool has_accelerometer = false) {
+    const test::Sequence sequence = test::rendered("static_xyz", has_accelerometer ? 200 : 150, 320, 240);
     const test::TemporaryFolder scratch;
     fast::Node node;
     fast::Node::Writer<fast::Image> colour(node, "/camera/color/image_raw", {.depth = 2});
     fast::Node::Writer<fast::Image> depth(node, "/camera/aligned_depth_to_color/image_raw", {.depth = 2});
     fast::Node::Writer<fast::CameraInfo> info(node, "/camera/color/camera_info", {.depth = 2});
     fast::Node::Writer<fast::Odometry> wheels(node, "/odom_in", {.depth = 100});
+    fast::Node::Writer<fast::Imu> imu(node, "/camera/accel/sample", {.is_reliable = false, .depth = 100});
     fast::Node::Reader<fast::Odometry> odometry(node, "/odom", {.depth = 1000});
     fast::Node::Writer<fast::Tf> description(node, "/tf_static", {.is_latched = true, .depth = 1});
     fast::Node::Reader<fast::Tf> statics(node, "/tf_static", {.is_latched = true, .depth = 10});
@@ -151,7 +172,9 @@ void whole_way(bool has_wheels, bool is_told = false) {
         EXPECT_TRUE(description.write(description_of_the_robot()));
     }
     Program run(STILLMESH_PROGRAM, "",
-                std::string("run --camera ros2 --wait --frames 60 --limits pocket --publish ros2") +
+                std::string("run --camera ros2 --wait --limits pocket --publish ros2") +
+                    (has_accelerometer ? " --frames 110 --level gravity --accelerometer ros2:/camera/accel/sample"
+                                       : " --frames 60") +
                     (has_wheels ? " --odometry ros2" : "") + (is_told ? " --base-from-camera tf_static" : ""),
                 scratch);
     fast::CameraInfo lens;
@@ -179,6 +202,12 @@ void whole_way(bool has_wheels, bool is_told = false) {
         const SimulatedPose& truth = frame.truth;
         turned.pose = {{truth.t[2], -truth.t[0], -truth.t[1]}, {truth.q[2], -truth.q[0], -truth.q[1], truth.q[3]}};
         EXPECT_TRUE(wheels.write(turned));
+        if (has_accelerometer && i > 0 && i + 1 < sequence.frames.size()) {
+            fast::Imu reading;
+            reading.header = header;
+            reading.linear_acceleration = acceleration_at(sequence, i);
+            EXPECT_TRUE(imu.write(reading));
+        }
         EXPECT_TRUE(colour.write(image) && depth.write(metres) && info.write(lens));
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
@@ -190,6 +219,8 @@ void whole_way(bool has_wheels, bool is_told = false) {
     }
     static_cast<void>(within(2'000, [] { return false; }));  // what is on the way
     const std::vector<fast::Odometry> heard = odometry.take();
+    EXPECT_EQ(run.out().find("gravity ") != std::string::npos, has_accelerometer);
+    if (has_accelerometer) expect_up(run.out(), sequence.frames.front().truth);
     ASSERT_GT(heard.size(), 20U) << run.err();
     const auto truth_at = [&](std::int64_t time_ns) -> const SimulatedPose* {
         for (const test::KeptFrame& frame : sequence.frames) {
@@ -228,6 +259,10 @@ TEST(RosProgram, FromImagesToOdometry) {
 // Promise: and so it is with wheels, of which most frames are told.
 TEST(RosProgram, FromImagesAndWheelsToOdometry) {
     whole_way(true);
+}
+// Promise: and so it is with an accelerometer, by which up is known to two degrees in the map.
+TEST(RosProgram, FromImagesAndAnAccelerometerToUp) {
+    whole_way(false, false, true);
 }
 // Promise: and so it is where the robot itself says, by /tf_static, where its camera is: /odom is that of its base, and
 // no other transform is told for the camera. Of another camera than a robot's it is refused at once.

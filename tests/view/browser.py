@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 
-from browser_driver import SHADES, keep_promises
+from browser_driver import PIXELS, SHADES, keep_promises
 from run_view import Run
 
 PROGRAM = sys.argv[1]
@@ -57,6 +57,33 @@ def keys_move_the_map(browser):
         assert turned != turn and nearer < near
         browser.press("Home")
         assert browser.script("return map.follow") is False
+        browser.has_no_complaint()
+
+
+def the_graph_is_drawn(browser):
+    """Keyframes that see the same points are joined by lines, which their box switches off. A loop, told by a message of ours, is
+    some pixels wide, from near and from far, and is counted in the legend; there is none before."""
+    with Run(PROGRAM, *SCENE) as run:
+        for width, height, scheme in ((1300, 1000, "light"), (390, 844, "dark")):
+            browser.open(f"http://127.0.0.1:{run.port}/", width, height, scheme)
+            browser.becomes("Number(document.getElementById('map').dataset.links) > 3")
+            joined, keyframes = browser.script("return [map.covisibleLines.geometry.attributes.position.count / 2, map.keyframes.size]")
+            assert joined <= 3 * keyframes, (joined, keyframes)
+            browser.script("at('show-links').click()")
+            assert browser.script("return map.covisibleLines.visible") is False
+            browser.script("at('show-links').click()")
+            assert browser.script("return map.covisibleLines.visible") is True
+            assert browser.script("return at('n-loops').textContent") == "0"
+            assert browser.script("return " + PIXELS % "loop") == 0
+            long_px = """ / (() => { const [a, b] = [-0.5, 0.5].map((x) => new THREE.Vector3(x, 0, 1).applyMatrix4(map.root.matrixWorld)
+              .project(map.eye)); return Math.hypot((a.x - b.x) * map.canvas.width, (a.y - b.y) * map.canvas.height) / 2 })()"""
+            far = browser.script("""onFrame = () => {}; const listed = [[7, [-0.5, 0, 1, 0, 0, 0, 1]], [9, [0.5, 0, 1, 0, 0, 0, 1]]];
+              map.setFollow(false); map.setKeyframes(listed); map.setLinks(listed, [], [0, 1]); map.target.set(0, 0, 0);
+              map.turn = { azimuth: 0, height: 0.6, distance: 9 }; return """ + PIXELS % "loop" + long_px)
+            near = browser.script("map.come(0.3); return " + PIXELS % "loop" + long_px)
+            # Four wide, less what is blended at its rims, and two squares of 8 x 8.
+            assert 2 < near < 5 and 2 < far < 10, (near, far)
+            browser.picture(f"loop-{width}-{scheme}")
         browser.has_no_complaint()
 
 
@@ -212,5 +239,5 @@ def files_are_taken_home(browser):
         assert browser.script(hidden) == [True, True, True]
 
 
-keep_promises((it_shows_the_run, keys_move_the_map, it_comes_back, every_state_is_said,
+keep_promises((it_shows_the_run, keys_move_the_map, the_graph_is_drawn, it_comes_back, every_state_is_said,
                it_says_that_it_waits, who_has_the_token_steers, the_map_is_steered_by_keyboard, files_are_taken_home))

@@ -110,6 +110,15 @@ SHADES = """(() => { const c = document.getElementById('%s'), s = document.creat
   return new Set(new Uint32Array(x.getImageData(0, 0, 64, 64).data.buffer)).size })()"""
 
 
+# How many pixels of the map have nearly a colour of the style sheet.
+PIXELS = """(() => { const c = map.canvas, s = document.createElement('canvas'); s.width = c.width; s.height = c.height;
+  const x = s.getContext('2d'), was = new THREE.Color(getComputedStyle(document.documentElement).getPropertyValue('--%s').trim());
+  map.draw(); x.drawImage(c, 0, 0); const p = x.getImageData(0, 0, s.width, s.height).data; let n = 0;
+  for (let i = 0; i < p.length; i += 4)
+    n += Math.abs(p[i] - 255 * was.r) + Math.abs(p[i + 1] - 255 * was.g) + Math.abs(p[i + 2] - 255 * was.b) < 24 && p[i + 3] > 200;
+  return n })()"""
+
+
 def keep_promises(promises):
     """Each with a browser of its own; pictures go to the folder that is the second argument."""
     if not shutil.which("chromedriver") or not shutil.which("chromium"):

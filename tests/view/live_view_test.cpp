@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -17,14 +19,16 @@ class ShownSession final : public TrackingSession {
 public:
     std::vector<TrackedFeature> features;
     std::vector<TrackedEdge> edges;
-    std::uint32_t keyframes = 0;
+    std::uint32_t keyframes = 0, links = 0;
 
     Status submit(const Frame&, SessionFrame&, std::string&) override { return Status::kOk; }
     void account(RunRecord&) override {}
-    bool look(SessionLook& look, std::span<KeyframePose> room) override {
+    bool look(SessionLook& look, std::span<KeyframePose> room, std::span<KeyframeLink> room_of_links) override {
         look.tracking = {features, edges};
         look.keyframes_written = static_cast<std::uint32_t>(std::min<std::size_t>(keyframes, room.size()));
         for (std::uint32_t i = 0; i < look.keyframes_written; ++i) room[i].id = i;
+        look.links_written = static_cast<std::uint32_t>(std::min<std::size_t>(links, room_of_links.size()));
+        for (std::uint32_t i = 0; i < look.links_written; ++i) room_of_links[i] = {0, i + 1, i};
         return true;
     }
 };
@@ -88,6 +92,7 @@ TEST(LiveView, AMeshOfAnySize) {
         {10.5F, 20.25F, 3, true, true, false}, {1, 2, -1, true, false, true}, {3, 4, 0, false, false, false}};
     session.edges = {{1, 2, 3, 4, true}, {5, 6, 7, 8, false}};
     session.keyframes = 5;
+    session.links = 4;
     view.frame({0, 1, kSecond_ns, 5}, pixels.frame, {}, session);
     ViewSnapshot seen;
     ASSERT_TRUE(feed.take(seen));
@@ -102,14 +107,18 @@ TEST(LiveView, AMeshOfAnySize) {
     ASSERT_EQ(seen.cut.size(), 1U);
     EXPECT_EQ(seen.cut[0].x0, 40);
     EXPECT_EQ(seen.keyframes.size(), 5U);
+    ASSERT_EQ(seen.links.size(), 4U);
+    EXPECT_EQ(seen.links[3].newer_id, 4U);
     session.features.assign(3 * kViewFeaturesMax, {});
     session.edges.assign(3 * kViewEdgesMax, {});
     session.keyframes = 4000;
+    session.links = 100'000;
     view.frame({1, 1, 2 * kSecond_ns, 5}, pixels.frame, {}, session);
     ASSERT_TRUE(feed.take(seen));
     EXPECT_EQ(seen.features.size(), kViewFeaturesMax);
     EXPECT_EQ(seen.cut.size(), kViewEdgesMax);
     EXPECT_EQ(seen.keyframes.size(), kViewKeyframesMax);
+    EXPECT_EQ(seen.links.size(), kViewLinksMax);
 }
 
 // Promise: what a keyframe saw to stand still is kept even when nobody looks, in metres before its camera; what moves,
@@ -146,6 +155,36 @@ TEST(LiveView, AKeyframeLeavesWhatStoodStill) {
     EXPECT_FALSE(feed.take(seen));
 }
 
+// Promise: no line of the path leads over a stretch without a pose, nor over one without frames: a quarter of a second,
+// or three frames of a slow camera.
+TEST(LiveView, GapsOfThePathAreSeen) {
+    constexpr std::int64_t kMs_ns = 1'000'000;
+    const auto gaps_of = [](std::int64_t period_ns, const std::vector<std::int64_t>& times_ms) {
+        ViewFeed feed;
+        ShownSession session;
+        Pixels pixels(64, 48, PixelFormat::kGrey8, 9);
+        LiveView view(&feed, nullptr, pinhole(64, 48), period_ns);
+        for (const std::int64_t time_ms : times_ms) {
+            SessionFrame out;  // below 0: without a pose
+            out.state = time_ms < 0 ? PoseState::kNone : PoseState::kTracked;
+            pixels.frame.time_ns = std::abs(time_ms) * kMs_ns;
+            view.frame({0, 1, pixels.frame.time_ns, 5}, pixels.frame, out, session);
+        }
+        ViewCursor cursor;
+        ViewNews news;
+        feed.look(cursor, news);
+        std::vector<int> gaps;
+        for (const ViewPlace& place : news.places) gaps.push_back(place.state >= kViewPlaceGap ? 1 : 0);
+        return gaps;
+    };
+    using Gaps = std::vector<int>;
+    EXPECT_EQ(gaps_of(100 * kMs_ns, {1000, 1100, 1300, 1400}), (Gaps{1, 0, 0, 0}));
+    EXPECT_EQ(gaps_of(100 * kMs_ns, {1000, 1100, -1200, 1300}), (Gaps{1, 0, 1}));
+    EXPECT_EQ(gaps_of(100 * kMs_ns, {1000, 1100, 1450, 1550}), (Gaps{1, 0, 1, 0}));
+    EXPECT_EQ(gaps_of(33 * kMs_ns, {1000, 1200, 1460, 1600}), (Gaps{1, 0, 1, 0}));
+    EXPECT_EQ(gaps_of(200 * kMs_ns, {1000, 1200, 1700, 2400}), (Gaps{1, 0, 0, 1}));
+}
+
 // Promise: the engine's thread calls no heap for a page that looks on, once it has begun: not for frames, keyframes,
 // events or a new map.
 TEST(LiveView, CallsNoHeap) {
@@ -156,6 +195,7 @@ TEST(LiveView, CallsNoHeap) {
     session.features.assign(1000, {100, 100, 0, true, true, false});
     session.edges.assign(3000, {});
     session.keyframes = 256;
+    session.links = 800;
     const Pixels pixels(640, 480, PixelFormat::kRgb8, 9);
     LiveView view(&feed, nullptr, pinhole(640, 480), 33'000'000);
     SessionFrame out;

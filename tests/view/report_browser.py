@@ -37,17 +37,25 @@ def open_report(browser, width=1300, height=1000, scheme="light"):
 
 
 def it_is_seen_from_a_file(browser):
-    """Picture, map and curves are drawn, the console is silent and nothing is wider than the screen: large and small, light and
-    dark."""
+    """Picture, map and curves are drawn, the console is silent, nothing is wider than the screen and no table than its box: large and
+    small, light and dark."""
     for width, height, scheme in SIZES:
         open_report(browser, width, height, scheme)
         browser.becomes(SHADES % "camera" + " > 100")
         browser.becomes(SHADES % "map" + " > 15")
+        assert browser.script("return Number(document.getElementById('map').dataset.links)") > 3
+        assert browser.script("return document.getElementById('n-loops').textContent") == "0"
         drawn = browser.script("""return [...document.querySelectorAll('#curves canvas')].map((c) => { const x = c.getContext('2d');
           return new Set(new Uint32Array(x.getImageData(0, 0, c.width, c.height).data.buffer)).size })""")
         assert len(drawn) == 4 and min(drawn) > 3, drawn
         wide = browser.script("return document.documentElement.scrollWidth")
         assert wide <= width, (wide, width)
+        cut = browser.script("""return [...document.querySelectorAll('.scroll')].filter((e) => e.scrollWidth > e.clientWidth)
+          .map((e) => e.textContent.slice(0, 40))""")
+        assert cut == [], cut
+        # Above what it plays the player leaves room on a phone, where it stays in sight.
+        high = browser.script("return document.getElementById('player').offsetHeight")
+        assert high < 150, high
         ground = browser.script("return getComputedStyle(document.body).backgroundColor")
         assert (sum(int(v) for v in re.findall(r"\d+", ground)[:3]) < 200) == (scheme == "dark"), ground
         browser.picture(f"report-{width}-{scheme}")

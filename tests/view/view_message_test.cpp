@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "platform/report/picture_writer.hpp"
+
 namespace stillmesh {
 namespace {
 
@@ -60,6 +62,21 @@ TEST(ViewMessage, AFrameIsJson) {
     EXPECT_EQ(j["pools"][0]["limit"], 256);
 }
 
+// Promise: the graph is pairs of places in the list of keyframes, covisible ones and loops apart; a link to a keyframe
+// that is not in the list is left out.
+TEST(ViewMessage, LinksArePairsOfPlaces) {
+    ViewSnapshot s = small_snapshot();
+    s.keyframes = {{70, kNoKeyframe, {}}, {12, kNoKeyframe, {}}, {800, 12, {}}};
+    const auto loop = KeyframeLinkKind::kLoop;
+    s.links = {{12, 800, 0, loop}, {12, 70, 30}, {70, 800, 40}, {13, 70, 50}, {70, 801, 60}, {1, 800, 0, loop}};
+    std::string text;
+    compose_view_frame(s, text);
+    const nlohmann::json j = nlohmann::json::parse(text);
+    const std::uint8_t kCovisible[] = {1, 0, 0, 0, 0, 0, 2, 0}, kLoops[] = {1, 0, 2, 0};
+    EXPECT_EQ(j["covisible"], base64(kCovisible));
+    EXPECT_EQ(j["loops"], base64(kLoops));
+}
+
 // Promise: without a pose there is none in it, and a number that is none breaks nothing.
 TEST(ViewMessage, NoPoseAndNoNumber) {
     ViewSnapshot s = small_snapshot();
@@ -86,6 +103,7 @@ TEST(ViewMessage, IsBounded) {
     s.keyframes.assign(
         kViewKeyframesMax,
         {123456789012, 0, {{-0.123456789, -0.123456789, -0.123456789, -0.9}, {-12.3456789, -12.3456789, -12.3456789}}});
+    s.links.assign(kViewLinksMax, {123456789012, 123456789012, 100});
     std::string text;
     compose_view_frame(s, text);
     EXPECT_LT(text.size(), kViewMessageBytesMax);

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from . import _c
 
-__all__ = ["Camera", "DEPTH_MOVING", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "MapCopy", "MapMerge", "Pose", "Settings",
-           "Trajectory", "TrackingView", "read_map_header", "version"]
+__all__ = ["Camera", "DEPTH_MOVING", "DepthImage", "Engine", "Error", "Features", "Hint", "Key", "Keyframe", "KeyframeLink", "MapCopy", "MapMerge",
+           "Pose", "Settings", "Trajectory", "TrackingView", "read_map_header", "version"]
 
 Matrix = npt.NDArray[np.float64]
 # A compound of the engine's own bytes: fields by name.
@@ -198,6 +198,14 @@ class Keyframe(NamedTuple):
     map_from_camera: Matrix
 
 
+class KeyframeLink(NamedTuple):
+    """Two keyframes that hold each other: by points that both see, or by a loop that was closed or confirmed."""
+    older_id: int
+    newer_id: int
+    shared_points: int
+    is_loop: bool
+
+
 DEPTH_MOVING = 0x8000
 
 
@@ -313,6 +321,16 @@ class Engine:
         count = _c.lib.sm_keyframes(self._c, out, len(out))
         return [Keyframe(k.id, None if k.parent_id == _c.NO_KEYFRAME else k.parent_id, _matrix(k.map_from_camera))
                 for k in out[:count]]
+
+    def keyframe_links(self, of_each: int = 8) -> List[KeyframeLink]:
+        """The graph over the keyframes: loops, the newest first, then each keyframe with the older ones that it shares most points
+        with, at most `of_each`."""
+        if of_each < 0:
+            raise ValueError("of_each is below 0")
+        of_each = min(of_each, self._keyframes_max)
+        out = (_c.KeyframeLink * (self._keyframes_max * of_each + _c.LOOP_LINKS_MAX))()
+        count = _c.lib.sm_keyframe_links(self._c, out, len(out), of_each)
+        return [KeyframeLink(k.older_id, k.newer_id, k.shared_points, k.kind == _c.LINK_LOOP) for k in out[:count]]
 
     @property
     def depth_images(self) -> Iterator[DepthImage]:

@@ -13,6 +13,8 @@ GREY8, RGB8, BGR8 = 1, 3, 4
 IDLE, WORKING, DONE = range(3)
 MAP_CONTINUE, MAP_LOCALISE = range(2)
 NO_KEYFRAME = 2**64 - 1
+LOOP_LINKS_MAX = 64
+LINK_LOOP = 1
 
 
 class Problem(ctypes.Structure):
@@ -126,6 +128,10 @@ class Keyframe(ctypes.Structure):
     _fields_ = [("id", c_uint64), ("parent_id", c_uint64), ("map_from_camera", Transform)]
 
 
+class KeyframeLink(ctypes.Structure):
+    _fields_ = [("older_id", c_uint64), ("newer_id", c_uint64), ("shared_points", c_uint32), ("kind", c_uint32)]
+
+
 class MapInfo(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("extractor", c_uint32), ("size_bytes", c_uint64),
                 *[(name, c_uint32) for name in "keyframes points features features_of_keyframe pyramid_levels lens_crc".split()],
@@ -167,6 +173,7 @@ _CALLS: Tuple[Tuple[Any, ...], ...] = (
     ("sm_get_frame_statistics", c_int32, _E, POINTER(FrameStatistics)),
     ("sm_get_statistics", c_int32, _E, POINTER(Statistics)),
     ("sm_get_tracking_view", c_int32, _E, POINTER(TrackingView)), ("sm_get_features", c_int32, _E, POINTER(Features)),
+    ("sm_keyframe_links", c_uint32, _E, c_void_p, c_uint32, c_uint32),
     ("sm_keyframes", c_uint32, _E, c_void_p, c_uint32), ("sm_reference_keyframe", c_uint64, _E),
     ("sm_get_depth_image", c_int32, _E, c_uint32, POINTER(DepthImage)),
     ("sm_state_hash", c_uint64, _E), ("sm_set_stage_observer", None, _E, STAGE_FUNCTION, c_void_p),

@@ -1,4 +1,4 @@
-// The map in three dimensions: what keyframes saw to stand still, the path, the keyframes and the camera. Drawn when something
+// The map in three dimensions: what keyframes saw to stand still, the path, the keyframes, what links them, and the camera. Drawn when something
 // has changed, and not before. The scene hangs under `root`, which turns the map so that the camera's "up" points up.
 'use strict';
 
@@ -40,6 +40,11 @@ class MapView extends Drawing {
       return object;
     };
     this.keyframeLines = lines(1);
+    this.covisibleLines = lines(1);
+    this.covisibleLines.material.transparent = true;
+    this.covisibleLines.material.opacity = 0.3;
+    this.covisibleLines.material.depthWrite = false;
+    this.loops = new BoldLines(this.root);
     this.cameraLines = lines(2);
     this.cameraFace = new THREE.Mesh(new THREE.BufferGeometry(),
       new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false }));
@@ -52,7 +57,7 @@ class MapView extends Drawing {
     this.grid = lines(1);
     replaceGeometry(this.grid, new Float32Array(ends));
     this.scene.add(this.grid);
-    this.root.add(this.keyframeLines, this.cameraLines, this.cameraFace);
+    this.root.add(this.covisibleLines, this.keyframeLines, this.cameraLines, this.cameraFace);
     this.material = new THREE.PointsMaterial({ vertexColors: THREE.VertexColors, size: 3, sizeAttenuation: false });
   }
 
@@ -62,6 +67,8 @@ class MapView extends Drawing {
     this.colours = { none: colour('none'), predicted: colour('predicted'), unsure: colour('unsure'), tracked: colour('tracked') };
     this.isDark = matchMedia('(prefers-color-scheme: dark)').matches;
     this.keyframeLines.material.color = colour('none');
+    this.covisibleLines.material.color = colour('ink');
+    this.loops.setColour(colour('loop'));
     this.grid.material.color = colour('grid');
     for (const cloud of this.clouds.values()) this.paint(cloud);
     this.path.restyle(this.colours, colour);
@@ -78,6 +85,7 @@ class MapView extends Drawing {
     this.upCount = 0;
     this.target.set(0, 0, 0);
     this.drawKeyframes();
+    this.setLinks([], [], []);
   }
 
   // Eight bytes a point: x, y, z in mm, grey.
@@ -140,6 +148,24 @@ class MapView extends Drawing {
     this.canvas.dataset.points = this.points;
     this.drawKeyframes();
     this.findFloor();
+    this.change();
+  }
+
+  // `covisible`, `loops`: pairs of places in `listed`, one after the other.
+  setLinks(listed, covisible, loops) {
+    const ends = (pairs) => {
+      const made = new Float32Array(3 * pairs.length);
+      for (let i = 0; i < pairs.length; ++i) made.set(listed[pairs[i]][1].slice(0, 3), 3 * i);
+      return made;
+    };
+    replaceGeometry(this.covisibleLines, ends(covisible));
+    this.loops.set(ends(loops));
+    this.canvas.dataset.links = covisible.length / 2;
+    this.canvas.dataset.loops = loops.length / 2;
+    this.change();
+  }
+  showLinks(isShown) {
+    this.covisibleLines.visible = isShown;
     this.change();
   }
 
@@ -360,6 +386,8 @@ class MapView extends Drawing {
     this.eye.position.set(Math.sin(azimuth) * Math.cos(up), Math.sin(up), Math.cos(azimuth) * Math.cos(up))
       .multiplyScalar(distance).add(this.target);
     this.eye.lookAt(this.target);
+    this.eye.updateMatrixWorld();
+    this.loops.face(this.eye, height);
     this.renderer.render(this.scene, this.eye);
   }
 }

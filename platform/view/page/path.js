@@ -115,6 +115,47 @@ class MapPath {
   }
 }
 
+// A few lines of some width, with square ends: a browser's own are a pixel wide. They are strips that are turned to the eye
+// whenever it has moved.
+class BoldLines {
+  constructor(root) {
+    this.root = root;
+    this.ends = new Float32Array(0);
+    this.strips = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.MeshBasicMaterial({ side: THREE.DoubleSide }));
+    this.dots = new THREE.Points(new THREE.BufferGeometry(), new THREE.PointsMaterial({ size: 8, sizeAttenuation: false }));
+    for (const object of [this.strips, this.dots]) {
+      object.frustumCulled = false;
+      object.material.depthTest = false;  // seen through points and keyframes
+      object.renderOrder = 1;
+      root.add(object);
+    }
+  }
+  setColour(colour) {
+    this.strips.material.color = this.dots.material.color = colour;
+  }
+  // x, y, z of one end and the other, line by line.
+  set(ends) {
+    this.ends = ends;
+    replaceGeometry(this.dots, ends);
+  }
+  // `height`: of the canvas, px.
+  face(eye, height) {
+    const WIDTH = 4;  // px
+    const from = this.root.worldToLocal(eye.position.clone());
+    const perMetre = WIDTH / height * Math.tan(eye.fov / 2 * Math.PI / 180);
+    const corners = [];
+    for (let i = 0; i < this.ends.length; i += 6) {
+      const a = new THREE.Vector3().fromArray(this.ends, i);
+      const b = new THREE.Vector3().fromArray(this.ends, i + 3);
+      const side = b.clone().sub(a).cross(from.clone().sub(a)).normalize();
+      const at = (end, sign) => end.clone().addScaledVector(side, sign * perMetre * end.distanceTo(from)).toArray();
+      const [a0, a1, b0, b1] = [at(a, -1), at(a, 1), at(b, -1), at(b, 1)];
+      corners.push(...a0, ...a1, ...b0, ...b0, ...a1, ...b1);
+    }
+    replaceGeometry(this.strips, new Float32Array(corners));
+  }
+}
+
 function setAttribute(geometry, name, values) {
   const made = new THREE.BufferAttribute(values, 3);
   if (geometry.setAttribute) geometry.setAttribute(name, made); else geometry.addAttribute(name, made);

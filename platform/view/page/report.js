@@ -112,10 +112,12 @@ function showMap(i) {
   if (mapShown === film.map) {
     for (const cloud of film.clouds) map.addCloud(cloud.keyframe, shorts(cloud.points));
     map.setKeyframes(film.keyframes);
+    map.setLinks(film.keyframes, shorts(film.covisible), shorts(film.loops));
   }
   if (run.truth && mapShown === run.truthMap) map.path.setLine('truth', run.truth, 'soft', true);
   setText('n-points', String(map.points));
   setText('n-keyframes', String(map.keyframes.size));
+  setText('n-loops', at('map').dataset.loops);
   if (!map.follow) map.all();
 }
 

@@ -112,10 +112,12 @@ function onFrame(event) {
   showPools(message);
   if (map) {
     map.setKeyframes(message.keyframes);
+    map.setLinks(message.keyframes, shorts(message.covisible), shorts(message.loops));
     map.setPose(message.pose, message.state, message.image[1] / message.image[0]);
     setText('n-points', String(map.points));
   }
   setText('n-keyframes', String(message.keyframes.length));
+  setText('n-loops', String(shorts(message.loops).length / 2));
   if (!message.picture) return;
   const picture = new Image();
   picture.onload = () => {
@@ -198,6 +200,7 @@ function begin() {
   at('follow').addEventListener('click', () => map && map.setFollow(!map.follow));
   at('above').addEventListener('click', () => map && map.fromAbove());
   at('behind').addEventListener('click', () => map && map.fromBehind());
+  at('show-links').addEventListener('change', () => map && map.showLinks(at('show-links').checked));
   at('legend').addEventListener('change', redraw);
   window.addEventListener('resize', redraw);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => map && map.restyle());
