@@ -28,9 +28,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const bool has_odometry = is_read(motion.parse_odometry(text.substr(0, cut), "odometry", message));
     const bool has_gyroscope =
         is_read(motion.parse_gyroscope(text.substr(std::min(cut + 1, text.size())), "gyro", message));
-    std::vector<Acceleration> readings;
-    static_cast<void>(
-        is_read(parse_accelerometer(text.substr(std::min(cut + 1, text.size())), "accelerometer", readings, message)));
+    AccelerationList readings;
+    static_cast<void>(is_read(
+        parse_accelerometer(text.substr(std::min(cut + 1, text.size())), "accelerometer", readings.readings, message)));
     if (!has_odometry && !has_gyroscope) return 0;
     Trajectory poses;
     static_cast<void>(parse_trajectory(text.substr(0, cut), "odometry", poses, message));
