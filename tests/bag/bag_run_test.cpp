@@ -200,7 +200,8 @@ TEST(BagProgram, SaysWhatWasLost) {
 }
 
 // Promise: a long bag needs no more memory than a short one, in every format: 20 times the bytes, a tenth of the memory
-// more at most, of which the trajectory is a part. STILLMESH_BAG_ROUNDS=1500 makes it 750 times, 10 GB of .db3.
+// more at most, of which the trajectory is a part. STILLMESH_BAG_ROUNDS=1500 makes it 750 times, 10 GB of .db3; 4000 10
+// GB and more of each.
 TEST(BagProgram, MemoryDoesNotGrowWithTheBag) {
     const Room room({.width = 640, .height = 480});
     const char* const given = std::getenv("STILLMESH_BAG_ROUNDS");
