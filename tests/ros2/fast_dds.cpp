@@ -52,6 +52,29 @@ struct Writing {
     }
 };
 
+struct Filling {
+    std::uint32_t next = 0;
+    template <typename Value>
+    void operator()(Value& value) {
+        value = static_cast<Value>(next++);
+    }
+    void operator()(bool& value) { value = next++ % 2 != 0; }
+    void operator()(std::string& text) {
+        text.resize(next++ % 6);
+        for (char& letter : text) letter = static_cast<char>('a' + next++ % 26);
+    }
+    template <typename Item, std::size_t kCount>
+    void operator()(std::array<Item, kCount>& items) {
+        for (Item& item : items) (*this)(item);
+    }
+    template <typename Item>
+    void operator()(std::vector<Item>& items) {
+        items.resize(count(0));
+        for (Item& item : items) (*this)(item);
+    }
+    std::size_t count(std::size_t) { return next++ % 4; }
+};
+
 // Defined before it is used: items may be any of those below.
 template <typename Io, typename Item>
 void fields(Io& io, std::vector<Item>& items);
@@ -317,20 +340,44 @@ bool Node::Writer<Message>::is_matched() const {
     return status.current_count > 0;
 }
 
-template class Node::Reader<Odometry>;
-template class Node::Reader<Tf>;
-template class Node::Reader<PoseWithCovarianceStamped>;
-template class Node::Reader<Path>;
-template class Node::Reader<PointCloud>;
-template class Node::Reader<OccupancyGrid>;
-template class Node::Reader<DiagnosticArray>;
-template class Node::Writer<Odometry>;
-template class Node::Writer<Tf>;
-template class Node::Writer<Empty>;
-template class Node::Writer<Bool>;
-template class Node::Writer<Imu>;
-template class Node::Writer<Image>;
-template class Node::Writer<CompressedImage>;
-template class Node::Writer<CameraInfo>;
+template <typename Message>
+Message filled(std::uint32_t number) {
+    Message message;
+    Filling io{number};
+    fields(io, message);
+    return message;
+}
+
+template <typename Message>
+std::vector<std::uint8_t> bytes_of(const Message& message) {
+    Message copy = message;
+    std::vector<std::uint8_t> bytes(kBytesMax);  // 0 where nothing but padding lies
+    FastBuffer buffer(reinterpret_cast<char*>(bytes.data()), bytes.size());
+    Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
+    Writing io{cdr};
+    fields(io, copy);
+    bytes.resize(cdr.getSerializedDataLength());
+    return bytes;
+}
+
+#define FOR_MESSAGE(Message)                         \
+    template class Node::Reader<Message>;            \
+    template class Node::Writer<Message>;            \
+    template Message filled<Message>(std::uint32_t); \
+    template std::vector<std::uint8_t> bytes_of<Message>(const Message&);
+FOR_MESSAGE(Odometry)
+FOR_MESSAGE(Tf)
+FOR_MESSAGE(PoseWithCovarianceStamped)
+FOR_MESSAGE(Path)
+FOR_MESSAGE(PointCloud)
+FOR_MESSAGE(OccupancyGrid)
+FOR_MESSAGE(DiagnosticArray)
+FOR_MESSAGE(Empty)
+FOR_MESSAGE(Bool)
+FOR_MESSAGE(Imu)
+FOR_MESSAGE(Image)
+FOR_MESSAGE(CompressedImage)
+FOR_MESSAGE(CameraInfo)
+#undef FOR_MESSAGE
 
 }  // namespace stillmesh::test::fast

@@ -143,6 +143,14 @@ struct CameraInfo {
     bool do_rectify = false;
 };
 
+// One in which no two numbers are the same; from another number on, another content. Texts have 0 to 5 letters, lists
+// 0 to 3 items, so that what follows them lies at every alignment.
+template <typename Message>
+[[nodiscard]] Message filled(std::uint32_t number);
+// As Fast CDR writes it, without what pads the end.
+template <typename Message>
+[[nodiscard]] std::vector<std::uint8_t> bytes_of(const Message& message);
+
 struct Qos {
     bool is_reliable = true;
     bool is_latched = false;

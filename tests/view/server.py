@@ -139,7 +139,7 @@ def the_run_is_the_same():
     """With somebody who looks on, every frame has the state hash that it has without --view."""
     with tempfile.TemporaryDirectory() as folder:
         common = ("--simulate", "walking_xyz:1", "--frames", "150", "--state-hashes")
-        subprocess.run([PROGRAM, "run", *common, f"{folder}/alone"], check=True, capture_output=True, timeout=WAIT_S)
+        subprocess.run([PROGRAM, "run", *common, f"{folder}/alone"], check=True, capture_output=True, timeout=WAIT_S * 4)
         frames = 0
         for _ in range(5):  # on a busy machine a run may be over before somebody looks
             with Run(PROGRAM, *common, f"{folder}/seen") as run:
