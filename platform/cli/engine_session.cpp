@@ -25,10 +25,10 @@
 #include "platform/record/map_saver.hpp"
 #include "platform/record/recording_writer.hpp"
 #include "platform/store/session_store.hpp"
+#include "platform/view/view_snapshot.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 #ifdef STILLMESH_HAS_OPENCV
 #include "platform/opencv/orb_adapter.hpp"
-#include "platform/view/view_snapshot.hpp"
 #endif
 
 namespace stillmesh {

@@ -42,6 +42,8 @@ bool is_ros_motion(const std::string& value) {
 }
 
 std::string motion_problem(const RunArguments& arguments) {
+    if (!arguments.accelerometer.empty() && arguments.session.grid.level != Level::kGravity)
+        return "--accelerometer: says where up is, which --level gravity asks for; give both.";
     const std::string& camera = arguments.live.camera;
     for (const auto& [option, value] : {std::pair<const char*, const std::string&>{"--odometry", arguments.odometry},
                                         {"--gyro", arguments.gyroscope},
@@ -79,12 +81,7 @@ bool open_motion(const RunArguments& arguments, const std::string& folder, std::
 
 bool open_accelerometer(const RunArguments& arguments, const std::string& folder,
                         std::unique_ptr<AccelerationSource>& source, std::string& message) {
-    const bool is_asked = arguments.session.grid.level == Level::kGravity;
-    if (!is_asked && arguments.accelerometer.empty()) return true;
-    if (!is_asked) {
-        message = "--accelerometer: says where up is, which --level gravity asks for; give both.";
-        return false;
-    }
+    if (arguments.session.grid.level != Level::kGravity) return true;
     if (const std::string topic = ros_motion_topic(arguments.accelerometer, "/imu"); !topic.empty()) {
         RosMotionOptions options;
         options.accelerometer = topic;

@@ -104,27 +104,28 @@ private:
         add(samples_.odometry, sample);
         return true;
     }
-    bool take_rate() {
-        const RosLoan<ros::Imu> loan(imu_);
+    // What the message says in one of its vectors, in the camera's axes, to be kept.
+    template <typename Vector, typename Keep>
+    bool take_imu(dds_entity_t reader, Vector ros::Imu::*said, Keep keep) {
+        const RosLoan<ros::Imu> loan(reader);
         if (loan.message() == nullptr) return loan.is_any();
         const ros::Imu& imu = *loan.message();
-        const auto& w = imu.angular_velocity;
-        if (!std::isfinite(w.x + w.y + w.z)) return true;
-        const TurningRate sample{.time_ns = time_of(imu.header), .rad_s = in_camera(imu, w)};
+        const Vector& v = imu.*said;
+        if (!std::isfinite(v.x + v.y + v.z)) return true;
         const std::lock_guard lock(mutex_);
-        add(samples_.gyroscope, sample);
+        keep(time_of(imu.header), in_camera(imu, v));
         return true;
     }
+    bool take_rate() {
+        return take_imu(imu_, &ros::Imu::angular_velocity, [this](std::int64_t time_ns, const Triple& rad_s) {
+            add(samples_.gyroscope, TurningRate{.time_ns = time_ns, .rad_s = rad_s});
+        });
+    }
     bool take_acceleration() {
-        const RosLoan<ros::Imu> loan(accelerometer_);
-        if (loan.message() == nullptr) return loan.is_any();
-        const ros::Imu& imu = *loan.message();
-        const auto& a = imu.linear_acceleration;
-        if (!std::isfinite(a.x + a.y + a.z)) return true;
-        const Acceleration sample{.time_ns = time_of(imu.header), .m_s2 = in_camera(imu, a)};
-        const std::lock_guard lock(mutex_);
-        add(accelerations_, sample);
-        return true;
+        return take_imu(accelerometer_, &ros::Imu::linear_acceleration,
+                        [this](std::int64_t time_ns, const Triple& m_s2) {
+                            add(accelerations_, Acceleration{.time_ns = time_ns, .m_s2 = m_s2});
+                        });
     }
     // What such a message says is in the axes that its frame names.
     template <typename Vector>

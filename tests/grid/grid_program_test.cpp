@@ -237,5 +237,14 @@ TEST(GridProgram, LevelByGravity) {
     EXPECT_NE(without.text.find("--accelerometer FILE"), std::string::npos) << without.text;
 }
 
+// Promise: an accelerometer that nothing asks for is refused at once, whatever the camera; none is waited for.
+TEST(GridProgram, AnAccelerometerIsOfLevelGravity) {
+    for (const std::string camera : {"--replay nowhere", "--simulate static_xyz", "--camera ros2 --wait"}) {
+        const Answer answer = stillmesh_says("run " + camera + " --accelerometer ros2");
+        EXPECT_EQ(answer.code, 2) << camera;
+        EXPECT_NE(answer.text.find("--accelerometer: says where up is"), std::string::npos) << answer.text;
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh
