@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
 """Promises: libstillmesh_c exports what its header declares and nothing else; whatever Engine can do has a counterpart in C,
-every statistic included; and what a program was compiled against stays as it was (abi.txt: symbols, sizes, offsets).
+every statistic included; and what a program was compiled against stays as it was (stillmesh.abi, compared by abidiff).
 
   abi.py check    --source DIR --library FILE --nm NM --compiler CC    exit 0 when all hold
-  abi.py update   ...                                                  writes abi.txt anew
+  abi.py update   ...                                                  writes stillmesh.abi anew
   abi.py selftest ...                                                  each wrong header is noticed
-abi.txt is that of 64-bit processors. A line that changes or goes breaks programs: the library's number is raised with it
-(STILLMESH_C_ABI); a struct that begins with its size may grow at its end.
+stillmesh.abi is abidw's description for 64-bit processors: symbols with their versions, types of arguments and results, members
+of structs, values of constants. What changes or goes breaks programs: the library's number is raised with it (STILLMESH_C_ABI);
+a struct that begins with its size may grow at its end.
 """
 import argparse
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -91,37 +93,68 @@ def complaints_about(header, version_map, exported, engine, outputs, merge):
     return complaints
 
 
-def layout_of(header_folder, header, compiler):
-    """Lines 'struct sm_x BYTES' and 'field sm_x.y OFFSET BYTES', by the compiler."""
-    lines = []
-    for name, fields in structs_of(header).items():
-        lines.append(f'printf("struct {name} %zu\\n", sizeof({name}));')
-        lines += [f'printf("field {name}.{field} %zu %zu\\n", offsetof({name}, {field}), sizeof((({name} *)0)->{field}));'
-                  for field in fields]
+def description_of(header, version_map, compiler):
+    """abidw's description of a library that declares what the header does, and does nothing: the engine's own types stay out of
+    it, and no compiler's flags matter. A constant becomes the value of an enum of its own, which a variable has."""
+    text = without_comments(header)
+    lines = ['#include "stillmesh.h"']
+    for declaration in re.findall(r"SM_API\s+([^;(]*?\bsm_\w+\([^;]*\));", text):
+        lines.append(declaration + (" {}" if re.match(r"void\s+sm_", declaration) else " { return 0; }"))
+    for name in re.findall(r"#define (SM_\w+) (?!__attribute__)", text) + re.findall(r"\b(SM_\w+) = ", text):
+        lines.append(f"enum value_of_{name} {{ {name}_is = {name} }} sm_constant_{name};")
     with tempfile.TemporaryDirectory() as work:
-        program = pathlib.Path(work) / "layout.c"
-        program.write_text('#include <stdio.h>\n#include "stillmesh.h"\nint main(void) {\n' + "\n".join(lines) + "\nreturn 0;\n}\n",
-                           encoding="utf-8")
-        subprocess.run([compiler, "-std=c99", "-I", header_folder, str(program), "-o", f"{work}/layout"], check=True)
-        return subprocess.run([f"{work}/layout"], check=True, capture_output=True, text=True).stdout
+        folder = pathlib.Path(work)
+        (folder / "stillmesh.h").write_text(header, encoding="utf-8")
+        (folder / "api.c").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (folder / "api.map").write_text(version_map.replace("global:", "global:\n    sm_constant_*;", 1), encoding="utf-8")
+        subprocess.run([compiler, "-std=gnu99", "-w", "-g", "-fPIC", "-shared", "api.c", "-o", "api.so",
+                        "-Wl,--version-script=api.map"], check=True, cwd=work)
+        subprocess.run(["abidw", "--no-show-locs", "--no-corpus-path", "--no-comp-dir-path", "--no-elf-needed", "--no-architecture",
+                        "--type-id-style", "hash", "--out-file", "api.abi", "api.so"], check=True, cwd=work)
+        return (folder / "api.abi").read_text(encoding="utf-8")
 
 
-def changed(committed, now):
-    """What is other than it was. A struct with a size may have more fields behind those that it had."""
-    sizes = {line.split()[1] for line in committed.splitlines() if line.startswith("struct")}
-    growing = {name for name in sizes if f"field {name}.size 0 4" in committed.splitlines()}
-    before, after = set(committed.splitlines()), set(now.splitlines())
-    complaints = [f"was: {line}" for line in sorted(before - after)
-                  if not (line.startswith("struct") and line.split()[1] in growing)]
-    for line in sorted(after - before):
-        words = line.split()
-        is_new = words[0] in ("symbol", "struct") or words[1].split(".")[0] in growing | {w.split()[1] for w in after - before
-                                                                                         if w.startswith("struct")} - sizes
-        if not is_new:
-            complaints.append(f"is:  {line}")
-    if complaints:
-        return complaints
-    return ["new, and not in abi.txt yet (abi.py update): " + line for line in sorted(after - before)]
+def breaks_in(report, growing):
+    """abidiff's lines that tell of anything but members behind the end of a struct that may grow, and whether one grew."""
+    end, breaks, has_grown = None, [], False
+    for line in filter(None, map(str.strip, report.splitlines())):
+        struct = re.fullmatch(r"'struct (\w+)' changed:", line)
+        size = re.fullmatch(r"type size changed from (\d+) to \d+ \(in bits\)", line)
+        member = re.fullmatch(r"'.*', at offset (\d+) \(in bits\)", line)
+        if size:
+            end = int(size.group(1))
+        elif member and end is not None and int(member.group(1)) >= end:
+            has_grown = True
+        elif struct and struct.group(1) in growing:
+            end = None
+        elif not re.match(r"(Leaf changes|Changed leaf types|Removed/Changed/Added \w+) summary: |\d+ data member insertions?:$", line):
+            breaks.append(line)
+    return breaks, has_grown
+
+
+def changed(committed, now, header):
+    """What breaks programs; where nothing does, what is new and not committed yet."""
+    growing = {name for name, fields in structs_of(header).items() if fields[0] == "size"}
+    with tempfile.TemporaryDirectory() as work:
+        for name, text in (("committed.abi", committed), ("now.abi", now)):
+            (pathlib.Path(work) / name).write_text(text, encoding="utf-8")
+
+        def compared(*options):
+            run = subprocess.run(["abidiff", "--leaf-changes-only", *options, "committed.abi", "now.abi"], check=False,
+                                 capture_output=True, text=True, cwd=work)
+            assert run.returncode & 3 == 0, run.stdout + run.stderr  # it could not compare
+            return run
+        run = compared("--no-added-syms")
+        breaks, has_grown = breaks_in(run.stdout, growing)
+        if breaks or run.returncode & 8 or (run.returncode != 0 and not has_grown):
+            return ["breaks programs: " + line for line in breaks or [f"abidiff ends with {run.returncode}"]]
+        run = compared()
+        return ["new, and not in stillmesh.abi yet (target update_abi):\n" + run.stdout] if run.returncode != 0 else []
+
+
+def not_held(header, description):
+    """Structs that no function leads to: nobody would notice if they changed."""
+    return [f"{name}: no function has to do with it" for name in structs_of(header) if f"name='{name}' size-in-bits=" not in description]
 
 
 def selftest(header, version_map, exported, engine, outputs, merge):
@@ -136,14 +169,48 @@ def selftest(header, version_map, exported, engine, outputs, merge):
     ]
     for i, arguments in enumerate(wrong):
         assert complaints_about(*arguments), i
-    was = "symbol sm_a\nstruct sm_b 8\nfield sm_b.size 0 4\nfield sm_b.x 4 4\nstruct sm_c 4\nfield sm_c.x 0 4\n"
-    assert changed(was, was) == []
-    for now in (was.replace("symbol sm_a\n", ""), was.replace("sm_b.x 4 4", "sm_b.x 4 2"), was.replace("sm_c 4", "sm_c 8"),
-                was + "field sm_c.y 4 4\n", was.replace("field sm_b.x", "field sm_b.z")):
-        assert any(c.startswith(("was", "is")) for c in changed(was, now)), now
-    grown = was.replace("struct sm_b 8", "struct sm_b 12") + "field sm_b.y 8 4\nsymbol sm_d\nstruct sm_e 4\nfield sm_e.x 0 4\n"
-    assert all(c.startswith("new") for c in changed(was, grown)) and changed(was, grown)
-    print(f"{len(wrong) + 5} wrong ones noticed")
+    print(f"{len(wrong)} wrong ones noticed")
+    return []
+
+
+def abi_selftest(header, version_map, compiler):
+    """Each pair of texts is a change to the header, or to the version script if the first is found there alone."""
+    committed = description_of(header, version_map, compiler)
+
+    def complaints_after(*changes):
+        after, versions = header, version_map
+        for old, new in changes:
+            assert old in header or old in version_map, old
+            after, versions = (after.replace(old, new), versions) if old in header else (after, versions.replace(old, new))
+        return changed(committed, description_of(after, versions, compiler), after)
+
+    grown = ("} sm_statistics;", "    double more;\n} sm_statistics;")
+    call = "SM_API uint64_t sm_state_hash(const sm_engine* engine);"
+    swapped = ("keyframes_evicted, keyframes_redundant", "keyframes_redundant, keyframes_evicted")
+    wrong = {
+        "a function gone": [(call, ""), ("    sm_state_hash;\n", "")],
+        "an argument's type": [("sm_step(sm_engine* engine, uint32_t", "sm_step(sm_engine* engine, uint64_t")],
+        "a callback's arguments": [("(*extract)(void* user,", "(*extract)(void* user, int n,")],
+        "members swapped": [swapped], "members swapped, and grown": [swapped, grown],
+        "a member gone, and grown": [("uint64_t frames, frames_refused,", "uint64_t frames,"), grown],
+        "a member between": [("int32_t state;\n    int64_t", "int32_t state;\n    double more;\n    int64_t")],
+        "a type of the same size": [("double covariance[36]", "int64_t covariance[36]")],
+        "grown without a size": [("} sm_keyframe;", "    double more;\n} sm_keyframe;")],
+        "a constant": [("#define SM_FULL 1 ", "#define SM_FULL 9 ")], "a constant gone": [("#define SM_DEGENERATE 6", "")],
+        "an enum's value": [("SM_LINK_LOOP = 1", "SM_LINK_LOOP = 2")],
+        "a symbol's version": [("STILLMESH_0 {", "STILLMESH_1 {")],
+    }
+    for what, changes in wrong.items():
+        complaints = complaints_after(*changes)
+        assert complaints and all(line.startswith("breaks") for line in complaints), (what, complaints)
+    right = {"a function": [(call, call + "\nSM_API void sm_more(void);"), ("    sm_step;\n", "    sm_step;\n    sm_more;\n")],
+             "a constant": [("#define SM_END 8", "#define SM_END 8\n#define SM_MORE 9")], "members at the end": [grown]}
+    for what, changes in right.items():
+        complaints = complaints_after(*changes)
+        assert len(complaints) == 1 and complaints[0].startswith("new"), (what, complaints)
+    assert complaints_after() == []
+    assert not_held(header + "typedef struct sm_alone {\n    uint32_t size;\n} sm_alone;\n", committed)
+    print(f"{len(wrong)} changes break programs, {len(right)} do not")
     return []
 
 
@@ -163,16 +230,21 @@ def main():
     parts = (read(folder / "stillmesh.h"), read(folder / "stillmesh_c.map"), exported, read(source / "engine/engine.hpp"),
              read(source / "engine/outputs.hpp") + read(source / "engine/schedule/scheduler.hpp"),
              read(source / "engine/map_merge.hpp"))
-    now = "".join(f"symbol {name}\n" for name in sorted(exported)) + layout_of(folder, parts[0], arguments.compiler)
-    abi = source / "tests/c_api/abi.txt"
+    if shutil.which("abidw") is None or shutil.which("abidiff") is None:
+        print("abi.py: abidw and abidiff are not here: toolchains/install test (abigail-tools)")
+        return 2
+    now = description_of(parts[0], parts[1], arguments.compiler)
+    abi = source / "tests/c_api/stillmesh.abi"
+    if arguments.what == "selftest":
+        complaints = selftest(*parts) + abi_selftest(parts[0], parts[1], arguments.compiler)
+    else:
+        complaints = complaints_about(*parts) + not_held(parts[0], now) + changed(read(abi), now, parts[0])
     if arguments.what == "update":
         abi.write_text(now, encoding="utf-8")
-        return 0
-    complaints = selftest(*parts) if arguments.what == "selftest" else complaints_about(*parts) + changed(read(abi), now)
     for complaint in complaints:
         print("WRONG:", complaint)
     print(f"{len(exported)} symbols, {len(structs_of(parts[0]))} structs, {len(complaints)} complaints")
-    return 1 if complaints else 0
+    return 1 if complaints and arguments.what != "update" else 0
 
 
 if __name__ == "__main__":
