@@ -15,7 +15,8 @@ import tempfile
 import time
 
 LINES_MAX = 59
-NO_PROGRAMS = {"wall.hpp", "wall.h", "wall.py", "ros2_listener.c"}  # the camera's part; run by hears_ros.py
+# The camera's part; run by hears_ros.py.
+NO_PROGRAMS = {"wall.hpp", "wall.h", "wall.py", "ros2_listener.c", "ros2_listener.cpp", "ros2_listener.py"}
 
 
 def sections_of(text):
