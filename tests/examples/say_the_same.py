@@ -61,7 +61,7 @@ def main():
         if file.name in NO_PROGRAMS:
             continue
         name = file.stem + {".cpp": "", ".c": "_in_c", ".py": "_in_python"}[file.suffix]
-        if file.suffix == ".py" and arguments.python:
+        if file.suffix == ".py" and arguments.python and not file.name.endswith(tuple(arguments.without)):
             commands[name] = [arguments.python, "-B", str(file)]
         if name not in commands and file.name.endswith(tuple(arguments.without)):
             missing.append(file.name)
