@@ -1,10 +1,5 @@
-// All of ROS 2 in a library of its own, which is opened when somebody asks for it: a run without ROS 2 has nothing of
-// Cyclone DDS, nor of what that is linked with, in its memory. It lies beside the program (build tree, workspace of
-// ROS 2) or where it is installed, <libdir>/stillmesh, seen from the program's own folder, and nowhere else:
-// LD_LIBRARY_PATH is not asked, so that whoever could put another one there could also replace the program. It is never
-// closed: threads of Cyclone run in it, and what it has made has its code there. Apart from the one function that
-// gives the table below nothing in it can be seen from outside, and it sees nothing of the program: what both need is
-// in both, as constant code; what one has to tell the other goes through the objects made here. Both are of one build.
+// All of ROS 2 that needs Cyclone DDS, as a module (platform/linux/module.hpp): a run that asks for nothing of ROS 2
+// has neither in its memory.
 #pragma once
 
 #include <memory>
@@ -19,9 +14,8 @@
 
 namespace stillmesh {
 
-// What the library makes; each is opened by its own open().
+// What it makes; each is opened by its own open().
 struct Ros2Module {
-    const char* version;  // of Stillmesh; the first, so that it can be read whatever follows
     std::unique_ptr<LiveCamera> (*camera)(Ros2Options options);
     std::unique_ptr<RosPublisher> (*publisher)();
     std::unique_ptr<RosWishes> (*wishes)();
@@ -31,10 +25,5 @@ struct Ros2Module {
 
 // nullptr: `message` says what an option of ROS 2 "needs", and what to do.
 [[nodiscard]] const Ros2Module* ros2_module(std::string& message);
-// The same of a file that is there, by its whole path.
-[[nodiscard]] const Ros2Module* ros2_module_in(const std::string& path, std::string& message);
 
 }  // namespace stillmesh
-
-// Of the library.
-extern "C" const stillmesh::Ros2Module* stillmesh_ros2_module();

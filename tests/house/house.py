@@ -13,8 +13,7 @@
   references  what a text names as a file of the repository is there
   stack     every frame in the engine is bounded and small, nothing recurses; prints the deepest path
   hardening the program is position independent, its tables are read-only once it runs, its stack guarded and no code, libc's calls
-            know their buffers, and jumps and returns are marked or signed; so far the library for ROS 2, which shows one
-            function alone
+            know their buffers, and jumps and returns are marked or signed; so far its modules, each of which shows one function alone
   size      code and read-only data of the engine library stay below the limit, and it has no writable data
 
 Every check is a function from text to a list of complaints, so that selftest.py can feed it wrong text.
@@ -492,10 +491,10 @@ def mapped_complaints(file):
 
 
 def module_complaints(file):
-    """file: as above, of the library that the program opens for ROS 2."""
+    """file: as above, of a library that the program opens."""
     # Num: Value Size Type Bind Vis Ndx Name; version nodes are absolute
     shown = re.findall(r"^\s*\d+: [0-9a-f]+\s+\w+\s+(?:FUNC|OBJECT|TLS|NOTYPE)\s+(?:GLOBAL|WEAK|UNIQUE)\s+\w+\s+\d+ (\S+)", file, re.M)
-    return mapped_complaints(file) + ([] if shown == ["stillmesh_ros2_module"] else [f"shows {shown[:8]}, not its one function"])
+    return mapped_complaints(file) + ([] if shown == ["stillmesh_module"] else [f"shows {shown[:8]}, not its one function"])
 
 
 def hardening_complaints(program, main, library, library_notes):
@@ -527,10 +526,10 @@ def hardening_of(arguments, program, library):
 
 def check_hardening(arguments):
     complaints = hardening_of(arguments, arguments.program, arguments.library)
-    if arguments.module:
-        said = subprocess.run((arguments.readelf, "-Whldn", "--dyn-syms", arguments.module), capture_output=True, text=True,
+    for module in arguments.modules:
+        said = subprocess.run((arguments.readelf, "-Whldn", "--dyn-syms", module), capture_output=True, text=True,
                               check=True, env={**os.environ, "LC_ALL": "C"}).stdout
-        complaints += [f"{arguments.module}: {complaint}" for complaint in module_complaints(said)]
+        complaints += [f"{module}: {complaint}" for complaint in module_complaints(said)]
     return complaints
 
 
@@ -705,7 +704,7 @@ def main(checks):
     parser.add_argument("check", choices=sorted(checks))
     for name in ("source", "build", "compiler", "nm", "objdump", "readelf", "library", "program"):
         parser.add_argument(f"--{name}", required=True)
-    parser.add_argument("--module")
+    parser.add_argument("--modules", nargs="*", default=[])
     arguments = parser.parse_args()
     complaints = checks[arguments.check](arguments)
     for complaint in complaints:

@@ -59,8 +59,8 @@ void a_stuck_reader_changes_nothing(int frames, int patience_ms) {
     EXPECT_EQ(published.err().find("samples were lost"), std::string::npos) << published.err();
 }
 
-// Promise: a run that asks for nothing of ROS 2 has neither Cyclone DDS nor our library for it in its memory; one that
-// publishes has both.
+// Promise: a run that asks for nothing of ROS 2 has neither Cyclone DDS nor our module for it in its memory; one that
+// publishes has both, and none has what serves the page.
 TEST(RosProgram, LoadsWhatItIsAskedFor) {
     for (const bool is_asked : {false, true}) {
         const test::TemporaryFolder scratch;
@@ -75,10 +75,13 @@ TEST(RosProgram, LoadsWhatItIsAskedFor) {
         for (const char* const library : {"libddsc", "libstillmesh_ros2"}) {
             EXPECT_EQ(mapped.find(library) != std::string::npos, is_asked) << library;
         }
+        for (const char* const library : {"libcpp-httplib", "libstillmesh_view"}) {
+            EXPECT_EQ(mapped.find(library), std::string::npos) << library;
+        }
     }
 }
 
-// Promise: the library is opened from two places that are seen from the program's own, and not from where
+// Promise: the module is opened from two places that are seen from the program's own, and not from where
 // LD_LIBRARY_PATH says.
 TEST(RosProgram, LoadsFromItsOwnPlacesAlone) {
     const test::TemporaryFolder scratch;
