@@ -8,6 +8,7 @@
 #include "platform/cli/first_camera.hpp"
 #include "platform/linux/process.hpp"
 #include "platform/linux/service.hpp"
+#include "platform/ros2/ros2_module.hpp"
 #ifdef STILLMESH_HAS_FREENECT
 #include "hal/freenect/freenect_camera.hpp"
 #endif
@@ -17,9 +18,6 @@
 #ifdef STILLMESH_HAS_USB
 #include "hal/usb/camera_check.hpp"
 #include "hal/usb/libusb_link.hpp"
-#endif
-#ifdef STILLMESH_HAS_ROS2
-#include "hal/ros2/ros2_camera.hpp"
 #endif
 #ifdef STILLMESH_HAS_V4L2
 #include "hal/v4l2/kernel_link.hpp"
@@ -59,7 +57,6 @@ constexpr std::size_t kReasonsMax = 16;
 }
 #endif
 
-#ifdef STILLMESH_HAS_ROS2
 [[nodiscard]] std::unique_ptr<LiveCamera> make_ros2(const LiveCameraOptions& options, const std::string& device,
                                                     std::string& message) {
     Ros2Options ros2;
@@ -79,9 +76,12 @@ constexpr std::size_t kReasonsMax = 16;
     }
     ros2.calibration = options.calibration;
     if (options.is_realtime) ros2.thread_begins = become_realtime_reader;
-    return std::make_unique<Ros2Camera>(std::move(ros2));
+    std::string need;
+    const Ros2Module* const module = ros2_module(need);
+    if (module != nullptr) return module->camera(std::move(ros2));
+    message = "--camera ros2 " + need;
+    return nullptr;
 }
-#endif
 
 #ifdef STILLMESH_HAS_V4L2
 [[nodiscard]] std::unique_ptr<LiveCamera> make_v4l2(const LiveCameraOptions& options, const std::string& device,
@@ -129,7 +129,6 @@ constexpr std::size_t kReasonsMax = 16;
     };
     constexpr Need kNeeds[] = {{"freenect", "libfreenect", "libfreenect-dev", "FREENECT"},
                                {"v4l2", "the kernel's headers", "linux-libc-dev", "V4L2"},
-                               {"ros2", "Cyclone DDS", "cyclonedds-dev cyclonedds-tools", "ROS2"},
                                {"openni2", "OpenNI2", "libopenni2-dev", "OPENNI2"}};
     const Need* need = std::find_if(std::begin(kNeeds), std::end(kNeeds) - 1,
                                     [&driver](const Need& one) { return driver == one.driver; });
@@ -167,9 +166,7 @@ std::unique_ptr<LiveCamera> make_live_camera(const LiveCameraOptions& options, s
 #ifdef STILLMESH_HAS_FREENECT
     if (is_auto || driver == "freenect") add("libfreenect", make_freenect(options, device, message));
 #endif
-#ifdef STILLMESH_HAS_ROS2
     if (driver == "ros2") add("ROS 2", make_ros2(options, device, message));
-#endif
     if (candidates.empty()) return nullptr;
     if (candidates.size() == 1) return std::move(candidates.front().camera);
     return std::make_unique<FirstLiveCamera>(std::move(candidates));

@@ -6,8 +6,7 @@
 
 #include "platform/motion/accelerometer_file.hpp"
 #include "platform/motion/motion_file.hpp"
-#include "platform/ros2/ros_base.hpp"
-#include "platform/ros2/ros_motion.hpp"
+#include "platform/ros2/ros2_module.hpp"
 
 namespace stillmesh {
 namespace {
@@ -33,6 +32,13 @@ namespace {
     read->set_errors(arguments.motion_errors);
     if (is_any) motion = std::move(read);
     return true;
+}
+
+// Empty: `message` says why.
+[[nodiscard]] std::unique_ptr<RosMotion> hear(const RosMotionOptions& options, std::string& message) {
+    const Ros2Module* const module = ros2_module(message);
+    std::unique_ptr<RosMotion> heard = module != nullptr ? module->motion() : nullptr;
+    return heard != nullptr && heard->open(options, message) ? std::move(heard) : nullptr;
 }
 
 }  // namespace
@@ -70,12 +76,11 @@ bool open_motion(const RunArguments& arguments, const std::string& folder, std::
     if (options.odometry.empty() && options.imu.empty()) return read_files(arguments, folder, motion, message);
     options.errors = arguments.motion_errors;
     options.base_from_camera_link = arguments.loop.ros.base_from_camera_link;
-    auto heard = std::make_unique<RosMotion>();
-    if (!heard->open(options, message)) {
+    motion = hear(options, message);
+    if (motion == nullptr) {
         message = (options.odometry.empty() ? "--gyro ros2: " : "--odometry ros2: ") + message;
         return false;
     }
-    motion = std::move(heard);
     return true;
 }
 
@@ -86,12 +91,11 @@ bool open_accelerometer(const RunArguments& arguments, const std::string& folder
         RosMotionOptions options;
         options.accelerometer = topic;
         options.base_from_camera_link = arguments.loop.ros.base_from_camera_link;
-        auto heard = std::make_unique<RosMotion>();
-        if (!heard->open(options, message)) {
+        source = hear(options, message);
+        if (source == nullptr) {
             message = "--accelerometer ros2: " + message;
             return false;
         }
-        source = std::move(heard);
         return true;
     }
     if (!arguments.live.camera.empty()) {
@@ -119,8 +123,9 @@ bool open_accelerometer(const RunArguments& arguments, const std::string& folder
 bool place_on_robot(const RunArguments& arguments, std::optional<RunArguments>& placed, std::string& message) {
     const std::size_t colon = arguments.live.camera.find(':');
     const std::string topics = colon == std::string::npos ? "" : arguments.live.camera.substr(colon + 1);
-    const auto pose =
-        base_from_camera_by_tf({.topics = topics, .base = arguments.loop.ros.frame_prefix + "base_link"}, message);
+    const RosBaseQuestion question{.topics = topics, .base = arguments.loop.ros.frame_prefix + "base_link"};
+    const Ros2Module* const module = ros2_module(message);
+    const auto pose = module != nullptr ? module->base_from_camera(question, message) : std::nullopt;
     if (!pose) {
         message = "--base-from-camera tf_static: " + message;
         return false;

@@ -13,8 +13,7 @@
 #include "platform/poses/line_outputs.hpp"
 #include "platform/poses/pose_line.hpp"
 #include "platform/report/run_record.hpp"
-#include "platform/ros2/ros_publisher.hpp"
-#include "platform/ros2/ros_wishes.hpp"
+#include "platform/ros2/ros2_module.hpp"
 
 namespace stillmesh {
 
@@ -35,16 +34,23 @@ public:
         return true;
     }
     [[nodiscard]] bool publish(const RosOptions& ros, const MavlinkOptions& mavlink, std::string& message) {
-        has_wishes_ = ros.is_on;
-        return mavlink_.open(mavlink, message) &&
-               (!ros.is_on || (ros_.open(ros, message) && wishes_.open(ros.name_space, message)));
+        if (!mavlink_.open(mavlink, message)) return false;
+        if (!ros.is_on) return true;
+        const Ros2Module* const module = ros2_module(message);
+        if (module == nullptr) {
+            message = "--publish ros2 " + message;
+            return false;
+        }
+        ros_ = module->publisher();
+        wishes_ = module->wishes();
+        return ros_->open(ros, message) && wishes_->open(ros.name_space, message);
     }
     // Where somebody wants the map's points; nullptr: nobody does.
-    [[nodiscard]] MapPoints* points() { return ros_.points(); }
+    [[nodiscard]] MapPoints* points() { return ros_ != nullptr ? ros_->points() : nullptr; }
     // What ROS 2 wants of the run; nullptr: nobody asks there.
-    [[nodiscard]] ViewCommands* wishes() { return has_wishes_ ? &wishes_.commands() : nullptr; }
+    [[nodiscard]] ViewCommands* wishes() { return wishes_ != nullptr ? &wishes_->commands() : nullptr; }
     // And a grid of it; likewise.
-    [[nodiscard]] GridShelf* grid() { return ros_.grid(); }
+    [[nodiscard]] GridShelf* grid() { return ros_ != nullptr ? ros_->grid() : nullptr; }
     // Number `frame` of the run, in its `map`. Here as in event(): what to say when the first line was lost somewhere.
     [[nodiscard]] std::string pose(std::uint64_t frame, std::size_t map, const SessionFrame& out) {
         const bool is_camera_fault = out.state != out.estimate.state;  // the camera check does not trust it
@@ -64,7 +70,7 @@ public:
         return write_pose();
     }
     [[nodiscard]] std::string event(const std::string& sentence) {
-        std::string said = ros_.event(sentence);
+        std::string said = ros_ != nullptr ? ros_->event(sentence) : std::string();
         if (outputs_.empty()) return said;
         lines_.event(last_.estimate.time_ns, sentence, line_);
         return write(std::move(said));
@@ -74,7 +80,8 @@ public:
     }
     // Ends what is sent by a thread of its own.
     void account(RunRecord& record) {
-        if (std::string problem = ros_.close(); !problem.empty()) record.problems.push_back(std::move(problem));
+        if (std::string problem = ros_ != nullptr ? ros_->close() : std::string(); !problem.empty())
+            record.problems.push_back(std::move(problem));
         if (std::string problem = mavlink_.problem(); !problem.empty()) record.problems.push_back(std::move(problem));
         for (const auto& output : outputs_) {
             if (std::string problem = output->problem(); !problem.empty())
@@ -84,7 +91,7 @@ public:
 
 private:
     [[nodiscard]] std::string write_pose() {
-        std::string said = ros_.frame(last_);
+        std::string said = ros_ != nullptr ? ros_->frame(last_) : std::string();
         if (std::string sentence = mavlink_.frame(last_); !sentence.empty()) said = std::move(sentence);
         if (outputs_.empty()) return said;
         lines_.pose(last_, line_);
@@ -98,9 +105,8 @@ private:
     }
 
     std::vector<std::unique_ptr<LineOutput>> outputs_;
-    RosPublisher ros_;
-    RosWishes wishes_;
-    bool has_wishes_ = false;
+    std::unique_ptr<RosPublisher> ros_;  // this and the next: empty without --publish ros2
+    std::unique_ptr<RosWishes> wishes_;
     MavlinkOutput mavlink_;
     PoseLines lines_;
     std::string line_;  // keeps its memory from frame to frame

@@ -11,6 +11,7 @@
 
 #include "platform/linux/service.hpp"
 #include "platform/linux/text_output.hpp"
+#include "platform/view/view_module.hpp"
 
 namespace stillmesh {
 namespace {
@@ -75,7 +76,7 @@ bool ViewOfRun::open(const ViewServerOptions& options, std::string& message) {
                               kViewTokenMax);
         return false;
     }
-    server_ = open_view_server(filled, feed(), message);
+    server_ = load_view_server(filled, feed(), message);
     if (server_ == nullptr) return false;
     write_standard_error(log_entry(LogLevel::kNotice, server_->sentence()));
     return true;

@@ -1,6 +1,6 @@
 // `--base-from-camera tf_static`: where a robot itself says that its camera is (/tf_static, or that of a namespace of
 // the images, from its base to the frame that CameraInfo of the colour images names), asked once, before a run begins.
-// Cost: until both have come, kRosBaseWait_ms at most. In a build without Cyclone DDS it says so.
+// Cost: until both have come, kRosBaseWait_ms at most. The program calls it through ros2_module.hpp.
 #pragma once
 
 #include <cstdint>

@@ -4,7 +4,8 @@
 // kSamplesMax of each; what a frame's time is not covered by when it is asked for has no hint, and nobody waits. Poses
 // are those of base_link in any frame that stays; rates and accelerations are in base_link's axes, or, where the
 // message's frame ends in optical_frame, in the camera's; where on the robot they are measured is left out. Subscribed
-// at best effort. Memory: 132 KiB, and Cyclone's own. In a build without Cyclone DDS open() says so.
+// at best effort. Memory: 132 KiB, and Cyclone's own. Made by ros2_module.hpp: what
+// the program calls is virtual.
 #pragma once
 
 #include <cstdint>
@@ -29,14 +30,14 @@ struct RosMotionOptions {
 // "ros2" or "ros2:TOPIC": the topic, else `preset`. Empty: it is another word.
 [[nodiscard]] std::string ros_motion_topic(std::string_view text, const char* preset);
 
-class RosMotion final : public MotionSource, public AccelerationSource {
+class RosMotion : public MotionSource, public AccelerationSource {
 public:
     static constexpr std::size_t kSamplesMax = 1024;
 
     RosMotion();
     ~RosMotion() override;
     // False: `message` says why.
-    [[nodiscard]] bool open(const RosMotionOptions& options, std::string& message);
+    [[nodiscard]] virtual bool open(const RosMotionOptions& options, std::string& message);
     [[nodiscard]] std::optional<MotionHint> between_times(std::int64_t from_ns, std::int64_t to_ns) const override;
     void between(std::int64_t after_ns, std::int64_t to_ns, std::vector<Acceleration>& out) const override;
     [[nodiscard]] const std::string& sources() const override { return sources_; }

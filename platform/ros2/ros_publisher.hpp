@@ -5,7 +5,7 @@
 // slow, stuck or dead costs nobody anything but what it does not take. Where the ring is full a frame is not sent; it
 // is counted, and said once. Limits: 64 frames in the ring, 1024 poses of the path (then every second one goes), points
 // as in the map. Memory: 150 KiB, 36 bytes a point, a copy of the map once somebody has subscribed to its points, and
-// Cyclone's own. Cost: docs/ros2.md. In a build without Cyclone DDS open() says so.
+// Cyclone's own. Cost: docs/ros2.md. Made by ros2_module.hpp: what the program calls is virtual.
 #pragma once
 
 #include <cstdint>
@@ -32,23 +32,23 @@ struct RosOptions {
 class RosPublisher {
 public:
     RosPublisher();
-    ~RosPublisher();
+    virtual ~RosPublisher();
     RosPublisher(const RosPublisher&) = delete;
     RosPublisher& operator=(const RosPublisher&) = delete;
 
     // False: `message` says why.
-    [[nodiscard]] bool open(const RosOptions& options, std::string& message);
+    [[nodiscard]] virtual bool open(const RosOptions& options, std::string& message);
     // --- the engine's thread ---
     // Where the map's points are to be copied to; nullptr: nobody publishes.
-    [[nodiscard]] MapPoints* points() noexcept;
+    [[nodiscard]] virtual MapPoints* points() noexcept;
     // Where a grid is to be put; nullptr: nobody publishes, or not a grid.
-    [[nodiscard]] GridShelf* grid() noexcept;
+    [[nodiscard]] virtual GridShelf* grid() noexcept;
     // A frame, with a pose or without. Here as in event(): what to say when the first was lost; else empty.
-    [[nodiscard]] std::string frame(const PoseReport& report);
+    [[nodiscard]] virtual std::string frame(const PoseReport& report);
     // What happened to the camera or the map: in the diagnostics, the last one, its first 200 letters.
-    [[nodiscard]] std::string event(const std::string& sentence);
+    [[nodiscard]] virtual std::string event(const std::string& sentence);
     // Sends what is left. Empty: nothing was lost; else a sentence.
-    [[nodiscard]] std::string close();
+    [[nodiscard]] virtual std::string close();
 
 private:
     class Sender;

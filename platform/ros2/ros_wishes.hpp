@@ -5,7 +5,7 @@
 //   /stillmesh/save_map       std_msgs/Empty
 //   /stillmesh/reset          std_msgs/Empty
 //   /stillmesh/localize_only  std_msgs/Bool
-// Memory: Cyclone's own, and a thread. In a build without Cyclone DDS there is none.
+// Memory: Cyclone's own, and a thread. Made by ros2_module.hpp: what the program calls is virtual.
 #pragma once
 
 #include <memory>
@@ -18,12 +18,12 @@ namespace stillmesh {
 class RosWishes {
 public:
     RosWishes();
-    ~RosWishes();
+    virtual ~RosWishes();
     RosWishes(const RosWishes&) = delete;
     RosWishes& operator=(const RosWishes&) = delete;
 
     // `name_space`: empty, or that of the run's own topics. False: `message` says why.
-    [[nodiscard]] bool open(const std::string& name_space, std::string& message);
+    [[nodiscard]] virtual bool open(const std::string& name_space, std::string& message);
     // The run takes from here; wishes lie in it from open() on.
     [[nodiscard]] ViewCommands& commands() noexcept { return commands_; }
 

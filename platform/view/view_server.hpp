@@ -36,7 +36,8 @@ struct ViewServerOptions {
     std::string place;  // [ADDRESS:]PORT; without an address for this machine alone; port 0: any that is free
     std::string token;  // who says it may steer; empty: nobody may
 };
-// null: `message` says why. Called by the thread whose priority its threads shall have.
+// Of the module, which the program calls by load_view_server (view_module.hpp). null: `message` says why. Called by the
+// thread whose priority its threads shall have.
 [[nodiscard]] std::unique_ptr<ViewServer> open_view_server(const ViewServerOptions& options, ViewFeed& feed,
                                                            std::string& message);
 

@@ -13,7 +13,7 @@
   references  what a text names as a file of the repository is there
   stack     every frame in the engine is bounded and small, nothing recurses; prints the deepest path
   hardening the program is position independent, its tables are read-only once it runs, its stack guarded and no code, libc's calls
-            know their buffers, and jumps and returns are marked or signed
+            know their buffers, and jumps and returns are marked or signed; so far its modules, each of which shows one function alone
   size      code and read-only data of the engine library stay below the limit, and it has no writable data
 
 Every check is a function from text to a list of complaints, so that selftest.py can feed it wrong text.
@@ -479,6 +479,24 @@ ENTRIES = {"Advanced Micro Devices X86-64": (r"endbr64", "x86 feature: IBT, SHST
            "AArch64": (r"paciasp|hint\s+#0x19|bti", "AArch64 feature: BTI, PAC", "")}
 
 
+def mapped_complaints(file):
+    """file: readelf -Whldn --dyn-syms of a program or a library."""
+    return [sentence for holds, sentence in (
+        ("GNU_RELRO" in file, "tables of addresses stay writable (no relro)"),
+        (re.search(r"FLAGS_1.*\bNOW\b|BIND_NOW", file), "addresses are filled in while it runs (not -z now)"),
+        (re.search(r"GNU_STACK(\s+0x[0-9a-f]+){5}\s+RW\s", file), "the stack is code, or is not said not to be"),
+        ("TEXTREL" not in file, "code is written to when it is loaded"),
+        ("__stack_chk_fail" in file, "no guards on the stack"),
+        (re.search(r"\b__(?!stack)\w+_chk\b", file), "libc's calls do not know their buffers (_FORTIFY_SOURCE)")) if not holds]
+
+
+def module_complaints(file):
+    """file: as above, of a library that the program opens."""
+    # Num: Value Size Type Bind Vis Ndx Name; version nodes are absolute
+    shown = re.findall(r"^\s*\d+: [0-9a-f]+\s+\w+\s+(?:FUNC|OBJECT|TLS|NOTYPE)\s+(?:GLOBAL|WEAK|UNIQUE)\s+\w+\s+\d+ (\S+)", file, re.M)
+    return mapped_complaints(file) + ([] if shown == ["stillmesh_module"] else [f"shows {shown[:8]}, not its one function"])
+
+
 def hardening_complaints(program, main, library, library_notes):
     """program: readelf -Whldn --dyn-syms of it; main: its disassembled main; of the engine library: the disassembly, and readelf -n."""
     complaints = []
@@ -487,13 +505,7 @@ def hardening_complaints(program, main, library, library_notes):
         if not holds:
             complaints.append(sentence)
     expect(re.search(r"Type:\s+DYN", program) and re.search(r"FLAGS_1.*\bPIE\b", program), "not position independent")
-    expect("GNU_RELRO" in program, "tables of addresses stay writable (no relro)")
-    expect(re.search(r"FLAGS_1.*\bNOW\b|BIND_NOW", program), "addresses are filled in while it runs (not -z now)")
-    expect(re.search(r"GNU_STACK(\s+0x[0-9a-f]+){5}\s+RW\s", program), "the stack is code, or is not said not to be")
-    expect("TEXTREL" not in program, "code is written to when it is loaded")
-    expect("__stack_chk_fail" in program, "no guards on the stack")
-    checked = set(re.findall(r"\b__(?!stack)\w+_chk\b", program))
-    expect(checked, "libc's calls do not know their buffers (_FORTIFY_SOURCE)")
+    complaints += mapped_complaints(program)
     machine = re.search(r"Machine:\s+(.*\S)", program)
     entry, marks, touch = ENTRIES.get(machine.group(1) if machine else "", (None, None, None))
     if entry:
@@ -513,7 +525,12 @@ def hardening_of(arguments, program, library):
 
 
 def check_hardening(arguments):
-    return hardening_of(arguments, arguments.program, arguments.library)
+    complaints = hardening_of(arguments, arguments.program, arguments.library)
+    for module in arguments.modules:
+        said = subprocess.run((arguments.readelf, "-Whldn", "--dyn-syms", module), capture_output=True, text=True,
+                              check=True, env={**os.environ, "LC_ALL": "C"}).stdout
+        complaints += [f"{module}: {complaint}" for complaint in module_complaints(said)]
+    return complaints
 
 
 # --- size ------------------------------------------------------------------------------------------------------------
@@ -687,6 +704,7 @@ def main(checks):
     parser.add_argument("check", choices=sorted(checks))
     for name in ("source", "build", "compiler", "nm", "objdump", "readelf", "library", "program"):
         parser.add_argument(f"--{name}", required=True)
+    parser.add_argument("--modules", nargs="*", default=[])
     arguments = parser.parse_args()
     complaints = checks[arguments.check](arguments)
     for complaint in complaints:

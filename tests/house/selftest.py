@@ -118,6 +118,12 @@ def hardening_selftest(arguments, folder, expect):
     frame = house.call_graph(disassembly)["main"][0]
     expect(f"a frame of {frame} bytes", [] if 20_000 <= frame <= 21_000 else [frame], 0)
     expect("not hardened", complaints_of(SOFT), sum(WORTH.values()))
+    shows = "    5: 0000000000001139    22 FUNC    GLOBAL DEFAULT   12 "
+    needs = ("GNU_RELRO BIND_NOW __stack_chk_fail __memcpy_chk\n  GNU_STACK      0x0 0x0 0x0 0x0 0x0 RW  0x10\n"
+             "    1: 0000000000000000     0 FUNC    GLOBAL DEFAULT  UND dds_write\n" + shows + "stillmesh_module\n")
+    expect("a module", house.module_complaints(needs), 0)
+    expect("a module that shows more", house.module_complaints(needs + shows + "_ZTV3One\n"), 1)
+    expect("a module that is not hardened", house.module_complaints(needs.replace("BIND_NOW", "")), 1)
     for at, flag in enumerate(HARDENED):
         if flag in WORTH:
             expect(f"hardened but for {flag}", complaints_of(HARDENED[:at] + [SOFT[at]] + HARDENED[at + 1:]), WORTH[flag])

@@ -7,7 +7,7 @@
 #include "platform/cli/live_camera.hpp"
 
 #if defined(STILLMESH_HAS_OPENNI2) || defined(STILLMESH_HAS_FREENECT) || defined(STILLMESH_HAS_USB) || \
-    defined(STILLMESH_HAS_V4L2) || defined(STILLMESH_HAS_ROS2)
+    defined(STILLMESH_HAS_V4L2)
 #error "this test is about a build without them"
 #endif
 

@@ -59,6 +59,56 @@ void a_stuck_reader_changes_nothing(int frames, int patience_ms) {
     EXPECT_EQ(published.err().find("samples were lost"), std::string::npos) << published.err();
 }
 
+// Promise: a run that asks for nothing of ROS 2 has neither Cyclone DDS nor our module for it in its memory; one that
+// publishes has both, and none has what serves the page.
+TEST(RosProgram, LoadsWhatItIsAskedFor) {
+    for (const bool is_asked : {false, true}) {
+        const test::TemporaryFolder scratch;
+        Program run(STILLMESH_PROGRAM, "",
+                    std::string(kRun) + "--frames 3000 --realtime --trajectory " + scratch.path("path") +
+                        (is_asked ? " --publish ros2" : ""),
+                    scratch);
+        // Its first pose comes after everything has been opened.
+        ASSERT_TRUE(within(60'000, [&] { return test::text_of(scratch.path("path")).size() > 200; })) << run.err();
+        const std::string mapped = test::text_of("/proc/" + std::to_string(run.pid()) + "/maps");
+        EXPECT_NE(mapped.find("libc.so"), std::string::npos);
+        for (const char* const library : {"libddsc", "libstillmesh_ros2"}) {
+            EXPECT_EQ(mapped.find(library) != std::string::npos, is_asked) << library;
+        }
+        for (const char* const library : {"libcpp-httplib", "libstillmesh_view"}) {
+            EXPECT_EQ(mapped.find(library), std::string::npos) << library;
+        }
+    }
+}
+
+// Promise: the module is opened from two places that are seen from the program's own, and not from where
+// LD_LIBRARY_PATH says.
+TEST(RosProgram, LoadsFromItsOwnPlacesAlone) {
+    const test::TemporaryFolder scratch;
+    const std::string folder = scratch.path("usr/bin"), elsewhere = scratch.path("elsewhere");
+    for (const std::string& one : {folder, elsewhere}) std::filesystem::create_directories(one);
+    const std::string name = std::filesystem::path(STILLMESH_MODULE).filename();
+    std::filesystem::copy_file(STILLMESH_PROGRAM, folder + "/stillmesh");
+    std::filesystem::copy_file(STILLMESH_MODULE, elsewhere + "/" + name);
+    const auto says = [&] {
+        Program run(folder + "/stillmesh", elsewhere, std::string(kRun) + "--frames 3 --publish ros2", scratch);
+        const int code = run.wait(60'000);
+        return std::to_string(code) + run.err();
+    };
+    const std::string refused = says(), begin = "neither " + folder + "/" + name + " nor ";
+    ASSERT_NE(refused.find("--publish ros2 needs Cyclone DDS"), std::string::npos) << refused;
+    ASSERT_NE(refused.find(begin), std::string::npos) << refused;
+    const std::size_t at = refused.find(begin) + begin.size();
+    const std::string installed = refused.substr(at, refused.find(" is there", at) - at);
+    ASSERT_TRUE(installed.starts_with(scratch.path())) << refused;
+    for (const std::string& place : {installed, folder + "/" + name}) {
+        std::filesystem::create_directories(std::filesystem::path(place).parent_path());
+        std::filesystem::copy_file(STILLMESH_MODULE, place);
+        EXPECT_EQ(says().front(), '0') << place << ": " << says();
+        std::filesystem::remove(place);
+    }
+}
+
 // Promise: a reliable reader that never takes what it was promised changes nothing: not a pose, not a bit of the state
 // hash, and the run ends as without it.
 TEST(RosProgram, AStuckReaderChangesNothing) {
