@@ -431,6 +431,10 @@ TEST(RegionReturn, HowMuchAlikeALostCameraAsksFor) {
     EXPECT_GT(rig.returns.query(), 0U);
     EXPECT_EQ(rig.store.questions.back().score_min, kBagWeightOne / 4);
     EXPECT_EQ(rig.store.questions.back().older_than, ~std::uint64_t{0});
+    rig.store.says = Status::kNotFound;
+    EXPECT_GT(rig.returns.receive(), 0U);
+    EXPECT_EQ(rig.returns.query(), 0U) << "once a frame";
+    EXPECT_EQ(rig.store.questions.size(), 1U);
 }
 
 // Promise: an answer that does not come is given up after a while, and a spoilt one is counted; both leave nothing.
