@@ -161,7 +161,7 @@ Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, 
     Arena arena(block);
     EngineState& state = arena.array<EngineState>(1)[0];
     state.vocabulary = opened;
-    state.map_origin = {camera, parameters.features.levels, parameters.features.scale_factor, 0};
+    state.map_origin = {camera, parameters.features.levels, parameters.features.scale_factor};
     World& world = state.world;
     world.create(arena, limits, parameters, camera);
     state.places.create(arena, limits, world.parameters, camera, state.vocabulary);

@@ -85,7 +85,7 @@ Status LocalAdjustment::add_observation(const AdjustmentObservation& given) noex
     o.seen.x = given.x;
     o.seen.y = given.y;
     o.seen.info = 1.0 / given.var_pixel;
-    if (!(given.var_pixel > 0.0) || !(o.seen.info > 0.0) || !is_finite(o.seen.info)) return Status::kInvalid;
+    if (!(o.seen.info > 0.0) || !is_finite(o.seen.info)) return Status::kInvalid;
     if (given.var_z != 0.0) {
         o.seen.z_m = given.z_m;
         o.seen.info_z = 1.0 / given.var_z;

@@ -291,7 +291,6 @@ void Map::release_keyframe(Handle<Keyframe> keyframe) noexcept {
 }
 
 Handle<Keyframe> Map::recent_keyframe(std::uint32_t i) const noexcept {
-    if (i >= keyframes_.size()) return {};
     // Frames of keyframes differ, so that each round finds the next older one; i is small, or the pool is.
     std::uint64_t below = ~std::uint64_t{0};
     std::uint32_t best = 0;

@@ -1,5 +1,6 @@
 #include "engine/pose/ransac.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "engine/pose/residual.hpp"
@@ -145,7 +146,7 @@ RansacResult ransac_pose(std::span<const Correspondence> correspondences, std::s
             if (ratio < options.inlier_ratio_min) ratio = options.inlier_ratio_min;
             const std::uint32_t k =
                 options.factor * ransac_iterations(options.confidence, ratio, options.iterations_max);
-            return k < options.iterations_max ? k : options.iterations_max;
+            return std::min(k, options.iterations_max);
         };
         std::uint32_t limit = wanted();
         for (; best.iterations < limit; ++best.iterations) {

@@ -103,7 +103,7 @@ double KeyframeInserter::insert(const Source& source, World& world) noexcept {
     frame_ = source.posed.number;
     tracked_ = source.static_count + added / parameters_->keyframes.new_per_tracked;
     ++world.statistics.keyframes_made;
-    if (is_mapping && !world.keyframe_queue.push(handle)) ++world.statistics.keyframes_refused;
+    if (is_mapping && !world.queue_keyframe(handle)) ++world.statistics.keyframes_refused;
     return static_cast<double>(added) / static_cast<double>(std::max(source.static_count + added, 1U));
 }
 

@@ -1,5 +1,7 @@
 #include "engine/world/world.hpp"
 
+#include <algorithm>
+
 #include "engine/geometry/camera.hpp"
 #include "engine/map/map_readout.hpp"
 #include "engine/static_region/paper_choice.hpp"
@@ -47,9 +49,17 @@ void World::reset() noexcept {
 EngineStatistics World::all_statistics() const noexcept {
     EngineStatistics out = statistics;
     out.frames = clock.frame - clock.first_frame;
-    out.keyframe_queue = {static_cast<std::uint32_t>(keyframe_queue.size()), 0, kKeyframeQueueMax};
+    out.keyframe_queue.size = static_cast<std::uint32_t>(keyframe_queue.size());
+    out.keyframe_queue.capacity = kKeyframeQueueMax;
     fill_map_statistics(map, out);
     return out;
+}
+
+bool World::queue_keyframe(Handle<Keyframe> keyframe) noexcept {
+    const bool is_queued = keyframe_queue.push(keyframe);
+    std::uint32_t& high_water = statistics.keyframe_queue.high_water;
+    high_water = std::max(high_water, static_cast<std::uint32_t>(keyframe_queue.size()));
+    return is_queued;
 }
 
 void World::move_camera(const SE3& correction) noexcept {

@@ -62,6 +62,9 @@ struct World {
     // What has been counted, with what map, clock and queue say of themselves.
     [[nodiscard]] EngineStatistics all_statistics() const noexcept;
 
+    // For mapping. False: the queue is full, and the keyframe is not refined.
+    bool queue_keyframe(Handle<Keyframe> keyframe) noexcept;
+
     // The map around the camera was corrected by a local adjustment: the camera follows.
     void move_camera(const SE3& correction) noexcept;
     // The whole map was corrected: the camera follows, and map_from_odom takes the jump. Adjustments that began before

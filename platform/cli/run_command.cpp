@@ -41,10 +41,11 @@ constexpr double kMapEvery_s = 60;             // of --map, where --map-every do
     return static_cast<std::int64_t>(std::llround(seconds * 1e9));
 }
 
-// A simulated camera that writes down where it truly was.
+// A simulated camera that writes down where it truly was. By the clock another thread polls it: what it wrote is taken
+// when that has ended.
 class TruthfulCamera final : public DepthCamera {
 public:
-    TruthfulCamera(SimulatedCamera& camera, Trajectory& truth) : camera_(camera), truth_(truth) {}
+    explicit TruthfulCamera(SimulatedCamera& camera) : camera_(camera) {}
 
     Status open() noexcept override { return camera_.open(); }
     const CameraInfo& info() const noexcept override { return camera_.info(); }
@@ -58,23 +59,24 @@ public:
     }
     Status wait(std::uint32_t timeout_ms) noexcept override { return camera_.wait(timeout_ms); }
     void close() noexcept override { camera_.close(); }
+    [[nodiscard]] Trajectory take_truth() { return std::move(truth_); }
 
 private:
     SimulatedCamera& camera_;
-    Trajectory& truth_;
+    Trajectory truth_;
 };
 
 // A camera with what goes with it.
 struct Source {
     DepthCamera& camera;
-    std::function<std::string()> message;       // why its last call failed
-    std::uint64_t frames = 0;                   // expected; 0: unknown
-    FrameTimes* times = nullptr;                // frames come by the clock
-    std::function<std::string()> news = {};     // what happened to it
-    std::function<std::string()> silence = {};  // what is known of it
-    std::function<std::string()> remark = {};   // what the camera has to say otherwise, once each
-    std::function<void(RunRecord&)> account = [](RunRecord&) {};
-    ViewOfRun* view = nullptr;  // its page, if it is served already
+    std::function<std::string()> message;                         // why its last call failed
+    std::uint64_t frames = 0;                                     // expected; 0: unknown
+    FrameTimes* times = nullptr;                                  // frames come by the clock
+    std::function<std::string()> news = {};                       // what happened to it
+    std::function<std::string()> silence = {};                    // what is known of it
+    std::function<std::string()> remark = {};                     // what the camera has to say otherwise, once each
+    std::function<void(RunRecord&)> account = [](RunRecord&) {};  // once nobody polls it any more
+    ViewOfRun* view = nullptr;                                    // its page, if it is served already
 };
 
 [[nodiscard]] int stopped_before_the_first_frame() {
@@ -174,8 +176,8 @@ int track(const Source& source, const RunArguments& arguments, std::int64_t begi
         throw;
     }
     if (is_realtime) record.source_late_s = static_cast<double>(realtime.source_late_ns()) * 1e-9;
-    source.account(record);
     realtime.close();
+    source.account(record);
     session.reset();  // its memory is free for the evaluation
 
     if (!record.truth.empty()) record.evaluation = evaluate(record.truth, record.estimate);
@@ -344,14 +346,16 @@ int simulate(const RunArguments& arguments, std::int64_t begin_ns) {
     if (!arguments.dirt.empty()) record.input += fmt::format(", {}", arguments.dirt);
     record.calibration = "the simulated camera's own";
     SimulatedCamera simulated(std::move(options));
-    TruthfulCamera camera(simulated, record.truth);
+    TruthfulCamera camera(simulated);
     const std::int64_t building_ns = monotonic_ns();
     if (camera.open() != Status::kOk) return refuse(simulated.message() + ".");
     // Building the simulated world is no part of the program's start-up.
     begin_ns += monotonic_ns() - building_ns;
-    return track_maybe_faulty(
-        {.camera = camera, .message = [&simulated] { return simulated.message(); }, .frames = simulated.frame_count()},
-        true, arguments, begin_ns, record);
+    return track_maybe_faulty({.camera = camera,
+                               .message = [&simulated] { return simulated.message(); },
+                               .frames = simulated.frame_count(),
+                               .account = [&camera](RunRecord& r) { r.truth = camera.take_truth(); }},
+                              true, arguments, begin_ns, record);
 }
 
 int live(const RunArguments& arguments) {

@@ -69,6 +69,7 @@ TEST(Memory, BytesNeededIsWhatIsUsed) {
         limits.keyframes_max = 2 + random.below(40);
         limits.map_points_max = limits.features_max + random.below(2000);
         limits.groups_max = 1 + random.below(100);
+        limits.store_features_max = i % 3 == 0 ? 1 + random.below(i % 2 == 0 ? 1 : 100) : 0;
         all.push_back(limits);
     }
     int tracked = 0;
@@ -201,6 +202,7 @@ TEST(Memory, ContradictionsAreRefused) {
     EXPECT_EQ(key_of([](Parameters& c) { c.features.fast_threshold_low = 21; }), "features.fast_threshold_low");
     EXPECT_EQ(key_of([](Parameters& c) { c.depth.z_min_m = 4, c.depth.z_max_m = 4; }), "depth.z_min_m");
     EXPECT_EQ(key_of([](Parameters& c) { c.matching.radius_wide_px = 11.9; }), "matching.radius_wide_px");
+    EXPECT_EQ(key_of([](Parameters& c) { c.matching.radius_wide_px = c.matching.radius_px; }), "none");
     EXPECT_EQ(key_of([](Parameters& c) { c.pose.inlier_ratio_min = 0.51; }), "pose.inlier_ratio_min");
     Limits few = limits;
     few.keyframes_max = 9;
@@ -211,6 +213,54 @@ TEST(Memory, ContradictionsAreRefused) {
     EXPECT_EQ(key_of([](Parameters& c) { c.weights.drift_m = 0.021; }), "weights.drift_m");
     EXPECT_EQ(key_of([](Parameters& c) { c.noise.max = 1.0, c.noise.pixel_start = 1.1; }), "noise.max");
     EXPECT_EQ(key_of([](Parameters& c) { c.noise.max = 1.0, c.noise.depth_start = 1.1; }), "noise.max");
+}
+
+// Promise: what is wrong with a block, a camera or limits is named, with its value and the range that it has to be in;
+// what is just within is right.
+TEST(Memory, WhatIsWrongIsNamed) {
+    const Limits limits = Limits::tiny();
+    const auto expect = [](const ConfigurationProblem& problem, const char* key, double value, double min, double max) {
+        EXPECT_STREQ(problem.key, key);
+        EXPECT_EQ(problem.value, value) << key;
+        EXPECT_EQ(problem.min, min) << key;
+        EXPECT_EQ(problem.max, max) << key;
+    };
+    const std::size_t needed = bytes_needed(limits);
+    const test::Memory memory(needed + kArenaAlignment);
+    const std::span<const std::byte> block = memory.span();
+    const auto bytes = static_cast<double>(needed);
+    EXPECT_EQ(validate(block.first(needed), limits).key, nullptr);
+    EXPECT_EQ(validate(block, limits).key, nullptr);
+    expect(validate(block.first(needed - 1), limits), "block.bytes", bytes - 1, bytes, bytes);
+    for (const std::size_t past : {std::size_t{1}, std::size_t{32}, std::size_t{kArenaAlignment - 1}}) {
+        expect(validate(block.subspan(past), limits), "block.address", static_cast<double>(past), 0, 0);
+    }
+
+    constexpr std::uint32_t kSideMin = 33;  // a patch of radius 15, and a pixel around it
+    for (const std::uint32_t side : {kSideMin, 120U}) {
+        EXPECT_EQ(validate(camera_of(side, 120), limits).key, nullptr) << side;
+        EXPECT_EQ(validate(camera_of(160, side), limits).key, nullptr) << side;
+    }
+    expect(validate(camera_of(kSideMin - 1, 120), limits), "camera.width", kSideMin - 1, kSideMin, 160);
+    expect(validate(camera_of(161, 120), limits), "camera.width", 161, kSideMin, 160);
+    expect(validate(camera_of(160, kSideMin - 1), limits), "camera.height", kSideMin - 1, kSideMin, 120);
+    expect(validate(camera_of(160, 121), limits), "camera.height", 121, kSideMin, 120);
+    CameraModel camera = camera_of(160, 120);
+    camera.fx = 0;
+    expect(validate(camera, limits), "camera.fx", 0, 1, 1e6);
+    camera = camera_of(160, 120);
+    camera.fy = 0;
+    expect(validate(camera, limits), "camera.fy", 0, 1, 1e6);
+    camera = camera_of(160, 120);
+    camera.lens = Lens::kFisheye;
+    camera.k6 = 1;  // none of its kind
+    expect(validate(camera, limits), "camera.lens", static_cast<double>(camera.lens), 0, 1);
+
+    Limits few = limits;
+    few.map_points_max = limits.features_max;
+    EXPECT_EQ(validate(few).key, nullptr);
+    --few.map_points_max;
+    expect(validate(few), "limits.map_points_max", limits.features_max - 1, limits.features_max, 16777215);
 }
 
 // Promise: every parameter at either end of its range: the engine runs, mapping too, poses are finite, pools keep their

@@ -201,6 +201,7 @@ TEST(Engine, WrongFramesChangeNothing) {
         [](Frame& f) { f.time_ns = std::int64_t{1} << 62U; },
         [](Frame& f) { f.depth_units_per_m = 0; },
         [](Frame& f) { f.depth_units_per_m = -5000; },
+        [](Frame& f) { f.depth_units_per_m = 1e9; },
         [](Frame& f) { f.depth_units_per_m = std::numeric_limits<double>::quiet_NaN(); },
         [](Frame& f) { f.depth_units_per_m = std::numeric_limits<double>::infinity(); },
     };

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/geometry/trig.hpp"
 #include "engine/loop_closing/loop_closing.hpp"
 #include "engine/mapping/global_refinement.hpp"
 #include "engine/mapping/mapping.hpp"
@@ -52,7 +53,7 @@ inline CameraModel camera_of_ring() {
 
 // A camera goes round in a cylindrical room, looking outward; its odometry drifts. Keyframes and points go straight
 // into the map, as tracking would have put them there: a wall feature that nobody has seen for some keyframes is a new
-// point.
+// point. The same bits on every processor.
 class Ring {
 public:
     explicit Ring(const Parameters& configuration = configuration_of_ring(), bool has_vocabulary = true,
@@ -80,7 +81,8 @@ public:
             Feature feature;
             const double angle = random.uniform(0, 6.2831853);
             const double radius = random.uniform(2.5, 3.5);
-            feature.world = Vector3(radius * std::sin(angle), random.uniform(-1.0, 1.0), radius * std::cos(angle));
+            const SinCos at = sin_cos(angle);
+            feature.world = Vector3(radius * at.sin, random.uniform(-1.0, 1.0), radius * at.cos);
             const std::uint32_t leaf = random.below(static_cast<std::uint32_t>(leaves.size()));
             feature.descriptor = disturbed(leaves[leaf], 24, random);
             wall_.push_back(feature);
@@ -92,6 +94,7 @@ public:
     LoopClosing& loops() { return loops_; }
     PlaceSearch& places() { return places_; }
     GlobalRefinement& refinement() { return refinement_; }
+    Mapping& mapping() { return mapping_; }
 
     // Keyframe i, 20 frames after the one before.
     Handle<Keyframe> add_keyframe(std::uint32_t i) {
@@ -99,7 +102,8 @@ public:
         const double angle = 6.2831853 * i / kLap;
         SE3 truth;
         truth.rotation = so3_exp(Vector3(0, angle, 0));
-        truth.translation = Vector3(std::sin(angle), 0.02 * std::sin(3 * angle), std::cos(angle));
+        const SinCos at = sin_cos(angle);
+        truth.translation = Vector3(at.sin, 0.02 * sin_cos(3 * angle).sin, at.cos);
         if (truth_.empty()) {
             estimate_ = truth;
         } else {

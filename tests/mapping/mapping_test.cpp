@@ -387,6 +387,8 @@ TEST(Mapping, WithoutUnitsTrackingGoesOn) {
     rig.work(50);
     EXPECT_EQ(test::find_fault(rig.world().map), nullptr);
     EXPECT_TRUE(rig.world().keyframe_queue.is_empty());
+    EXPECT_EQ(rig.world().all_statistics().keyframe_queue.size, 0U);
+    EXPECT_EQ(rig.world().all_statistics().keyframe_queue.high_water, World::kKeyframeQueueMax) << "at most, not now";
 }
 
 // Promise: after reset a rig does what a new one does, also in the middle of an adjustment.

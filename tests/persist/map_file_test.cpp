@@ -128,6 +128,17 @@ TEST(MapFile, CopiesThatCannotBe) {
     EXPECT_EQ(engine->step_map_copy(1000), Progress::kIdle);
 }
 
+// Promise: one keyframe is a map.
+TEST(MapFile, OneKeyframeIsAMap) {
+    EngineRig engine(Limits::tiny(), tiny_sequence().camera), loaded(Limits::tiny(), tiny_sequence().camera);
+    test::run(*engine, tiny_sequence(), 0, 1);
+    const Bytes map = test::saved(*engine, Limits::tiny());
+    ASSERT_EQ(test::info_of(map).keyframes, 1U);
+    MapFileProblem problem;
+    ASSERT_EQ(loaded->load_map(map, MapUse::kContinue, problem), Status::kOk);
+    EXPECT_EQ(test::map_hash(*loaded), test::map_hash(*engine));
+}
+
 // Promise: keyframes that change while a copy is made are copied anew, all at the instant if there are few, and in
 // another round of slices if there are many; either way the copy is the map as it is then, and one step is bounded.
 TEST(MapFile, KeyframesThatChangeTooLate) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/map_merge.hpp"
+#include "engine/record/map_checks.hpp"
 #include "platform/vocabulary/vocabulary_file.hpp"
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
@@ -336,6 +337,45 @@ TEST(MapMerge, AnyNumbers) {
     EXPECT_GT(joined, 10U);
 }
 
+// Promise: what is just enough is enough, and no problem: room for both maps and no more, and as much time and as many
+// frames as a map can have; a nanosecond or a frame more is refused. What is joined so loses nothing where it is
+// fitted.
+TEST(MapMerge, JustEnoughIsEnough) {
+    const Bytes map = map_of_sequence(Rig::empty_room());
+    const MapFileInfo info = test::info_of(map);
+    Limits limits = limits_of_test();
+    limits.keyframes_max = 2 * info.keyframes;
+    limits.map_points_max = 2 * info.points;
+    const auto time_max_ns = static_cast<std::uint64_t>(map_checks::kTimeMax_ns - 1'000'000'000 - info.time_ns);
+    const std::uint64_t frames_max = map_checks::kFramesMax - info.frames;
+    for (const std::uint64_t beyond : {0U, 1U}) {
+        for (const bool is_time : {true, false}) {
+            Bytes second = map;
+            test::put(second, is_time ? 56 : 64, (is_time ? time_max_ns : frames_max) + beyond, 8);
+            test::mend(second);
+            Rig engine(limits);
+            MapFileProblem problem;
+            MapMerge merge;
+            ASSERT_EQ(engine->load_map(map, MapUse::kContinue, problem), Status::kOk);
+            EXPECT_EQ(merge_map(*engine, second, problem, merge), beyond == 0 ? Status::kOk : Status::kCorrupt);
+            EXPECT_EQ(problem.fault, beyond == 0 ? MapFault::kNone : MapFault::kImpossible);
+            if (beyond > 0) {
+                EXPECT_STREQ(problem.part, "the time of both maps together");
+                continue;
+            }
+            const std::uint64_t before = test::map_hash(*engine);
+            Limits as_it_is = limits;
+            as_it_is.map_points_max = static_cast<std::uint32_t>(test::map_of(*engine).points().size());
+            fit_map(*engine, as_it_is);
+            EXPECT_EQ(test::map_hash(*engine), before);
+            const Bytes both = test::saved(*engine, limits);
+            EXPECT_EQ(test::info_of(both).frames, is_time ? 2 * info.frames : map_checks::kFramesMax);
+            EXPECT_EQ(test::info_of(both).time_ns,
+                      is_time ? map_checks::kTimeMax_ns : 2 * info.time_ns + 1'000'000'000);
+        }
+    }
+}
+
 // Promise: what does not go together is refused by name, and nothing changes: more than the limits, another camera,
 // damage, no vocabulary, an engine that has a map of its own or none.
 TEST(MapMerge, RefusesWithoutATrace) {
@@ -367,6 +407,12 @@ TEST(MapMerge, RefusesWithoutATrace) {
         ASSERT_EQ(engine->submit(Rig::empty_room().frames[0].frame()), Status::kOk);
         EXPECT_EQ(merge_map(*engine, map, problem, merge), Status::kUnavailable);
     }
+    narrow = limits_of_test();
+    narrow.map_points_max = 2 * info.points - 1;
+    Rig few_points(narrow);
+    ASSERT_EQ(few_points->load_map(map, MapUse::kContinue, problem), Status::kOk);
+    EXPECT_EQ(merge_map(*few_points, map, problem, merge), Status::kFull);
+    EXPECT_STREQ(problem.part, "limits.map_points_max");
     Rig no_words(limits_of_test(), false);
     ASSERT_EQ(no_words->load_map(map, MapUse::kContinue, problem), Status::kOk);
     EXPECT_EQ(merge_map(*no_words, map, problem, merge), Status::kUnavailable);

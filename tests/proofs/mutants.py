@@ -53,7 +53,7 @@ import golden  # noqa: E402  # the names of its runs and stories
 from planted import LEFT_OUT, ROOT, is_no_change, mutants_of, room_of, tie_of  # noqa: E402
 # The unit tests of a room: test_<room> of tests/<room>, or those.
 TESTS = {"frame": ["features", "matching"], "paging": ["store"], "record": ["persist"], "world": ["world", "mapping"],
-         "": ["engine"]}
+         "": ["engine", "store", "persist"]}
 
 
 def tests_of(room):

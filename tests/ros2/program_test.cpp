@@ -336,17 +336,20 @@ TEST(RosProgram, ShowsItsGrid) {
         "run --simulate static_halfsphere:1 --frames 900 --realtime --publish ros2 --grid " + scratch.path("office"),
         scratch);
     std::vector<fast::OccupancyGrid> heard;
+    const auto has_obstacles = [&heard] {  // where frames are late the first ones show the floor alone
+        return !heard.empty() && std::count(heard.back().data.begin(), heard.back().data.end(), 100) > 20;
+    };
     EXPECT_TRUE(within(120'000, [&] {
         for (fast::OccupancyGrid& grid : reader.take()) heard.push_back(grid);
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
-        return !heard.empty() || run.wait(1) >= 0;
+        return has_obstacles() || run.wait(1) >= 0;
     }));
     ASSERT_FALSE(heard.empty()) << run.err();
     const fast::OccupancyGrid& grid = heard.back();
     EXPECT_EQ(grid.header.frame_id, "map");
     ASSERT_EQ(grid.data.size(), std::size_t{grid.width} * grid.height);
     EXPECT_GT(std::count(grid.data.begin(), grid.data.end(), 0), 200);
-    EXPECT_GT(std::count(grid.data.begin(), grid.data.end(), 100), 20);
+    EXPECT_TRUE(has_obstacles());
     // Its x lies along that of the map, but for the camera's tilt, which nobody told.
     const RigidTransform origin{{grid.origin.q[0], grid.origin.q[1], grid.origin.q[2], grid.origin.q[3]}, {}};
     const std::array<double, 3> up = rotated(inverse_of(origin), {1, 0, 0});

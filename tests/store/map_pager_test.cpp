@@ -345,6 +345,30 @@ TEST(MapPager, EveryPoolMayBeFull) {
     }
 }
 
+// Promise: one region is something to begin in, an empty store is nothing; an engine without a store has nothing to
+// keep.
+TEST(MapPager, OneRegionIsAMapToBeginIn) {
+    const Limits limits = small(true);
+    MemoryStore store;
+    {
+        Rig rig(limits, configuration_of(limits), &store);
+        static_cast<void>(rig->submit(there_and_back().frames[0].frame()));
+        EXPECT_GE(rig->pose().state, PoseState::kUnsure) << "where it begins is where it is";
+        rig->reset();
+        static_cast<void>(rig.run());
+    }
+    ASSERT_FALSE(store.regions.empty());
+    store.regions.erase(std::next(store.regions.begin()), store.regions.end());
+    Rig rig(limits, configuration_of(limits), &store);
+    static_cast<void>(rig->submit(there_and_back().frames[0].frame()));
+    EXPECT_EQ(rig->pose().state, PoseState::kNone) << "it has to be found first";
+    rig->reset();
+    static_cast<void>(rig->submit(there_and_back().frames[0].frame()));
+    EXPECT_EQ(rig->pose().state, PoseState::kNone) << "after a reset, too";
+    Rig without(small(false), configuration_of(small(false)), nullptr);
+    EXPECT_EQ(without->step_store(1000), Progress::kIdle);
+}
+
 // Promise: an engine that begins with a store that holds regions finds the camera among them, in their world, and its
 // keyframes get names of their own; step_store() has given the store all that was in memory before.
 TEST(MapPager, AStoreIsAMapToBeginIn) {

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "engine/base/crc.hpp"
+#include "engine/base/hash.hpp"
 #include "engine/paging/map_pager.hpp"
 #include "engine/paging/map_store.hpp"
 #include "engine/paging/paging_state.hpp"
@@ -15,6 +17,8 @@
 #include "engine/paging/region_return.hpp"
 #include "tests/recognition/places.hpp"
 #include "tests/support/map_fault.hpp"
+#include "tests/support/map_hash.hpp"
+#include "tests/support/synthetic.hpp"
 
 namespace stillmesh {
 namespace {
@@ -44,6 +48,8 @@ public:
     struct Kept {
         std::uint64_t id = 0;
         std::vector<std::byte> body;
+        std::uint32_t alike_score = 0;
+        std::vector<float> placed;  // where its camera was, and looked
     };
     std::vector<Kept> kept;
     std::vector<StoreQuestion> questions;
@@ -55,7 +61,9 @@ public:
 
     [[nodiscard]] Status keep(const LeavingRegion& region) noexcept override {
         if (is_full) return Status::kFull;
-        kept.push_back({region.id, {region.body.begin(), region.body.end()}});
+        kept.push_back({region.id, {region.body.begin(), region.body.end()}, region.alike_score, {}});
+        for (const float metres : region.position_m) kept.back().placed.push_back(metres);
+        for (const float direction : region.axis) kept.back().placed.push_back(direction);
         return Status::kOk;
     }
     [[nodiscard]] Status ask(const StoreQuestion& question) noexcept override {
@@ -66,8 +74,8 @@ public:
     }
     [[nodiscard]] Status poll(StoreAnswer& out, std::span<std::byte> body) noexcept override {
         if (is_mute) return Status::kTimedOut;
-        if (says != Status::kOk) return says;
         out.question = questions.back().number;
+        if (says != Status::kOk) return says;
         out.id = kept[answer].id;
         out.size_bytes = kept[answer].body.size();
         std::memcpy(body.data(), kept[answer].body.data(), out.size_bytes);
@@ -423,6 +431,10 @@ TEST(RegionReturn, HowMuchAlikeALostCameraAsksFor) {
     EXPECT_GT(rig.returns.query(), 0U);
     EXPECT_EQ(rig.store.questions.back().score_min, kBagWeightOne / 4);
     EXPECT_EQ(rig.store.questions.back().older_than, ~std::uint64_t{0});
+    rig.store.says = Status::kNotFound;
+    EXPECT_GT(rig.returns.receive(), 0U);
+    EXPECT_EQ(rig.returns.query(), 0U) << "once a frame";
+    EXPECT_EQ(rig.store.questions.size(), 1U);
 }
 
 // Promise: an answer that does not come is given up after a while, and a spoilt one is counted; both leave nothing.
@@ -475,6 +487,100 @@ TEST(RegionReturn, AStoreMayBeBusy) {
     left.take_back();
     EXPECT_EQ(left.state.world->statistics.store.asked, 1U);
     EXPECT_FALSE(left.of_frame(10).is_null());
+}
+
+// A life of a few places: kept, left, moved by loops and by what is learnt of the shutter, and back again. What it came
+// to goes into the hash.
+void live(std::uint64_t seed, StateHash& hash, StoreStatistics& all) {
+    Rig rig;
+    Random random(seed);
+    Map& map = rig.map();
+    const auto look = [&] {
+        hash.add(test::map_hash(map, rig.world().camera));
+        hash.add(map.changes_hash());
+        hash.add(rig.state.moment());
+    };
+    for (std::uint64_t frame = 10; frame < 400; frame += 10) {
+        rig.world().clock.frame = frame;
+        rig.world().clock.time_ns = static_cast<std::int64_t>(frame) * 33'000'000;
+        rig.state.note_correction();
+        if (!map.keyframes().is_full()) {
+            const double x_m = 0.7 * random.below(30);
+            const Handle<Keyframe> made = rig.add_keyframe(frame, x_m, 5 + random.below(50));
+            Keyframe& keyframe = rig.places.at(made);
+            keyframe.time_ns = rig.world().clock.time_ns;
+            keyframe.pose_by_readout(3) = random.uniform(-1, 1);
+            for (const Observation& seen : map.observations(made)) {
+                MapPoint& point = *map.points().find(seen.point);
+                point.is_suspect = random.below(20) == 0;
+                if (random.below(20) == 0) point.weight_tenths = 5;
+                point.world_by_readout[2] = static_cast<float>(random.uniform(-1, 1));
+                point.created_ns = point.anchor_ns = keyframe.time_ns + random.below(100'000'000);
+            }
+            const Handle<Keyframe> other = map.recent_keyframe(random.below(3));
+            for (const Observation& seen : map.observations(other)) {  // seen together
+                if (other == made || map.observations(made).size() >= 90 || random.below(2) == 0) continue;
+                if (map.points().find(seen.point) != nullptr) rig.add_feature(made, seen, seen.point);
+            }
+            if (random.below(4) != 0) rig.places.look_up(made);
+        }
+        if (random.below(3) == 0)
+            rig.world().local_map.build(map, rig.places.at(map.recent_keyframe(0)).world_from_camera);
+        for (int i = 0; i < 3; ++i) hash.add(rig.keeper.keep_next(random.below(8) == 0));
+        if (random.below(5) == 0) map.express_with_readout(random.uniform(0, 0.01));
+        if (random.below(9) == 0) {
+            rig.world().last_loop = {frame / 2, frame - 5 * random.below(3), test::random_motion(random, 0.3, 0.05)};
+            ++rig.world().loops_closed;
+        }
+        if (map.keyframes().size() > 6 && random.below(2) == 0) {
+            map.release_keyframe(map.recent_keyframe(2 + random.below(4)));
+        }
+        if (rig.store.kept.empty()) continue;
+        rig.store.answer = random.below(static_cast<std::uint32_t>(rig.store.kept.size()));
+        rig.store.says = random.below(4) == 0 ? Status::kNotFound : Status::kOk;
+        rig.store.is_mute = random.below(5) < seed % 4;
+        hash.add(rig.returns.query());
+        hash.add(rig.returns.receive());
+        while (rig.returns.stage() != RegionReturn::Stage::kIdle) hash.add(rig.returns.piece());
+        const auto keyframes = static_cast<std::uint32_t>(map.keyframes().size());
+        rig.places.at(map.recent_keyframe(random.below(keyframes))).last_useful_frame = frame + 1;
+        rig.keeper.note_useful();
+        ASSERT_EQ(test::find_fault(map), nullptr) << test::find_fault(map);
+        look();
+    }
+    for (std::size_t i = 0; i < rig.store.questions.size(); ++i) {
+        const StoreQuestion& question = rig.store.questions[i];
+        for (const std::uint64_t n : {question.number, question.older_than, std::uint64_t{question.score_min}})
+            hash.add(n);
+        for (const std::uint64_t id : rig.store.without[i]) hash.add(id);
+    }
+    for (const OneRegion::Kept& kept : rig.store.kept) {
+        hash.add(kept.id);
+        hash.add(crc32(kept.body));
+        hash.add(kept.alike_score);
+        for (const float number : kept.placed) hash.add(number);
+    }
+    for (const std::uint64_t id : rig.store.used) hash.add(id);
+    const StoreStatistics& s = rig.state.world->statistics.store;
+    all.kept += s.kept, all.known += s.known, all.poor += s.poor, all.asked += s.asked, all.late += s.late;
+    all.not_found += s.not_found, all.damaged += s.damaged, all.returned += s.returned, all.useful += s.useful;
+    all.points_made += s.points_made, all.points_known += s.points_known, all.corrections += s.corrections;
+}
+
+// Promise: what is kept, asked for and put back is the same to the bit on every processor, compiler and optimisation
+// level, for the same work.
+TEST(Paging, GoldenBits) {
+    StateHash hash;
+    StoreStatistics all;
+    int which = 0;
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) ASSERT_NO_FATAL_FAILURE(live(seed, hash, all));
+    for (const std::uint64_t count : {all.kept, all.known, all.poor, all.asked, all.late, all.not_found, all.damaged,
+                                      all.returned, all.useful, all.points_made, all.points_known, all.corrections}) {
+        EXPECT_GT(count, 0U) << which;
+        ++which;
+        hash.add(count);
+    }
+    EXPECT_EQ(hash.value(), 0xd334e7ced6a7a20eULL) << std::hex << hash.value();
 }
 
 }  // namespace

@@ -605,6 +605,7 @@ TEST_F(Inserter, KeyframesWaitForMapping) {
         const EngineStatistics& statistics = (*world_)->statistics;
         EXPECT_EQ(statistics.keyframes_made, World::kKeyframeQueueMax + 2);
         EXPECT_EQ(statistics.keyframes_refused, is_mapping ? 2U : 0U);
+        EXPECT_EQ(statistics.keyframe_queue.high_water, is_mapping ? World::kKeyframeQueueMax : 0U);
         (*inserter_)->reset();
         EXPECT_TRUE((*inserter_)->wants(2, 1000, parameters.keyframes.new_points_min)) << "nothing is known of before";
         EXPECT_FALSE((*inserter_)->wants(1, 1000, parameters.keyframes.new_points_min));

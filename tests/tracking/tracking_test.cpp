@@ -696,5 +696,37 @@ TEST(Tracking, AnUnsurePoseFollowsFromOneBefore) {
     }
 }
 
+// Promise: a hint that contradicts what the picture shows makes its pose unsure in the beginning, while nothing else
+// tells a body from the room, and changes no word of it afterwards; the pose itself follows the picture throughout.
+TEST(Tracking, AHintContradictsInTheBeginningAlone) {
+    constexpr std::uint32_t kYoung = 30;  // frames
+    DrawnScene scene;
+    scene.has_board = false;
+    Parameters configuration = fitting();
+    configuration.hint.clock_s = 0;  // at a speed, clocks that are apart would explain any hint
+    for (const std::uint32_t from : {3U, kYoung + 5}) {
+        Rig rig(scene.camera(), configuration);
+        std::uint32_t contradicted = 0;
+        for (std::uint32_t i = 0; i < from + 10; ++i) {
+            MotionHint hint;
+            hint.last_from_camera.translation_m[0] = scene.travelled_m(1);
+            if (i >= from) hint.last_from_camera.translation_m[1] = 0.1;
+            hint.sigma_m = hint.sigma_rad = 0.002;
+            rig->track(scene.draw(i).frame(), i == 0 ? nullptr : &hint);
+            contradicted += rig->frame_statistics().unsure == UnsureReason::kHint ? 1U : 0U;
+            if (i < from || from > kYoung) {
+                EXPECT_EQ(rig.pose().state, PoseState::kTracked) << i;
+            }
+            EXPECT_NEAR(rig.pose().odom_from_camera.translation_m[0], scene.travelled_m(i), 0.02) << i;
+            EXPECT_NEAR(rig.pose().odom_from_camera.translation_m[1], 0, 0.02) << i;
+        }
+        if (from < kYoung) {
+            EXPECT_GE(contradicted, 5U);
+        } else {
+            EXPECT_EQ(contradicted, 0U);
+        }
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh

@@ -108,7 +108,7 @@ TEST(World, ResetForgetsTheSession) {
     test::SmallWorld world;
     world.add_keyframe(SE3{}, 1);
     world.add_point(Vector3(0, 0, 2));
-    ASSERT_TRUE(world->keyframe_queue.push(world.map().recent_keyframe(0)));
+    ASSERT_TRUE(world->queue_keyframe(world.map().recent_keyframe(0)));
     world->clock = {5, 3, 77};
     world->noise = {9, 9};
     world->pose.state = PoseState::kTracked;
@@ -138,6 +138,22 @@ TEST(World, ResetForgetsTheSession) {
     EXPECT_EQ(world->limits.features_max, Limits::tiny().features_max);
     EXPECT_EQ(world->camera.fx, test::small_camera().fx);
     EXPECT_EQ(world->parameters.features.count, Limits::tiny().features_max);
+}
+
+// Promise: statistics say what waits, has waited at most, and may, and the frames of this session alone.
+TEST(World, StatisticsSayWhatWaits) {
+    test::SmallWorld world;
+    world->clock = {12, 5, 77};
+    for (std::uint64_t frame = 1; frame <= 2; ++frame) {
+        ASSERT_TRUE(world->queue_keyframe(world.add_keyframe(SE3{}, frame)));
+    }
+    world->keyframe_queue.pop();
+    const EngineStatistics statistics = world->all_statistics();
+    EXPECT_EQ(statistics.frames, 7U);
+    EXPECT_EQ(statistics.keyframe_queue.size, 1U);
+    EXPECT_EQ(statistics.keyframe_queue.high_water, 2U);
+    EXPECT_EQ(statistics.keyframe_queue.capacity, World::kKeyframeQueueMax);
+    EXPECT_EQ(statistics.keyframes.size, 2U);
 }
 
 // Promise: with fewer keyframes than a loop needs there is room for none.
