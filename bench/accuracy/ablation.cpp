@@ -26,6 +26,7 @@ constexpr std::array kRules = {
     Rule{"depth slips while the camera turns", "1", "prediction.slip_share=0"},
     Rule{"a rolling shutter is estimated", "6", "camera.readout_s=0"},
     Rule{"rows say how the camera turned", "6", "shutter.turn_sigma_rad=0"},
+    Rule{"depth is looked up where the camera looked then", "6", "pose.depth_trust=0"},
     Rule{"the search is widened", "2", "matching.radius_wide_px=12"},
     Rule{"what does not turn along is no match", "2", "matching.turn_bins=30"},
     Rule{"new points hardly count", "7", "weights.unproven=1"},

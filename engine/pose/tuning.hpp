@@ -31,6 +31,7 @@ struct ShutterParameters { STILLMESH_TUNING_shutter(STILLMESH_FIELD) };
     KEY(pose, std::uint32_t, sure_inliers_factor, 2, 1.0, 100.0, "", "times inliers_min inliers make a pose sure") \
     KEY(pose, std::uint32_t, coarse_factor, 3, 1.0, 100.0, "", "RANSAC iterations over the rule's, for a group") \
     KEY(pose, std::uint32_t, final_factor, 10, 1.0, 100.0, "", "RANSAC iterations over the rule's, for the pose") \
+    KEY(pose, double, depth_trust, 0.1, 0.0, 1.0, "", "of what matches say of the turn between picture and depth; 0: they are not asked") \
     KEY(pose, double, inlier_ratio_start, 0.5, 0.05, 1.0, "", "share of inliers expected at first") \
     KEY(pose, double, inlier_ratio_min, 0.3, 0.05, 1.0, "", "least share of inliers the rule reckons with") \
     KEY(pose, double, sample_chi2_max, 16.0, 0.1, 1000.0, "", "largest squared change of a length between three points; a residual beyond is just wrong") \

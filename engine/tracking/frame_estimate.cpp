@@ -47,6 +47,7 @@ void FrameEstimator::begin(MeasuredFrame& frame, std::int64_t time_ns, FrameStat
     std::fill_n(groups_.begin(), frame.size(), kNoGroup);
     matcher_.begin(frame.features());
     shutter_->begin_frame();
+    late_.begin_frame();
 }
 
 void FrameEstimator::forget() noexcept {
@@ -65,8 +66,9 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     out.expected.has_past = seconds_between(camera.start_time_ns, time_ns_) >= c.weights.proven_s;
     out.noise = camera.noise;
     out.noise.begin_frame();
+    if (late_.expect(*frame_, shutter_->speed(), c)) carry();
     match(camera, out);
-    if (shutter_->is_trembling()) carry_coarsely(out);
+    if (shutter_->is_trembling() || late_.is_asked()) correct_coarsely(out);
     const RegionChoice choice = choose_region(out);
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
     out.fit = fit_pose(camera, out, choice);
@@ -160,6 +162,7 @@ PoseFit FrameEstimator::fit_pose(const CameraState& camera, const Estimate& esti
                                  const RegionChoice& choice) noexcept {
     observe(Stage::kPose, true);
     carry_by_rows(region_.chosen(), choice.world_from_camera);
+    look_where_depth_was(region_.chosen(), choice.world_from_camera);
     const PoseParameters& p = world_->parameters.pose;
     const RansacOptions options = ransac_options(world_->parameters, p.final_factor, camera.inlier_ratio);
     const RansacResult final =
@@ -199,25 +202,40 @@ void FrameEstimator::carry() noexcept {
 }
 
 // Before the choice, by all that have a weight, since the mesh's edges suffer too.
-void FrameEstimator::carry_coarsely(const Estimate& estimate) noexcept {
+void FrameEstimator::correct_coarsely(const Estimate& estimate) noexcept {
     const Parameters& c = world_->parameters;
     choose_weighted(correspondences_.span(), chosen_);
     const PoseFit all =
         optimise_pose(correspondences_.span(), chosen_.span(), estimate.expected.world_from_camera_predicted,
                       c.region.point_chi2_max, c.pose.coarse_passes_max);
-    if (all.is_valid) carry_by_rows(chosen_.span(), all.world_from_camera);
+    if (!all.is_valid) return;
+    if (shutter_->is_trembling()) carry_by_rows(chosen_.span(), all.world_from_camera);
+    look_where_depth_was(chosen_.span(), all.world_from_camera);
 }
 
 // Rows are carried with the turn that they show; the correspondences follow.
 void FrameEstimator::carry_by_rows(std::span<const std::uint16_t> chosen, const SE3& world_from_camera) noexcept {
-    if (!shutter_->measure_turn(correspondences_.span(), chosen, world_from_camera,
-                                world_->parameters.region.point_chi2_max)) {
-        return;
+    if (shutter_->measure_turn(correspondences_.span(), chosen, world_from_camera,
+                               world_->parameters.region.point_chi2_max)) {
+        follow_frame();
     }
+}
+
+// Depth is looked up where the camera had turned to when it was taken; the correspondences follow.
+void FrameEstimator::look_where_depth_was(std::span<const std::uint16_t> chosen,
+                                          const SE3& world_from_camera) noexcept {
+    if (late_.measure(correspondences_.span(), chosen, world_from_camera, world_->parameters.region.point_chi2_max,
+                      *frame_)) {
+        follow_frame();
+    }
+}
+
+void FrameEstimator::follow_frame() noexcept {
     carry();
     for (Correspondence& c : correspondences_) {
         const MeasuredFeature& m = (*frame_)[c.feature];
         c.normalised = m.normalised;
+        c.has_depth = c.has_depth && m.has_depth();
         if (c.has_depth) c.p_camera = m.point();
     }
 }

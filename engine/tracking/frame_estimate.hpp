@@ -15,6 +15,7 @@
 #include "engine/static_region/static_region.hpp"
 #include "engine/static_region/surface_shares.hpp"
 #include "engine/tracking/camera_state.hpp"
+#include "engine/tracking/late_depth.hpp"
 #include "engine/tracking/measured_frame.hpp"
 #include "engine/tracking/tracked_shutter.hpp"
 #include "engine/world/world.hpp"
@@ -80,8 +81,10 @@ public:
 private:
     [[nodiscard]] UnsureReason doubt_of(const Estimate& estimate) const noexcept;
     void carry() noexcept;
-    void carry_coarsely(const Estimate& estimate) noexcept;
+    void correct_coarsely(const Estimate& estimate) noexcept;
     void carry_by_rows(std::span<const std::uint16_t> chosen, const SE3& world_from_camera) noexcept;
+    void look_where_depth_was(std::span<const std::uint16_t> chosen, const SE3& world_from_camera) noexcept;
+    void follow_frame() noexcept;
     void match(const CameraState& camera, Estimate& estimate) noexcept;
     [[nodiscard]] RegionChoice choose_region(Estimate& estimate) noexcept;
     void choose_again(const Estimate& estimate, RegionChoice& choice) noexcept;
@@ -102,6 +105,7 @@ private:
 
     World* world_ = nullptr;
     TrackedShutter* shutter_ = nullptr;
+    LateDepth late_;
     MeasuredFrame* frame_ = nullptr;
     std::int64_t time_ns_ = 0;
     MapMatcher matcher_;

@@ -69,6 +69,19 @@ void MeasuredFrame::measure(const Frame& frame) noexcept {
     }
 }
 
+void MeasuredFrame::look_up_depth(const Vector3& turn) noexcept {
+    const DepthPicture picture = depth_picture();
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+        const Keypoint& keypoint = features_.keypoints[i];
+        MeasuredFeature& m = measured_[i];
+        const DepthSample sample =
+            depth_behind(picture, {static_cast<double>(keypoint.x), static_cast<double>(keypoint.y)}, m.seen, turn);
+        m.normalised = m.seen;
+        m.z_m = m.seen_z_m = sample.mean_m;
+        m.var_z = sample.variance_m2;
+    }
+}
+
 void MeasuredFrame::carry_to_middle_row(const Vector6& sweep) noexcept {
     Vector6 turning = sweep;
     for (int k = 0; k < 3; ++k) turning(k) = 0;

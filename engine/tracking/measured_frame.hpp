@@ -15,6 +15,7 @@
 #include "engine/geometry/depth_noise.hpp"
 #include "engine/geometry/pixel_noise.hpp"
 #include "engine/map/map.hpp"
+#include "engine/pose/depth_turn.hpp"
 #include "engine/pose/rolling_shutter.hpp"
 #include "engine/tracking/frame_mask.hpp"
 
@@ -52,6 +53,9 @@ public:
     // Features of the picture, none if the extractor fails; then what the frame's depth says of them.
     void extract(const GreyView& grey) noexcept;
     void measure(const Frame& frame) noexcept;
+    // Depth anew, of a camera that had turned by `turn` (rad) when its depth was taken; rows are not carried yet.
+    void look_up_depth(const Vector3& turn) noexcept;
+    [[nodiscard]] DepthPicture depth_picture() const noexcept { return {frame_, &camera_, &depth_, keypoints()}; }
     // That was measured last, borrowed until tracking is done with it.
     [[nodiscard]] const Frame& frame() const noexcept { return *frame_; }
     // That came with the frame.

@@ -1,0 +1,134 @@
+#include "engine/pose/depth_turn.hpp"
+
+#include <cmath>
+
+#include "engine/base/numbers.hpp"
+#include "engine/pose/residual.hpp"
+#include "engine/pose/row_turn.hpp"
+
+namespace stillmesh {
+namespace {
+
+constexpr int kPasses = 3;
+constexpr std::size_t kMatchesMax = 256;
+constexpr double kStep_px = 3;       // between the looks that tell how depth slopes, and the ray
+constexpr double kLeapShare = 0.08;  // of depth: what changes by more has an edge between, and no slope
+
+// How a point's image moves as the camera turns, per radian.
+struct ImageByTurn {
+    Vector3 x, y;
+};
+
+ImageByTurn image_by_turn(double x, double y) noexcept {
+    return {Vector3(x * y, -(1.0 + x * x), y), Vector3(1.0 + y * y, -(x * y), -x)};
+}
+
+DepthSample look(const DepthPicture& p, const Vector2& at_px) noexcept {
+    return sample_depth(p.frame->depth, 1.0 / p.frame->depth_units_per_m, round_clamped(at_px.x()),
+                        round_clamped(at_px.y()), *p.range);
+}
+
+Vector2 turned(const DepthPicture& p, const Vector2& pixel, const ImageByTurn& by, const Vector3& turn) noexcept {
+    return {pixel.x() + p.camera->fx * by.x.dot(turn), pixel.y() + p.camera->fy * by.y.dot(turn)};
+}
+
+// Slope of depth along `step`, m per pixel; 0 where there is none.
+double slope(const DepthPicture& p, const Vector2& at_px, const Vector2& step) noexcept {
+    const DepthSample before = look(p, at_px - step);
+    const DepthSample behind = look(p, at_px + step);
+    if (!before.is_valid() || !behind.is_valid()) return 0;
+    const double change = behind.mean_m - before.mean_m;
+    return std::fabs(change) > kLeapShare * before.mean_m ? 0 : change / (2.0 * kStep_px);
+}
+
+// Of one pass, with depth of a camera that had turned by `turn`.
+struct Turned {
+    Vector3 turn;
+    double chi2_max = 0;
+    RowEquations equations;
+};
+
+// What the depth image says of a match, from pass to pass the same.
+struct Place {
+    Vector2 pixel = Vector2::Zero();
+    double z_m = 0;                           // as it was looked up
+    Vector3 depth_by_turn = Vector3::Zero();  // m/rad, about there
+};
+
+Place place_of(const Correspondence& match, const DepthPicture& picture, const Vector3& turn) noexcept {
+    Place out;
+    const Keypoint& keypoint = picture.keypoints[match.feature];
+    out.pixel = Vector2(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y));
+    const Vector2& ray = match.normalised;
+    const ImageByTurn by = image_by_turn(ray.x(), ray.y());
+    const Vector2 at_px = turned(picture, out.pixel, by, turn);
+    out.z_m = depth_behind(picture, out.pixel, ray, turn).mean_m;
+    out.depth_by_turn = by.x * (picture.camera->fx * slope(picture, at_px, {kStep_px, 0})) +
+                        by.y * (picture.camera->fy * slope(picture, at_px, {0, kStep_px})) +
+                        Vector3(ray.y(), -ray.x(), 0) * out.z_m;
+    return out;
+}
+
+// A match as the camera at `camera_from_world` sees it, with depth as `sums` has it.
+void add_match(const Correspondence& match, const Place& place, const DepthPicture& picture,
+               const SE3& camera_from_world, Turned& sums) noexcept {
+    const Vector3 q = camera_from_world * match.p_world;
+    if (q.z() < kDepthMin_m) return;
+    Residual r = residual_of(match, q, match.map_var_lateral, match.map_var_z);
+    if (match.has_depth) {
+        const DepthSample sample = depth_behind(picture, place.pixel, match.normalised, sums.turn);
+        // Of the row's own camera, which was carried to the middle row's.
+        r.z += place.z_m - sample.mean_m;
+        if (!sample.is_valid()) r.info_z = 0;
+    }
+    const double chi2 = r.chi2();
+    const double weight = match.weight * (chi2 <= sums.chi2_max ? 1.0 : sums.chi2_max / chi2);
+    // Rows and columns of the turn are those that RowEquations has for the turn of rows: here depth moves with it, not
+    // the image.
+    RowEquations::visit_rows(q, 0.0, r, [&](RowEquations::Vector9 by, double residual, double info, int axis) {
+        if (axis == 2) by.tail<3>() = -place.depth_by_turn;
+        sums.equations.add(by, residual, weight * info);
+    });
+}
+
+}  // namespace
+
+DepthSample depth_behind(const DepthPicture& picture, const Vector2& pixel, const Vector2& ray,
+                         const Vector3& turn) noexcept {
+    DepthSample sample = look(picture, turned(picture, pixel, image_by_turn(ray.x(), ray.y()), turn));
+    sample.mean_m /= 1.0 - ray.y() * turn.x() + ray.x() * turn.y();  // along the axis of the camera that had not turned
+    return sample;
+}
+
+Result<Vector3> measure_depth_turn(std::span<const Correspondence> correspondences,
+                                   std::span<const std::uint16_t> chosen, const DepthPicture& picture,
+                                   const DepthTurnPrior& prior, double chi2_max) noexcept {
+    const std::size_t step = (chosen.size() + kMatchesMax - 1) / kMatchesMax;
+    Place places[kMatchesMax];
+    for (std::size_t i = 0; i * step < chosen.size(); ++i) {
+        const Correspondence& match = correspondences[chosen[i * step]];
+        if (match.has_depth) places[i] = place_of(match, picture, prior.looked_up);
+    }
+    SE3 pose = prior.world_from_camera;
+    Vector3 turn = prior.looked_up;
+    for (int pass = 0; pass < kPasses; ++pass) {
+        Turned sums{turn, chi2_max, {}};
+        const SE3 camera_from_world = pose.inverse();
+        for (std::size_t i = 0; i * step < chosen.size(); ++i)
+            add_match(correspondences[chosen[i * step]], places[i], picture, camera_from_world, sums);
+        RowEquations& equations = sums.equations;
+        equations.h *= prior.trust;
+        equations.g *= prior.trust;
+        equations.expect_turn(turn - prior.expected, prior.sigma_rad * prior.sigma_rad);
+        RowEquations::Matrix9 l;
+        if (!equations.factorise(l)) return Status::kInvalid;
+        const RowEquations::Vector9 change = RowEquations::solve(l, -equations.g);
+        if (!(change.squaredNorm() < 1.0)) return Status::kInvalid;  // not near, or no number
+        pose = pose * se3_exp(change.head<6>());
+        renormalise(pose.rotation);
+        turn += change.tail<3>();
+    }
+    return turn;
+}
+
+}  // namespace stillmesh
