@@ -1,6 +1,6 @@
-// Depth that was not taken with its picture (engine/pose/depth_turn.hpp), in the hands of tracking: where the motion and
-// the stamps say that the camera looked then, and where what is known of the map says so. Nothing is asked where stamps
-// say that both images are of one time, or nothing, and while the camera turns by less than half a pixel within
+// Depth that was not taken with its picture (engine/pose/depth_turn.hpp), in the hands of tracking: where the motion
+// and the stamps say that the camera looked then, and where what is known of the map says so. Nothing is asked where
+// stamps say that both images are of one time, or nothing, and while the camera turns by less than half a pixel within
 // region.colour_depth_lag_s. Cost: twice a frame that of measuring, three times a look into the depth image for each
 // feature.
 #pragma once

@@ -105,8 +105,8 @@ DepthTurnPrior near(const SE3& pose, const Vector3& looked_up = Vector3::Zero())
 
 const Vector3 kTurns[] = {{0, 0.03, 0}, {-0.02, 0.01, 0}, {0.01, -0.04, 0.01}, {0, 0, 0}};
 
-// Promise: depth behind a pixel is that of the place which the camera sees there, though the depth image was taken after
-// it had turned: within 1 cm but where a corner of the room lies between.
+// Promise: depth behind a pixel is that of the place which the camera sees there, though the depth image was taken
+// after it had turned: within 1 cm but where a corner of the room lies between.
 TEST(DepthTurn, DepthIsLookedUpWhereTheCameraLookedThen) {
     for (const Vector3& turn : kTurns) {
         const Room room(turn);
@@ -127,8 +127,8 @@ TEST(DepthTurn, DepthIsLookedUpWhereTheCameraLookedThen) {
     }
 }
 
-// Promise: the turn between picture and depth is found to an eighth of a degree in the two steps of a frame, from none and
-// from one that depth was looked up with already, though the pose that it is given is 1 cm and half a degree off.
+// Promise: the turn between picture and depth is found to an eighth of a degree in the two steps of a frame, from none
+// and from one that depth was looked up with already, though the pose that it is given is 1 cm and half a degree off.
 TEST(DepthTurn, IsFound) {
     const SE3 guess = kPose * se3_exp((Vector6() << 0.006, -0.006, 0.006, 0.005, -0.005, 0.005).finished());
     for (const Vector3& turn : kTurns) {
