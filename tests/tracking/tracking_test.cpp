@@ -485,13 +485,16 @@ TEST(Tracking, RecoversNoFartherThanACameraTurns) {
     }
 }
 
-// Promise: how far apart colour and depth were taken comes from the frame where it tells, and from the configuration
-// where it does not: 0, the same time, or times that no frame can have.
+// Promise: how far apart colour and depth were taken, for doubting depth while the camera turns, comes from the frame
+// where it tells, and from the configuration where it does not: 0, the same time, or times that no frame can have. Where
+// depth is looked up as well it matters which of both was first (late_depth_test.cpp).
 TEST(Tracking, TheLagOfDepthIsTheFrames) {
     const test::Sequence sequence = test::rendered("static_rpy", 20, 320, 240);
+    double depth_trust = 0;
     const auto hash_of = [&](double configured_s, std::int64_t depth_ns, bool is_absolute) {
         Parameters configuration = fitting();
         configuration.region.colour_depth_lag_s = configured_s;
+        configuration.pose.depth_trust = depth_trust;
         Rig rig(sequence.camera, configuration);
         for (const KeptFrame& kept : sequence.frames) {
             Frame frame = kept.frame();
@@ -509,6 +512,9 @@ TEST(Tracking, TheLagOfDepthIsTheFrames) {
     EXPECT_EQ(hash_of(0.050, -10'000'000, false), configured) << "earlier or later is the same";
     EXPECT_NE(hash_of(0.050, 0, false), configured);
     EXPECT_NE(hash_of(0.010, 50'000'000, false), configured);
+    depth_trust = 0.1;
+    EXPECT_EQ(hash_of(0.010, 0, false), configured) << "of one time";
+    EXPECT_NE(hash_of(0.010, 10'000'000, false), hash_of(0.010, -10'000'000, false));
 }
 
 // Promise: a point that stands still keeps the place where it was first seen; its estimate only gets surer.
