@@ -486,8 +486,8 @@ TEST(Tracking, RecoversNoFartherThanACameraTurns) {
 }
 
 // Promise: how far apart colour and depth were taken, for doubting depth while the camera turns, comes from the frame
-// where it tells, and from the configuration where it does not: 0, the same time, or times that no frame can have. Where
-// depth is looked up as well it matters which of both was first (late_depth_test.cpp).
+// where it tells, and from the configuration where it does not: 0, the same time, or times that no frame can have.
+// Where depth is looked up as well it matters which of both was first (late_depth_test.cpp).
 TEST(Tracking, TheLagOfDepthIsTheFrames) {
     const test::Sequence sequence = test::rendered("static_rpy", 20, 320, 240);
     double depth_trust = 0;
