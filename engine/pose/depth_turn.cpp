@@ -107,13 +107,7 @@ Result<Vector3> measure_depth_turn(std::span<const Correspondence> correspondenc
         equations.h *= prior.trust;
         equations.g *= prior.trust;
         equations.expect_turn(turn - prior.expected, prior.sigma_rad * prior.sigma_rad);
-        RowEquations::Matrix9 l;
-        if (!equations.factorise(l)) return Status::kInvalid;
-        const RowEquations::Vector9 change = RowEquations::solve(l, -equations.g);
-        if (!(change.squaredNorm() < 1.0)) return Status::kInvalid;  // not near, or no number
-        pose = pose * se3_exp(change.head<6>());
-        renormalise(pose.rotation);
-        turn += change.tail<3>();
+        if (!equations.step(pose, turn)) return Status::kInvalid;
     }
     return turn;
 }

@@ -55,7 +55,6 @@ Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences
     const std::size_t step = (chosen.size() + kMatchesMax - 1) / kMatchesMax;
     SE3 pose = world_from_camera_guess;
     Vector3 off = Vector3::Zero();
-    RowEquations::Matrix9 l;
     Sums sums;
     for (int pass = 0; pass < kPasses; ++pass) {
         sums = Sums{};
@@ -64,17 +63,13 @@ Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences
             add_match(correspondences[chosen[i]], camera_from_world, off, chi2_max, sums);
         RowEquations equations = sums.equations;
         equations.expect_turn(prior.carried + off - prior.expected, prior.variance);
-        if (!equations.factorise(l)) return Status::kInvalid;
-        const RowEquations::Vector9 change = RowEquations::solve(l, -equations.g);
-        if (!(change.squaredNorm() < 1.0)) return Status::kInvalid;  // not near, or no number
-        pose = pose * se3_exp(change.head<6>());
-        renormalise(pose.rotation);
-        off += change.tail<3>();
+        if (!equations.step(pose, off)) return Status::kInvalid;
     }
     RowTurn out;
     out.turn = prior.carried + off;
     sums.equations.h /= sums.variance_factor();
     sums.equations.expect_turn(Vector3::Zero(), prior.variance);
+    RowEquations::Matrix9 l;
     if (!sums.equations.factorise(l)) return Status::kInvalid;
     for (int k = 0; k < 3; ++k) {  // of the inverse, what belongs to the turn
         RowEquations::Vector9 column = RowEquations::Vector9::Zero();

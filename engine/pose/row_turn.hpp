@@ -65,6 +65,17 @@ struct RowEquations {
         solve_lower_transposed(l, of);
         return of;
     }
+    // Pose and turn a step nearer to what fits. False: singular, not near, or no number.
+    [[nodiscard]] bool step(SE3& world_from_camera, Vector3& turn) const noexcept {
+        Matrix9 l;
+        if (!factorise(l)) return false;
+        const Vector9 change = solve(l, -g);
+        if (!(change.squaredNorm() < 1.0)) return false;
+        world_from_camera = world_from_camera * se3_exp(change.head<6>());
+        renormalise(world_from_camera.rotation);
+        turn += change.tail<3>();
+        return true;
+    }
 };
 
 // In the camera, rad, from the first row to the last.

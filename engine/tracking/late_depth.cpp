@@ -1,7 +1,5 @@
 #include "engine/tracking/late_depth.hpp"
 
-#include <cmath>
-
 #include "engine/base/time.hpp"
 
 namespace stillmesh {
@@ -9,22 +7,21 @@ namespace {
 
 constexpr double kNegligible_rad = 0.001;  // half a pixel
 constexpr double kTurnMax_rad = 0.1;       // 230 degrees per second, 25 ms late
-constexpr double kLagMax_s = 0.1;          // stamps farther apart are of two clocks
 constexpr std::size_t kMatchesMin = 30;
 
-// As stamps say; none where they say nothing, or that both images are of one time.
-double lag_of(const Frame& frame) noexcept {
-    if (frame.depth_time_ns <= 0) return 0;
-    const double lag_s = seconds_between(frame.time_ns, frame.depth_time_ns);
-    return std::fabs(lag_s) <= kLagMax_s ? lag_s : 0;
-}
-
 }  // namespace
+
+double depth_lag_s(const Frame& frame) noexcept {
+    constexpr std::int64_t kLagMax_ns = 100'000'000;
+    if (frame.depth_time_ns <= 0) return 0;
+    const std::int64_t lag_ns = frame.depth_time_ns - frame.time_ns;
+    return lag_ns > kLagMax_ns || lag_ns < -kLagMax_ns ? 0 : seconds_between(frame.time_ns, frame.depth_time_ns);
+}
 
 bool LateDepth::expect(MeasuredFrame& frame, const Vector6& speed, const Parameters& parameters) noexcept {
     const Vector3 before = turn_;
     const Vector3 turning = speed.tail<3>();
-    const double lag_s = lag_of(frame.frame());
+    const double lag_s = depth_lag_s(frame.frame());
     turn_ = expected_ = turning * lag_s;
     sigma_rad_ = turning.norm() * parameters.region.colour_depth_lag_s;
     trust_ = parameters.pose.depth_trust;

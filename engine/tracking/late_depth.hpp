@@ -15,6 +15,11 @@
 
 namespace stillmesh {
 
+// How much later than its picture a frame's depth was taken; 0: not known. A camera that does not know says the same
+// time twice; one whose times are farther apart than images of one frame can be has two clocks. The frame was
+// validated: its own time is not negative.
+[[nodiscard]] double depth_lag_s(const Frame& frame) noexcept;
+
 class LateDepth {
 public:
     // A new frame, whose depth was looked up in its features' own pixels.

@@ -5,20 +5,9 @@
 
 #include "engine/base/time.hpp"
 #include "engine/tracking/frame_hash.hpp"
+#include "engine/tracking/late_depth.hpp"
 
 namespace stillmesh {
-namespace {
-
-// How far apart colour and depth were taken. A camera that does not know says the same time twice; one whose times are
-// farther apart than images of one frame can be has two clocks. The frame was validated: its own time is not negative.
-double lag_of(const Frame& frame, double unknown_s) noexcept {
-    constexpr std::int64_t kLagMax_ns = 100'000'000;
-    if (frame.depth_time_ns <= 0 || frame.depth_time_ns == frame.time_ns) return unknown_s;
-    const std::int64_t lag_ns = frame.depth_time_ns - frame.time_ns;
-    return lag_ns > kLagMax_ns || lag_ns < -kLagMax_ns ? unknown_s : std::abs(static_cast<double>(lag_ns)) / kSecond_ns;
-}
-
-}  // namespace
 
 void Tracking::create(Arena& arena, World& world, const Kernels& kernels, FeatureExtractor* extractor,
                       Relocalisation* relocalisation) noexcept {
@@ -113,7 +102,8 @@ void Tracking::measure(const Frame& frame) noexcept {
         has_time_shift_ = true;
     }
     time_ns_ = frame.time_ns + time_shift_ns_;
-    lag_s_ = lag_of(frame, world_->parameters.region.colour_depth_lag_s);
+    const double told_s = std::abs(depth_lag_s(frame));
+    lag_s_ = told_s > 0 ? told_s : world_->parameters.region.colour_depth_lag_s;
 
     observe(Stage::kPrepare, true);
     const GreyView grey = measured_.grey_of(frame);
