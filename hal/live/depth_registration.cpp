@@ -5,14 +5,7 @@
 
 #include "engine/base/check.hpp"
 #include "engine/geometry/lens.hpp"
-
-// The loops over a row are compiled for AVX2, too, and the loader chooses: the same operations in the same order, so
-// the same bits, in two thirds of the time. Other compilers and C libraries have the loops as they are.
-#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
-#define STILLMESH_FOR_EACH_PROCESSOR __attribute__((target_clones("avx2", "default")))
-#else
-#define STILLMESH_FOR_EACH_PROCESSOR
-#endif
+#include "hal/for_each_processor.hpp"
 
 namespace stillmesh {
 namespace {

@@ -19,9 +19,9 @@ class Lattice {
 public:
     Lattice(std::uint32_t width, std::uint32_t height);
     void fill(std::uint32_t key);
-    // The values of a row, ready for at().
+    // The values of a row, for at().
     void take_row(std::uint32_t y);
-    [[nodiscard]] float at(std::uint32_t x) const noexcept;
+    [[nodiscard]] float at(std::uint32_t x) const noexcept { return row_[x]; }
 
 private:
     std::uint32_t width_;
@@ -39,7 +39,16 @@ struct DepthErrors {
 class DepthSensor {
 public:
     DepthSensor(std::uint32_t width, std::uint32_t height)
-        : shared_(width, height), edges_(width, height), loss_(width, height), hidden_(width) {}
+        : shared_(width, height),
+          edges_(width, height),
+          loss_(width, height),
+          hidden_(width),
+          ray_x_(width),
+          ray_length_(width),
+          noise_(width),
+          inverse_(width),
+          dice_(width),
+          is_seen_(width) {}
     // From a picture to depth in units of 1 / units_per_m, 0 = nothing.
     void sense(const Picture& picture, std::uint64_t seed, float units_per_m, std::vector<std::uint16_t>& depth,
                const DepthErrors& errors = {});
@@ -49,7 +58,10 @@ private:
                                 float share, std::uint32_t dice) const noexcept;
 
     Lattice shared_, edges_, loss_;
-    std::vector<bool> hidden_;
+    // Of a row, by column.
+    std::vector<std::uint8_t> hidden_;  // from the projector
+    std::vector<float> ray_x_, ray_length_, noise_, inverse_;
+    std::vector<std::uint32_t> dice_, is_seen_;
 };
 
 // A quick hash of 32 bits: neighbours in, strangers out (lowbias32, Wellons 2018).

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/base/numbers.hpp"
+#include "hal/for_each_processor.hpp"
 #include "hal/simulated/shading.hpp"
 
 namespace stillmesh::simulated {
@@ -14,6 +15,24 @@ constexpr std::uint32_t kCornersMax = 10;
 
 [[nodiscard]] float f32(double value) noexcept {
     return static_cast<float>(value);
+}
+
+// A face along a row: its inverse depth at x = 0, what it grows by from pixel to pixel.
+struct Slope {
+    float begin, step;
+    std::uint32_t id;
+};
+
+STILLMESH_FOR_EACH_PROCESSOR void keep_nearest(const Slope& face, std::int32_t x_begin, std::int32_t x_end,
+                                               float* __restrict depth, std::uint32_t* __restrict ids) {
+    for (std::int32_t x = x_begin; x < x_end; ++x) {
+        const float w = face.begin + face.step * static_cast<float>(x);
+        const float old = depth[x];
+        const std::uint32_t old_id = ids[x];
+        const bool is_nearer = w > old;
+        depth[x] = is_nearer ? w : old;
+        ids[x] = is_nearer ? face.id : old_id;
+    }
 }
 
 }  // namespace
@@ -160,18 +179,8 @@ void Renderer::draw(const Vertex* vertices, std::uint32_t count, const Material&
 void Picture::fill_row(std::uint32_t y, std::int32_t x_begin, std::int32_t x_end, const ImagePlane& plane,
                        std::uint32_t id) noexcept {
     const std::size_t row = static_cast<std::size_t>(y) * camera_.width;
-    float* const depth = inverse_depth_.data() + row;
-    std::uint32_t* const ids = face_ids_.data() + row;
-    const float begin = plane.b * static_cast<float>(y) + plane.c;
-    const float step = plane.a;
-    for (std::int32_t x = x_begin; x < x_end; ++x) {
-        const float w = begin + step * static_cast<float>(x);
-        const float old = depth[x];
-        const std::uint32_t old_id = ids[x];
-        const bool is_nearer = w > old;
-        depth[x] = is_nearer ? w : old;
-        ids[x] = is_nearer ? id : old_id;
-    }
+    keep_nearest({plane.b * static_cast<float>(y) + plane.c, plane.a, id}, x_begin, x_end, inverse_depth_.data() + row,
+                 face_ids_.data() + row);
 }
 
 void Renderer::shade_into(std::vector<float>& sum, float level_offset) {
