@@ -8,7 +8,7 @@
 namespace stillmesh::accuracy {
 namespace {
 
-constexpr MaskKind kKinds[] = {
+constexpr MaskKind kMaskKinds[] = {
     {"right", MaskFault::kRight, "bodies that move, pixel by pixel"},
     {"inverted", MaskFault::kInverted, "everything else"},
     {"late", MaskFault::kLate, "the right one of a third of a second before"},
@@ -38,14 +38,14 @@ void fill_boxes(std::vector<std::uint8_t>& pixels, std::uint32_t width, std::uin
 }  // namespace
 
 const MaskKind* mask_kind(const std::string& name) {
-    const auto* const found =
-        std::find_if(std::begin(kKinds), std::end(kKinds), [&](const MaskKind& kind) { return name == kind.name; });
-    return found == std::end(kKinds) ? nullptr : found;
+    const auto* const found = std::find_if(std::begin(kMaskKinds), std::end(kMaskKinds),
+                                           [&](const MaskKind& kind) { return name == kind.name; });
+    return found == std::end(kMaskKinds) ? nullptr : found;
 }
 
 std::string mask_kinds_text() {
     std::string out;
-    for (const MaskKind& kind : kKinds)
+    for (const MaskKind& kind : kMaskKinds)
         out += fmt::format("{}{}: {}", out.empty() ? "" : "; ", kind.name, kind.sentence);
     return out;
 }

@@ -16,7 +16,7 @@ constexpr std::uint32_t kDistanceMax = 256;  // bits of a descriptor
 constexpr double kNearest_m = 0.1;
 
 // The local map's points lie in a pool that is larger than any cache: fetched so many points ahead.
-constexpr std::uint32_t kAhead = 8;
+constexpr std::uint32_t kPointsAhead = 8;
 constexpr std::size_t kPicked = 64;  // features that are looked at together
 
 }  // namespace
@@ -58,7 +58,7 @@ void MapMatcher::by_projection(const Map& map, const LocalMap* local, const SE3&
     const auto count = local != nullptr ? static_cast<std::uint32_t>(local->points().size()) : points.slots_count();
     for (std::uint32_t at = 0; at < count; ++at) {
         const std::uint32_t slot = local != nullptr ? local->points()[at] : at;
-        if (local != nullptr && at + kAhead < count) points.prefetch(local->points()[at + kAhead]);
+        if (local != nullptr && at + kPointsAhead < count) points.prefetch(local->points()[at + kPointsAhead]);
         if (!points.is_taken(slot)) continue;
         const MapPoint& point = points.at(slot);
         if (is_more && point.last_seen_frame == *more_frame) continue;

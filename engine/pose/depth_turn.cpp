@@ -9,8 +9,8 @@
 namespace stillmesh {
 namespace {
 
-constexpr int kPasses = 3;
-constexpr std::size_t kMatchesMax = 128;
+constexpr int kDepthPasses = 3;
+constexpr std::size_t kDepthMatchesMax = 128;
 constexpr double kStep_px = 3;       // between the looks that tell how depth slopes, and the ray
 constexpr double kLeapShare = 0.08;  // of depth: what changes by more has an edge between, and no slope
 
@@ -42,7 +42,7 @@ double slope(const DepthPicture& p, const Vector2& at_px, const Vector2& step) n
 }
 
 // Of one pass, with depth of a camera that had turned by `turn`.
-struct Sums {
+struct DepthSums {
     Vector3 turn;
     double chi2_max = 0;
     RowEquations equations;
@@ -59,7 +59,7 @@ Vector3 depth_by_turn(const DepthPicture& picture, const Vector2& pixel, const V
 
 // A match as the camera at `camera_from_world` sees it, whose depth was looked up with the turn `looked_up`.
 void add_match(const Correspondence& match, const DepthPicture& picture, const SE3& camera_from_world,
-               const Vector3& looked_up, Sums& sums) noexcept {
+               const Vector3& looked_up, DepthSums& sums) noexcept {
     const Vector3 q = camera_from_world * match.p_world;
     if (q.z() < kDepthMin_m) return;
     Residual r = residual_of(match, q, match.map_var_lateral, match.map_var_z);
@@ -95,11 +95,11 @@ DepthSample depth_behind(const DepthPicture& picture, const Vector2& pixel, cons
 Result<Vector3> measure_depth_turn(std::span<const Correspondence> correspondences,
                                    std::span<const std::uint16_t> chosen, const DepthPicture& picture,
                                    const DepthTurnPrior& prior, double chi2_max) noexcept {
-    const std::size_t step = (chosen.size() + kMatchesMax - 1) / kMatchesMax;
+    const std::size_t step = (chosen.size() + kDepthMatchesMax - 1) / kDepthMatchesMax;
     SE3 pose = prior.world_from_camera;
     Vector3 turn = prior.looked_up;
-    for (int pass = 0; pass < kPasses; ++pass) {
-        Sums sums{turn, chi2_max, {}};
+    for (int pass = 0; pass < kDepthPasses; ++pass) {
+        DepthSums sums{turn, chi2_max, {}};
         const SE3 camera_from_world = pose.inverse();
         for (std::size_t i = 0; i < chosen.size(); i += step)
             add_match(correspondences[chosen[i]], picture, camera_from_world, prior.looked_up, sums);

@@ -9,12 +9,12 @@ namespace {
 constexpr double kFramesMin = 5;
 constexpr double kNegligible_rad = 0.002;  // half a pixel in the first and the last row
 constexpr double kStayingShare = 0.25;     // a hand at 8 to 12 Hz: below none; a map: .3 to .6
-constexpr int kPasses = 4;
+constexpr int kRowPasses = 4;
 constexpr double kVarianceFactorMin = 0.01;
-constexpr std::size_t kMatchesMax = 256;  // .0002 rad; more say little more
+constexpr std::size_t kRowMatchesMax = 256;  // .0002 rad; more say little more
 
 // Of one pass over the matches.
-struct Sums {
+struct RowSums {
     RowEquations equations;
     double squares = 0;  // of what image rows are off by, over their variances
     double rows = 0;
@@ -29,7 +29,7 @@ struct Sums {
 
 // With the turn off by `off` from what rows were carried with.
 void add_match(const Correspondence& c, const SE3& camera_from_world, const Vector3& off, double chi2_max,
-               Sums& sums) noexcept {
+               RowSums& sums) noexcept {
     const Vector3 q = camera_from_world * c.p_world;
     if (q.z() < kDepthMin_m) return;
     Residual r = residual_of(c, q, c.map_var_lateral, c.map_var_z);
@@ -52,12 +52,12 @@ void add_match(const Correspondence& c, const SE3& camera_from_world, const Vect
 Result<RowTurn> measure_row_turn(std::span<const Correspondence> correspondences, std::span<const std::uint16_t> chosen,
                                  const SE3& world_from_camera_guess, const RowTurnPrior& prior,
                                  double chi2_max) noexcept {
-    const std::size_t step = (chosen.size() + kMatchesMax - 1) / kMatchesMax;
+    const std::size_t step = (chosen.size() + kRowMatchesMax - 1) / kRowMatchesMax;
     SE3 pose = world_from_camera_guess;
     Vector3 off = Vector3::Zero();
-    Sums sums;
-    for (int pass = 0; pass < kPasses; ++pass) {
-        sums = Sums{};
+    RowSums sums;
+    for (int pass = 0; pass < kRowPasses; ++pass) {
+        sums = RowSums{};
         const SE3 camera_from_world = pose.inverse();
         for (std::size_t i = 0; i < chosen.size(); i += step)
             add_match(correspondences[chosen[i]], camera_from_world, off, chi2_max, sums);

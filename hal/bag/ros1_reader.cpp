@@ -6,12 +6,19 @@
 namespace stillmesh {
 namespace {
 
-constexpr std::string_view kMagic = "#ROSBAG V2.0\n";
+constexpr std::string_view kRos1Magic = "#ROSBAG V2.0\n";
 constexpr std::uint32_t kHeaderBytesMax = 64 * 1024;
 constexpr std::size_t kConnectionsMax = 65536;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-enum Op : std::uint8_t { kMessage = 2, kBagHeader = 3, kIndex = 4, kChunk = 5, kChunkInfo = 6, kConnection = 7 };
+enum Op : std::uint8_t {
+    kRos1Message = 2,
+    kBagHeader = 3,
+    kIndex = 4,
+    kRos1Chunk = 5,
+    kChunkInfo = 6,
+    kConnection = 7
+};
 
 using Bytes = std::span<const std::uint8_t>;
 
@@ -54,12 +61,12 @@ Status Ros1Reader::open(const std::string& file, BagTopics& topics, std::string&
     name_ = file;
     topics_ = &topics;
     STILLMESH_TRY(file_.open(file, message));
-    std::array<std::uint8_t, kMagic.size()> magic{};
-    if (!file_.read(0, magic) || !std::equal(kMagic.begin(), kMagic.end(), magic.begin())) {
+    std::array<std::uint8_t, kRos1Magic.size()> magic{};
+    if (!file_.read(0, magic) || !std::equal(kRos1Magic.begin(), kRos1Magic.end(), magic.begin())) {
         message = file + ": is a bag of another version than 2.0; bring it up to date with 'rosbag fix'.";
         return Status::kInvalid;
     }
-    at_ = kMagic.size();
+    at_ = kRos1Magic.size();
     return Status::kOk;
 }
 
@@ -74,13 +81,13 @@ Status Ros1Reader::read_file_record(BagMessage& out, std::string& message) {
     const std::uint32_t data_bytes = u32_at(size);
     const std::uint8_t op = op_of(header_);
     at_ = data_at + data_bytes;
-    if (op == kChunk) return read_chunk(data_at, data_bytes, message);
+    if (op == kRos1Chunk) return read_chunk(data_at, data_bytes, message);
     if (at_ > file_.size_bytes()) return torn(begin, message);
     if (op == kBagHeader) {
         const Bytes index = field(header_, "index_pos");
         is_unclosed_ = std::all_of(index.begin(), index.end(), [](std::uint8_t byte) { return byte == 0; });
     }
-    if (op != kMessage && op != kConnection) {
+    if (op != kRos1Message && op != kConnection) {
         return op == kBagHeader || op == kIndex || op == kChunkInfo ? Status::kNotFound : torn(begin, message);
     }
     if (data_bytes > kBagPieceBytesMax) return torn(begin, message);
@@ -153,7 +160,7 @@ Status Ros1Reader::take(const Record& record, BagMessage& out) {
     if (op == kConnection) take_connection(record);
     if (op == 0) return Status::kCorrupt;
     std::uint32_t connection = 0;
-    if (op != kMessage) return Status::kNotFound;
+    if (op != kRos1Message) return Status::kNotFound;
     const Bytes time = field(record.header, "time");
     if (!number_field(record.header, "conn", connection) || time.size() != 8) return Status::kCorrupt;
     const auto at = places_.find(connection);

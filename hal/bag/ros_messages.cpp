@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t kCdrHeadBytes = 4;
 constexpr std::uint32_t kCoefficientsMax = 16;
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kRosSecond_ns = 1'000'000'000;
 
 }  // namespace
 
@@ -16,7 +16,7 @@ MessageHeader read_header(MessageReader& reader) noexcept {
     MessageHeader out;
     if (reader.is_ros1()) static_cast<void>(reader.u32());  // the number of the message
     const std::int64_t seconds = reader.u32();
-    out.stamp_ns = seconds * kSecond_ns + reader.u32();
+    out.stamp_ns = seconds * kRosSecond_ns + reader.u32();
     out.frame_id = reader.text();
     return out;
 }

@@ -8,7 +8,7 @@ namespace stillmesh {
 namespace {
 
 constexpr std::size_t kNameMax = 256;
-constexpr std::size_t kDepthMax = 64;  // of a tree; a circle ends there
+constexpr std::size_t kLinksMax = 64;  // of a tree; a circle ends there
 
 }  // namespace
 
@@ -49,7 +49,7 @@ std::optional<RigidTransform> FrameTree::between(std::string_view from, std::str
     };
     const auto way_up = [this](std::string_view frame) {
         std::vector<Step> way = {{frame, {}}};
-        for (auto at = links_.find(frame); at != links_.end() && way.size() < kDepthMax;
+        for (auto at = links_.find(frame); at != links_.end() && way.size() < kLinksMax;
              at = links_.find(at->second.parent)) {
             way.push_back({at->second.parent, compose(at->second.parent_from_frame, way.back().frame_from_start)});
         }

@@ -14,7 +14,7 @@ struct Destroy {
     void operator()(void* decoder) const noexcept { static_cast<void>(tjDestroy(decoder)); }
 };
 
-constexpr int kSideMax = 16384;
+constexpr int kJpegSideMax = 16384;
 
 Status broken(const std::string& name, tjhandle decoder, std::string& message) {
     message = name + ": cannot be read as JPEG (" + tjGetErrorStr2(decoder) +
@@ -38,7 +38,7 @@ Status decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name,
     if (read != 0 || width < 1 || height < 1) {
         return broken(name, decoder, message);
     }
-    if (space == TJCS_CMYK || space == TJCS_YCCK || width > kSideMax || height > kSideMax) {
+    if (space == TJCS_CMYK || space == TJCS_YCCK || width > kJpegSideMax || height > kJpegSideMax) {
         message = name + ": a JPEG of " + std::to_string(width) + "x" + std::to_string(height) +
                   " pixels or with four colours is not read; convert it to RGB.";
         return Status::kInvalid;

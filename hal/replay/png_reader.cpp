@@ -96,7 +96,7 @@ private:
 };
 
 // Larger than any image of ours; keeps a wild header from being worth anything.
-constexpr std::uint32_t kSideMax = 16384;
+constexpr std::uint32_t kPngSideMax = 16384;
 // Text and colour profiles in a PNG are nothing to us; libspng may hold this much of them.
 constexpr std::size_t kChunkBytesMax = 1024 * 1024;
 
@@ -119,7 +119,7 @@ Status open_context(Context& context, const std::string& name, std::string& mess
         message = name + ": no memory left to decode it.";
         return Status::kUnavailable;
     }
-    static_cast<void>(spng_set_image_limits(context.get(), kSideMax, kSideMax));
+    static_cast<void>(spng_set_image_limits(context.get(), kPngSideMax, kPngSideMax));
     static_cast<void>(spng_set_chunk_limits(context.get(), kChunkBytesMax, kChunkBytesMax));
     return Status::kOk;
 }

@@ -19,9 +19,6 @@
 namespace stillmesh {
 namespace {
 
-constexpr int kColour = 0;
-constexpr int kDepth = 1;
-
 [[nodiscard]] std::string size_text(const ImageHeader& header) {
     return std::to_string(header.width) + "x" + std::to_string(header.height);
 }

@@ -82,6 +82,7 @@ public:
     [[nodiscard]] std::int64_t frame_time_ns(std::size_t index) const noexcept { return pairs_[index].colour.time_ns; }
 
 private:
+    static constexpr int kColour = 0, kDepth = 1;  // of the lists
     [[nodiscard]] Status open_folder();
     [[nodiscard]] Status find_calibration();
     [[nodiscard]] Status find_pairs();

@@ -16,8 +16,6 @@
 namespace stillmesh {
 namespace {
 
-constexpr int kColour = 0;
-constexpr int kDepth = 1;
 constexpr off_t kListBytesMax = off_t{256} << 20U;  // two days at 30 images a second
 
 }  // namespace

@@ -8,9 +8,6 @@
 namespace stillmesh {
 namespace {
 
-constexpr double kMillimetres = 1000;
-constexpr double kQuarters = 4000;  // of a millimetre
-
 [[nodiscard]] bool read_header(std::span<const std::uint8_t> bytes, ImageHeader& header, std::string& problem) {
     const Status status = is_png(bytes) ? decode_png_header(bytes, "it", header, problem)
                                         : decode_other_image(bytes, "it", header, {}, problem);

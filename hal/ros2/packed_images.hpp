@@ -14,6 +14,10 @@
 
 namespace stillmesh {
 
+// Units of depth a metre: of whole numbers, and of what comes in metres.
+inline constexpr double kMillimetres = 1000;
+inline constexpr double kQuarters = 4000;  // of a millimetre
+
 struct RosPackedView {
     std::string_view format;  // "rgb8; jpeg compressed bgr8", "16UC1; compressedDepth png"
     std::span<const std::uint8_t> bytes;

@@ -7,12 +7,11 @@
 #include <cstring>
 
 #include "hal/calibration/calibration.hpp"
+#include "hal/ros2/packed_images.hpp"
 
 namespace stillmesh {
 namespace {
 
-constexpr double kMillimetres = 1000;
-constexpr double kQuarters = 4000;  // of a millimetre
 constexpr std::size_t kCoefficientsMax = 14;
 
 [[nodiscard]] std::string encoding_problem(const RosImageView& image, const char* known) {

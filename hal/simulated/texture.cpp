@@ -7,9 +7,9 @@
 namespace stillmesh::simulated {
 namespace {
 
-class Canvas {
+class Painting {
 public:
-    Canvas(std::int32_t width, std::int32_t height, std::uint64_t seed)
+    Painting(std::int32_t width, std::int32_t height, std::uint64_t seed)
         : random(seed), width_(width), height_(height), pixels_(static_cast<std::size_t>(width * height)) {}
 
     Random random;
@@ -171,7 +171,7 @@ private:
 };
 
 Texture plain_wall(std::uint64_t seed) {
-    Canvas c(512, 512, seed);
+    Painting c(512, 512, seed);
     c.fill(c.in(165, 195));
     c.noise(128, 128, 5);
     c.noise(4, 4, 2);
@@ -179,7 +179,7 @@ Texture plain_wall(std::uint64_t seed) {
 }
 
 Texture carpet(std::uint64_t seed) {
-    Canvas c(512, 512, seed);
+    Painting c(512, 512, seed);
     c.fill(c.in(70, 100));
     c.noise(128, 128, 8);
     c.noise(16, 16, 9);
@@ -195,7 +195,7 @@ Texture carpet(std::uint64_t seed) {
 }
 
 Texture ceiling(std::uint64_t seed) {
-    Canvas c(256, 256, seed);
+    Painting c(256, 256, seed);
     c.fill(205);
     c.noise(2, 2, 7);
     c.frame(0, 0, 256, 256, 3, 130);
@@ -203,7 +203,7 @@ Texture ceiling(std::uint64_t seed) {
 }
 
 Texture wood(std::uint64_t seed) {
-    Canvas c(512, 512, seed);
+    Painting c(512, 512, seed);
     c.fill(c.in(120, 165));
     c.noise(256, 16, 20);
     c.noise(128, 4, 16);
@@ -219,7 +219,7 @@ Texture wood(std::uint64_t seed) {
 }
 
 Texture poster(std::uint64_t seed) {
-    Canvas c(512, 512, seed);
+    Painting c(512, 512, seed);
     const std::int32_t ground = c.in(60, 220);
     c.fill(ground);
     c.noise(128, 128, 35);
@@ -236,7 +236,7 @@ Texture poster(std::uint64_t seed) {
 }
 
 Texture pinboard(std::uint64_t seed) {
-    Canvas c(512, 512, seed);
+    Painting c(512, 512, seed);
     c.fill(120);
     c.noise(4, 4, 16);
     for (std::int32_t i = 0; i < 26; ++i) {
@@ -259,7 +259,7 @@ Texture pinboard(std::uint64_t seed) {
 }
 
 Texture books(std::uint64_t seed) {
-    Canvas c(512, 128, seed);
+    Painting c(512, 128, seed);
     c.fill(25);
     std::int32_t x = 0;
     while (x < 512) {
@@ -290,7 +290,7 @@ Texture books(std::uint64_t seed) {
 }
 
 Texture keyboard(std::uint64_t seed) {
-    Canvas c(256, 128, seed);
+    Painting c(256, 128, seed);
     c.fill(40);
     for (std::int32_t row = 0; row < 6; ++row) {
         std::int32_t x = 6;
@@ -305,7 +305,7 @@ Texture keyboard(std::uint64_t seed) {
 }
 
 Texture screen(std::uint64_t seed) {
-    Canvas c(256, 256, seed);
+    Painting c(256, 256, seed);
     c.fill(c.in(50, 90));
     c.shapes(0, 0, 256, 256, 8, 20, 90, 30, 120);
     const std::int32_t windows = c.in(2, 4);
@@ -323,7 +323,7 @@ Texture screen(std::uint64_t seed) {
 }
 
 Texture paper(std::uint64_t seed) {
-    Canvas c(128, 256, seed);
+    Painting c(128, 256, seed);
     c.fill(225);
     c.print(10, 14, 108, 36, 4, 40);
     c.print(10, 60, 108, c.in(60, 180), 2, 60);
@@ -335,7 +335,7 @@ Texture paper(std::uint64_t seed) {
 }
 
 Texture metal(std::uint64_t seed) {
-    Canvas c(256, 256, seed);
+    Painting c(256, 256, seed);
     c.fill(c.in(110, 160));
     c.noise(128, 2, 5);
     for (std::int32_t y = 0; y < 256; y += 64) {
@@ -353,7 +353,7 @@ Texture metal(std::uint64_t seed) {
 }
 
 Texture door(std::uint64_t seed) {
-    Canvas c(256, 512, seed);
+    Painting c(256, 512, seed);
     c.fill(c.in(90, 150));
     c.noise(4, 128, 8);
     c.frame(0, 0, 256, 512, 10, 55);
@@ -366,7 +366,7 @@ Texture door(std::uint64_t seed) {
 }
 
 Texture cloth(std::uint64_t seed) {
-    Canvas c(256, 256, seed);
+    Painting c(256, 256, seed);
     const std::int32_t dark = c.in(15, 60);
     const std::int32_t bright = c.in(185, 240);
     const std::int32_t ground = c.in(70, 150);
@@ -429,7 +429,7 @@ Texture cloth(std::uint64_t seed) {
 }
 
 Texture trousers(std::uint64_t seed) {
-    Canvas c(256, 256, seed);
+    Painting c(256, 256, seed);
     const std::int32_t ground = c.in(45, 110);
     c.fill(ground);
     c.noise(64, 64, 14);
@@ -446,7 +446,7 @@ Texture trousers(std::uint64_t seed) {
 }
 
 Texture skin(std::uint64_t seed) {
-    Canvas c(64, 64, seed);
+    Painting c(64, 64, seed);
     c.fill(c.in(120, 180));
     c.noise(16, 16, 10);
     c.noise(4, 4, 4);
@@ -455,7 +455,7 @@ Texture skin(std::uint64_t seed) {
 
 // u runs round the head, the face at the middle; v from the top down.
 Texture face(std::uint64_t seed) {
-    Canvas c(256, 256, seed);
+    Painting c(256, 256, seed);
     const std::int32_t tone = c.in(125, 185);
     const std::int32_t hair = c.in(20, 80);
     c.fill(tone);
@@ -479,7 +479,7 @@ Texture face(std::uint64_t seed) {
 }
 
 Texture parcel(std::uint64_t seed) {
-    Canvas c(256, 256, seed);
+    Painting c(256, 256, seed);
     const std::int32_t ground = c.in(110, 190);
     c.fill(ground);
     c.noise(128, 2, 6);
@@ -501,7 +501,7 @@ Texture parcel(std::uint64_t seed) {
 }
 
 Texture dark(std::uint64_t seed) {
-    Canvas c(64, 64, seed);
+    Painting c(64, 64, seed);
     c.fill(c.in(28, 50));
     c.noise(8, 8, 6);
     return c.finish();

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kFirst = 1e-4, kLogStep = 0.05;
 constexpr double kKinectStep = 2.9e-3;  // 1/m
-constexpr int kReach_px = 8;
+constexpr int kSide_px = 8;
 constexpr double kBorder = 0.05;  // a larger change is another surface
 // Below four units the unit itself makes the steps.
 constexpr int kUnitsMin = 4;
@@ -29,7 +29,7 @@ void DepthSteps::add(const Frame& frame) {
     const double units = frame.depth_units_per_m;
     for (std::uint32_t y = 0; y < frame.depth.height; y += 2) {
         const std::uint16_t* const row = frame.depth.row(y);
-        for (std::uint32_t x = kReach_px; x + kReach_px < frame.depth.width; ++x) {
+        for (std::uint32_t x = kSide_px; x + kSide_px < frame.depth.width; ++x) {
             const int here = row[x], next = row[x + 1];
             if (here == 0 || next == 0) continue;
             const double w = units / here;
@@ -37,7 +37,7 @@ void DepthSteps::add(const Frame& frame) {
                 const int bin = bin_of(std::abs(w - units / next));
                 if (bin < kBins) differences_[static_cast<std::size_t>(bin)] += 1;
             }
-            const int left = row[x - kReach_px], right = row[x + kReach_px];
+            const int left = row[x - kSide_px], right = row[x + kSide_px];
             if (left == 0 || right == 0 || std::abs(left - right) > kBorder * here) continue;
             const int bin = std::min(bin_of(std::abs(w - 0.5 * (units / left + units / right))), kBins - 1);
             bends_[static_cast<std::size_t>(bin)] += 1;

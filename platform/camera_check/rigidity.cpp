@@ -5,6 +5,7 @@
 
 #include "engine/base/check.hpp"
 #include "engine/base/random.hpp"
+#include "platform/camera_check/depth_noise.hpp"
 // After CHECK: Eigen's assertions are ours.
 #include <Eigen/Dense>
 
@@ -15,15 +16,12 @@ using Eigen::Matrix3d;
 using Eigen::Matrix4d;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
-using Motion = Eigen::Matrix<double, 3, 4>;
+using LinearMotion = Eigen::Matrix<double, 3, 4>;
 
 constexpr int kHypotheses = 100;
 constexpr double kAsksPicture = 0.7;  // more cannot be far from what the pictures say
 constexpr double kPixelGate = 3.0;    // sigma
 constexpr double kDepthGate = 4.0;
-// Of inverse depth: the Kinect's (Khoshelham & Elberink 2012), which a wrong depth unit scales along with the rest: so
-// at least a share of what is usual in the view.
-constexpr double kDepthNoise = 1.425e-3, kDepthNoiseShare = 4e-3;
 
 Vector4d from(const ViewMatch& m) {
     return {m.a.x, m.a.y, 1.0, m.a.inverse_depth};
@@ -40,7 +38,7 @@ public:
         for (const ViewMatch& m : matches) sum += static_cast<double>(m.b.inverse_depth);
         depth_ = kDepthGate * std::max(kDepthNoise, kDepthNoiseShare * sum / static_cast<double>(matches.size()));
     }
-    [[nodiscard]] bool takes(const ViewMatch& m, const Motion& motion) const {
+    [[nodiscard]] bool takes(const ViewMatch& m, const LinearMotion& motion) const {
         const Vector3d p = motion * from(m);
         if (!(p.z() > 0.1)) return false;
         const double pixels =
@@ -70,7 +68,7 @@ double explained_with_depth(const std::vector<ViewMatch>& matches, double focal_
     const Gate gate(matches, focal_px);
     const auto count = static_cast<std::uint32_t>(matches.size());
     Random random(1);
-    Motion best = Motion::Zero();
+    LinearMotion best = LinearMotion::Zero();
     std::size_t most = 0;
     for (int round = 0; round < kHypotheses; ++round) {
         Matrix4d a;
@@ -81,7 +79,7 @@ double explained_with_depth(const std::vector<ViewMatch>& matches, double focal_
             b.row(i) = to(m);
         }
         if (std::abs(a.determinant()) < 1e-9) continue;
-        const Motion motion = (a.inverse() * b).transpose();
+        const LinearMotion motion = (a.inverse() * b).transpose();
         std::size_t taken = 0;
         for (const ViewMatch& m : matches) taken += gate.takes(m, motion) ? 1U : 0U;
         if (taken > most) {
@@ -100,7 +98,7 @@ double explained_with_depth(const std::vector<ViewMatch>& matches, double focal_
             normal += from(matches[i]) * from(matches[i]).transpose();
             right += from(matches[i]) * to(matches[i]).transpose();
         }
-        const Motion motion = normal.ldlt().solve(right).transpose();
+        const LinearMotion motion = normal.ldlt().solve(right).transpose();
         std::size_t taken = 0;
         for (const ViewMatch& m : matches) taken += gate.takes(m, motion) ? 1U : 0U;
         if (taken < most) break;

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "engine/base/check.hpp"
+#include "platform/camera_check/depth_noise.hpp"
 // After CHECK: Eigen's assertions are ours.
 #include <Eigen/Dense>
 #include <Eigen/Geometry>
@@ -21,8 +22,6 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Matrix46 = Eigen::Matrix<double, 4, 6>;
 
 constexpr int kIterationsMax = 30;
-// Of inverse depth, 1/m (Khoshelham & Elberink 2012), and at least this share of itself: a wrong depth unit scales it.
-constexpr double kDepthNoise = 1.425e-3, kDepthNoiseShare = 4e-3;
 // Cauchy's: beyond three sigma a match pulls less the farther it is.
 constexpr double kCauchy2 = 9.0;
 // What is not seen stays as given: factors within e, centres within half a focal length.

@@ -6,12 +6,12 @@ namespace stillmesh {
 namespace {
 
 using Quaternion = std::array<double, 4>;
-using Vector = std::array<double, 3>;
+using Translation = std::array<double, 3>;
 
-Vector rotate(const Quaternion& q, const Vector& p) {
+Translation rotate(const Quaternion& q, const Translation& p) {
     // p + 2 w (u x p) + 2 u x (u x p)
-    const Vector c = {q[1] * p[2] - q[2] * p[1], q[2] * p[0] - q[0] * p[2], q[0] * p[1] - q[1] * p[0]};
-    const Vector d = {q[1] * c[2] - q[2] * c[1], q[2] * c[0] - q[0] * c[2], q[0] * c[1] - q[1] * c[0]};
+    const Translation c = {q[1] * p[2] - q[2] * p[1], q[2] * p[0] - q[0] * p[2], q[0] * p[1] - q[1] * p[0]};
+    const Translation d = {q[1] * c[2] - q[2] * c[1], q[2] * c[0] - q[0] * c[2], q[0] * c[1] - q[1] * c[0]};
     return {p[0] + 2 * (q[3] * c[0] + d[0]), p[1] + 2 * (q[3] * c[1] + d[1]), p[2] + 2 * (q[3] * c[2] + d[2])};
 }
 
@@ -26,7 +26,7 @@ double distance2(const TrajectoryPose& a, const TrajectoryPose& b) {
 TrajectoryPose compose(const TrajectoryPose& a, const TrajectoryPose& b) {
     TrajectoryPose out;
     out.time_ns = b.time_ns;
-    const Vector turned = rotate(a.q, b.t);
+    const Translation turned = rotate(a.q, b.t);
     for (std::size_t i = 0; i < 3; ++i) out.t[i] = turned[i] + a.t[i];
     out.q = {a.q[3] * b.q[0] + a.q[0] * b.q[3] + a.q[1] * b.q[2] - a.q[2] * b.q[1],
              a.q[3] * b.q[1] + a.q[1] * b.q[3] + a.q[2] * b.q[0] - a.q[0] * b.q[2],
@@ -43,7 +43,7 @@ TrajectoryPose inverse_of(const TrajectoryPose& pose) {
     TrajectoryPose out;
     out.time_ns = pose.time_ns;
     out.q = {-pose.q[0], -pose.q[1], -pose.q[2], pose.q[3]};
-    const Vector turned = rotate(out.q, pose.t);
+    const Translation turned = rotate(out.q, pose.t);
     for (std::size_t i = 0; i < 3; ++i) out.t[i] = -turned[i];
     return out;
 }

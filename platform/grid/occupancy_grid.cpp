@@ -14,10 +14,10 @@ constexpr std::uint32_t kRayStride = 2;  // cells of a depth image, of rays; sur
 constexpr std::uint64_t kHitWeight = 2;  // of a surface; of a ray that went through: 1
 // Nothing was seen, and the most: bits say whether a count of 0 to 7 is above 3, and of 8 or 9 that it was too much.
 constexpr std::uint8_t kCountZero = 3, kCountTop = 7;
-constexpr std::uint8_t kOccupied = kCountZero + 3;  // surfaces of two images
-constexpr float kEndGap_m = 0.1F;                   // rays say nothing of it
-constexpr float kGrazingGap_m = 0.4F;               // nor of this in the layer where they end
-constexpr float kFloorDeep_m = 0.3F;                // what lies lower is no floor
+constexpr std::uint8_t kHit = kCountZero + 3;  // surfaces of two images
+constexpr float kEndGap_m = 0.1F;              // rays say nothing of it
+constexpr float kGrazingGap_m = 0.4F;          // nor of this in the layer where they end
+constexpr float kFloorDeep_m = 0.3F;           // what lies lower is no floor
 constexpr float kJoined_m = 0.3F;  // so far apart two cells of an image, one above the other, show one level surface
 constexpr float kJoinedStep_m = 0.03F;
 constexpr unsigned kSteps = 16;                             // of a layer
@@ -330,7 +330,7 @@ GridCell OccupancyGrid::at(std::uint32_t x, std::uint32_t y) const noexcept {
     const Cell& cell = cells_[at];
     if ((surface_[at] & ~kFloor) != 0) {
         bool is_hit = false;
-        for (int layer = 1; layer < kLayers; ++layer) is_hit = is_hit || count_of(cell, layer) >= kOccupied;
+        for (int layer = 1; layer < kLayers; ++layer) is_hit = is_hit || count_of(cell, layer) >= kHit;
         const bool stays = cell.last - cell.since >= static_cast<int>(kApart_moments) && cell.hits >= kHitsMin;
         return is_hit && stays && cell.movers <= kMovers && is_ridge(x, y) ? GridCell::kOccupied : GridCell::kUnknown;
     }
@@ -353,8 +353,7 @@ bool OccupancyGrid::stands(double x, double y, double z) const noexcept {
     if (layer < 1) return true;
     const double column = (x - origin_x_) / options_.resolution_m, row = (y - origin_y_) / options_.resolution_m;
     if (!(column >= 0 && row >= 0 && column < width_ && row < height_)) return true;
-    return count_of(cells_[static_cast<std::size_t>(row) * width_ + static_cast<std::size_t>(column)], layer) >=
-           kOccupied;
+    return count_of(cells_[static_cast<std::size_t>(row) * width_ + static_cast<std::size_t>(column)], layer) >= kHit;
 }
 
 }  // namespace stillmesh

@@ -15,7 +15,7 @@ namespace stillmesh {
 namespace {
 
 constexpr std::int64_t kClockBack_ns = 1'000'000'000;  // farther back than late messages: another clock
-constexpr RosQos kSensorData{.is_reliable = false, .depth = 100};
+constexpr RosQos kMotionData{.is_reliable = false, .depth = 100};
 
 [[nodiscard]] std::int64_t time_of(const ros::Header& header) {
     return std::int64_t{header.stamp.sec} * 1'000'000'000 + header.stamp.nanosec;
@@ -75,7 +75,7 @@ private:
     [[nodiscard]] bool subscribe(const std::string& topic, const dds_topic_descriptor_t& type, dds_entity_t& reader,
                                  std::string& message) {
         if (topic.empty()) return true;
-        reader = readers_.add(*context_, topic, type, kSensorData, message);
+        reader = readers_.add(*context_, topic, type, kMotionData, message);
         return reader >= 0;
     }
     void serve(const std::stop_token& stop) {

@@ -200,19 +200,19 @@ TEST(BagProgram, SaysWhatWasLost) {
 }
 
 // Promise: a long bag needs no more memory than a short one, in every format: 20 times the bytes, a tenth of the memory
-// more at most, of which the trajectory is a part. STILLMESH_BAG_ROUNDS=1500 makes it 750 times, 10 GB of .db3; 4000 10
-// GB and more of each.
+// more at most, of which the trajectory is a part. STILLMESH_BAG_ROUNDS=1500 makes it 1500 times, 10 GB of .db3; 4000
+// 10 GB and more of each.
 TEST(BagProgram, MemoryDoesNotGrowWithTheBag) {
     const Room room({.width = 640, .height = 480});
     const char* const given = std::getenv("STILLMESH_BAG_ROUNDS");
-    const int rounds = std::max(given != nullptr ? std::atoi(given) : 0, 40);
+    const int rounds = std::max(given != nullptr ? std::atoi(given) : 0, 20);
     for (const std::string format : {"ros1 --packing lz4", "db3", "mcap --packing zstd"}) {
         double peak_bytes[2] = {};
         std::uintmax_t size_bytes[2] = {};
         for (const bool is_long : {false, true}) {
             const std::string bag = room.path("bag");
             std::filesystem::remove(bag);
-            const int times = is_long ? rounds : 2;
+            const int times = is_long ? rounds : 1;
             const std::string laps = " --rounds " + std::to_string(times) + " --lap-ns 266666664";
             size_bytes[is_long] = std::filesystem::file_size(room.bag("bag", "--format " + format + laps));
             const Answer answer = stillmesh_says("run --json --replay " + bag);
@@ -220,7 +220,7 @@ TEST(BagProgram, MemoryDoesNotGrowWithTheBag) {
             peak_bytes[is_long] = std::atof(word_after(answer.text, "peak_resident_bytes").c_str());
         }
         EXPECT_GT(size_bytes[1], 18 * size_bytes[0]);
-        EXPECT_GT(size_bytes[1], std::uintmax_t{format == "db3" ? 250U : 100U} << 20U);
+        EXPECT_GT(size_bytes[1], std::uintmax_t{format == "db3" ? 125U : 50U} << 20U);
         EXPECT_GT(peak_bytes[0], 1e6);
         EXPECT_LT(peak_bytes[1], 1.1 * peak_bytes[0]) << format;
         std::printf("%s: %.1f MiB and %.1f MiB of bag, peak %.1f and %.1f MiB\n", format.c_str(),
