@@ -143,7 +143,7 @@ std::uint32_t RegionReturn::receive() noexcept {
         ++statistics.not_found;
         return 1;
     }
-    if (status != Status::kOk || answer.size_bytes == 0 || answer.size_bytes > incoming_.size()) {
+    if (status != Status::kOk || answer.size_bytes > incoming_.size()) {
         ++statistics.damaged;
         return 1;
     }

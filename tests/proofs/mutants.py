@@ -8,8 +8,8 @@ A mutant is one source of the engine with one change: a sign or a comparison tur
 or turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and checks of
 indices, libstdc++'s and the compiler's: who reads past an end dies), and linked before the engine's library: nothing that was
 built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room run, and if they notice nothing
-the golden runs and stories of the program, one after another until one notices (recordings: STILLMESH_TEST_DATA; what the
-stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as without; what the compiler
+the hash of the whole engine's test in tests/tracking and the golden runs and stories of the program, one after another until
+one notices (recordings: STILLMESH_TEST_DATA; what the stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as without; what the compiler
 refuses is no mutant and another is drawn.
 
 No mutants, since no test of results can tell them from the engine, by rule and not by list:
@@ -193,13 +193,21 @@ def stop(*_):
     os._exit(1)
 
 
+# All of the engine within seconds: tests/tracking/golden_test.cpp.
+WHOLE = ("golden engine", "test_tracking", "Tracking.GoldenBits")
+
+
 def steps_of(room, is_golden):
     """What is run for a mutant of a room: a name and the target that it needs; the dearest golden run last."""
     names = sorted((*golden.RUNS, *golden.SEQUENCES), key=lambda name: name == "loop_closed")
-    return [(test, test) for test in tests_of(room)] + [(f"golden {name}", "stillmesh") for name in names if is_golden]
+    whole = [WHOLE[:2]] if room != "tracking" else []
+    return [(test, test) for test in tests_of(room)] + [
+        step for step in (*whole, *((f"golden {name}", "stillmesh") for name in names)) if is_golden]
 
 
 def command_of(build, name, program):
+    if name == WHOLE[0]:
+        return [str(program), "--gtest_brief=1", f"--gtest_filter={WHOLE[2]}"]
     if name.startswith("golden "):
         return [sys.executable, str(GOLDEN), "--only", name.split()[1], "--rendered", str(build.scratch), str(program)]
     return [str(program), "--gtest_brief=1", "--gtest_fail_fast"]
@@ -290,7 +298,8 @@ def main():
     mutants = drawn(arguments)
     rooms = sorted({room_of(mutant.file) for mutant in mutants})
     if arguments.targets:
-        print(*([] if arguments.units else ["stillmesh"]), *sorted({test for room in rooms for test in tests_of(room)}))
+        print(*([] if arguments.units else ["stillmesh"]),
+              *sorted({target for room in rooms for _, target in steps_of(room, not arguments.units)} - {"stillmesh"}))
         return 0
     if not mutants:
         sys.exit("mutants: nothing to change there: --rooms names folders of engine/, --only a line of a .cpp file of it")
