@@ -126,7 +126,9 @@ TEST(SE3, GoldenBits) {
         for (int k = 0; k < 3; ++k) hash.add(moved(k) + log(k));
         hash.add(rotation_angle(motion.rotation));
         Matrix3 off = motion.rotation;
-        off(static_cast<int>(random.below(3)), static_cast<int>(random.below(3))) += kSizes[i % 3];
+        const auto row = static_cast<int>(random.below(3));
+        const auto column = static_cast<int>(random.below(3));
+        off(row, column) += kSizes[i % 3];
         hash.add(is_rotation(off) ? 1U : 0U);
         const Vector6 whole = se3_log(motion);
         for (int k = 0; k < 6; ++k) hash.add(whole(k));
