@@ -37,7 +37,6 @@ void LocalMap::reset() noexcept {
     std::fill(listed_.begin(), listed_.end(), std::uint8_t{0});
     std::fill(is_local_.begin(), is_local_.end(), std::uint8_t{0});
     begin_counting();
-    chosen_count_ = 0;
     round_ = 1;
     is_built_ = false;
 }

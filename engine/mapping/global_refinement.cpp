@@ -19,10 +19,8 @@ void GlobalRefinement::create(Arena& arena, World& world) noexcept {
 
 void GlobalRefinement::reset() noexcept {
     adjustment_.begin();
-    since_frame_ = 0;
     loops_seen_ = 0;
     stage_ = Stage::kIdle;
-    cursor_ = 0;
 }
 
 void GlobalRefinement::enter(Stage stage) noexcept {

@@ -19,13 +19,6 @@ void LocalWindow::create(Arena& arena, World& world) noexcept {
     counts_ = arena.array<std::uint16_t>(limits.keyframes_max);
 }
 
-void LocalWindow::reset() noexcept {
-    adjustment_.begin();
-    std::fill(index_.begin(), index_.end(), 0U);
-    keyframe_count_ = point_count_ = observation_count_ = 0;
-    is_chosen_ = false;
-}
-
 void LocalWindow::forget_points() noexcept {
     for (std::uint32_t i = 0; i < point_count_; ++i) index_[points_[i].handle.slot()] = 0;
     is_chosen_ = false;

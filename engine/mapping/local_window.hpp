@@ -37,7 +37,6 @@ public:
         arena.array<std::uint16_t>(limits.keyframes_max);
     }
     void create(Arena& arena, World& world) noexcept;
-    void reset() noexcept;
 
     // Around a live keyframe; `neighbours` are the keyframes that share most with it. Units. What there is to adjust is
     // left in is_chosen().

@@ -24,13 +24,9 @@ void Mapping::create(Arena& arena, World& world) noexcept {
 }
 
 void Mapping::reset() noexcept {
-    window_.reset();
+    window_.cancel();
     fusion_.forget_target();
-    keyframe_ = {};
-    stage_ = Stage::kIdle;
-    cursor_ = 0;
-    corrections_seen_ = 0;
-    neighbour_count_ = 0;
+    stage_ = Stage::kIdle;  // which the next keyframe leaves, and brings all else
 }
 
 void Mapping::enter(Stage stage) noexcept {

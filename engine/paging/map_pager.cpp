@@ -16,9 +16,7 @@ void MapPager::reset() noexcept {
     state_.reset();
     keeper_.reset();
     returns_.reset();
-    round_frame_ = ~std::uint64_t{0};
-    round_ = Round::kDone;
-    kept_in_round_ = 0;
+    round_frame_ = ~std::uint64_t{0};  // the next step begins a round
 }
 
 Progress MapPager::step(WorkBudget& budget) noexcept {

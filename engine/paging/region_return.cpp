@@ -24,15 +24,10 @@ void RegionReturn::create(Arena& arena, PagingState& state) noexcept {
 }
 
 void RegionReturn::reset() noexcept {
-    incoming_bytes_ = 0;
     resting_.clear();
-    info_ = RegionInfo{};
-    keyframe_ = {};
-    stage_ = Stage::kIdle;
-    cursor_ = 0;
+    stage_ = Stage::kIdle;  // all of the region at hand is written before it is read
     queried_frame_ = 0;
     queried_keyframe_ = 0;
-    answered_id_ = 0;
     next_return_frame_ = 0;
     is_waiting_ = false;  // an answer that comes yet has an old number
 }
@@ -143,7 +138,7 @@ std::uint32_t RegionReturn::receive() noexcept {
         ++statistics.not_found;
         return 1;
     }
-    if (status != Status::kOk || answer.size_bytes == 0 || answer.size_bytes > incoming_.size()) {
+    if (status != Status::kOk || answer.size_bytes > incoming_.size()) {
         ++statistics.damaged;
         return 1;
     }
@@ -159,7 +154,6 @@ void RegionReturn::rest(std::uint64_t id) noexcept {
 
 void RegionReturn::drop() noexcept {
     stage_ = Stage::kIdle;
-    incoming_bytes_ = 0;
     rest(answered_id_);  // whatever was wrong with it
 }
 
@@ -316,7 +310,6 @@ std::uint32_t RegionReturn::find_words() noexcept {
     PlaceSearch& places = *state_->places;
     const Map& map = state_->world->map;
     stage_ = Stage::kIdle;
-    incoming_bytes_ = 0;
     if (map.keyframes().find(keyframe_) == nullptr) return 1;
     const std::span<const Descriptor> descriptors = map.descriptors(keyframe_);
     const std::span<std::uint8_t> eligible = places.eligible().first(descriptors.size());

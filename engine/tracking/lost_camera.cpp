@@ -22,9 +22,7 @@ void LostCamera::create(World& world, FrameEstimator& estimator, const EmptyPlac
 }
 
 void LostCamera::reset() noexcept {
-    here_ = elsewhere_ = 0;
-    frames_ = frames_left_ = 0;
-    is_on_probation_ = is_by_words_ = is_unexpected_ = false;
+    is_on_probation_ = false;  // a place that is tried brings all else
 }
 
 LostCamera::State LostCamera::state(const CameraState& camera) const noexcept {

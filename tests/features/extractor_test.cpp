@@ -67,7 +67,7 @@ std::vector<const Kernels*> all_kernels() {
 
 // Promise: any image of any size and stride gives the same bits with all kernels, twice, whatever was extracted before,
 // and on every machine; features lie inside, without duplicates, descriptors beside keypoints, never more than fit.
-TEST(OrbExtractor, any_image) {
+TEST(OrbExtractor, GoldenBitsOfAnyImage) {
     std::vector<std::unique_ptr<Rig>> rigs;
     for (const Kernels* kernels : all_kernels()) rigs.push_back(std::make_unique<Rig>(Limits::tiny(), *kernels));
     Random random(5);
@@ -121,7 +121,7 @@ TEST(OrbExtractor, any_image) {
 }
 
 // Promise: what is extracted is the same on every machine and at every optimisation: a golden digest.
-TEST(OrbExtractor, golden) {
+TEST(OrbExtractor, GoldenBits) {
     Image image(640, 480);
     fill_leaves(image, 42);
     Rig rig(Limits::room(), cpu_kernels());

@@ -23,7 +23,7 @@ public:
         : ring(std::make_unique<Ring>(configuration)), memory_(planned_bytes()) {
         Arena arena(memory_.span());
         window.create(arena, ring->world());
-        window.reset();
+        window.cancel();
         for (std::uint32_t i = 0; i < kKeyframes; ++i) {
             handles.push_back(ring->add_keyframe(i));
             at(i).time_ns = static_cast<std::int64_t>(i) * 1'000'000'000;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "engine/base/hash.hpp"
+#include "engine/pose/depth_turn.hpp"
 #include "engine/pose/pose_optimiser.hpp"
 #include "engine/pose/ransac.hpp"
 #include "engine/pose/rolling_shutter.hpp"
@@ -125,6 +126,77 @@ TEST(RollingShutter, GoldenBits) {
         hash.add(trembling.variance());
     }
     EXPECT_EQ(hash.value(), 0xbb8866141eaa7457ULL) << std::hex << hash.value();
+}
+
+// Walls that slope, with edges between them and holes; matches in all of the picture, some near its border.
+struct Walls {
+    static constexpr std::uint32_t kWidth = 80, kHeight = 60;
+    explicit Walls(Random& random) : depth(kWidth * kHeight) {
+        camera.width = kWidth, camera.height = kHeight;
+        camera.fx = 70, camera.fy = 66, camera.cx = 40.5, camera.cy = 29.5;
+        double across = 0, down = 0, near = 0;
+        for (std::uint32_t at = 0; at < depth.size(); ++at) {
+            if (at % (20 * kWidth) == 0) {
+                across = random.uniform(-0.01, 0.01);
+                down = random.uniform(-0.01, 0.01);
+                near = random.uniform(1, 3);
+            }
+            depth[at] = static_cast<std::uint16_t>(4000 * (near + across * (at % kWidth) + down * (at / kWidth)));
+            if (random.below(40) == 0) depth[at] = 0;
+        }
+        frame.depth = {depth.data(), kWidth, kHeight, kWidth};
+        frame.depth_units_per_m = 4000;
+    }
+    std::vector<std::uint16_t> depth;
+    CameraModel camera;
+    DepthParameters range;
+    Frame frame;
+    std::vector<Keypoint> keypoints;
+    [[nodiscard]] DepthPicture picture() const { return {&frame, &camera, &range, keypoints}; }
+};
+
+// Promise: so is the turn between a picture and its depth, of a few matches and of more than are looked at.
+TEST(DepthTurn, GoldenBits) {
+    Random random(3);
+    StateHash hash;
+    std::uint32_t found = 0;
+    for (std::uint32_t i = 0; i < 40; ++i) {
+        Walls walls(random);
+        const SE3 pose = test::random_motion(random, 1.0, 0.5);
+        const Vector3 looked_up = test::random_vector(random, 0.03);
+        const Vector3 truth = test::random_vector(random, 0.03);
+        std::vector<Correspondence> matches;
+        for (std::uint32_t k = 0; k < 3 + 9 * i; ++k) {
+            const double x = random.uniform(0, 79), y = random.uniform(0, 59);
+            Keypoint keypoint;
+            keypoint.x = static_cast<float>(x);
+            keypoint.y = static_cast<float>(y);
+            walls.keypoints.push_back(keypoint);
+            const Vector2 ray((x - walls.camera.cx) / walls.camera.fx, (y - walls.camera.cy) / walls.camera.fy);
+            const DepthSample seen = depth_behind(walls.picture(), {x, y}, ray, truth);
+            const double z_m = seen.is_valid() ? seen.mean_m : 2.0;
+            const Vector3 p(ray.x() * z_m, ray.y() * z_m, random.below(30) == 0 ? -z_m : z_m);
+            matches.push_back(test::measure(p, pose * p, {1e-3, 2e-3, 1e-3}, random));
+            Correspondence& c = matches.back();
+            c.feature = k;
+            c.normalised = ray;
+            const DepthSample taken = depth_behind(walls.picture(), {x, y}, ray, looked_up);
+            hash.add(taken.is_valid() ? taken.mean_m : -1.0);
+            c.has_depth = taken.is_valid() && random.below(5) != 0;
+            c.p_camera = back_project(ray, taken.mean_m);
+            c.weight = static_cast<double>(random.below(11)) / 10.0;
+            if (random.below(8) == 0) c.p_world += test::random_vector(random, 0.2);
+        }
+        const DepthTurnPrior prior{pose * test::random_motion(random, 0.01, 0.01), looked_up,
+                                   test::random_vector(random, 0.03), 0.02, 0.1};
+        const auto turn = measure_depth_turn(matches, test::all_of(matches), walls.picture(), prior, kChi2Max);
+        hash.add(static_cast<std::uint32_t>(turn.status()));
+        if (!turn.is_ok()) continue;
+        ++found;
+        add(turn.value(), hash);
+    }
+    EXPECT_GT(found, 30U);
+    EXPECT_EQ(hash.value(), 0x98f66182748a774aULL) << std::hex << hash.value();
 }
 
 }  // namespace

@@ -7,9 +7,10 @@ usage: mutants.py [--count N] [--minutes M] [--seed S] [--rooms A,B] [--jobs N] 
 A mutant is one source of the engine with one change: a sign or a comparison turned, a bound moved by one, a condition dropped
 or turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and checks of
 indices, libstdc++'s and the compiler's: who reads past an end dies), and linked before the engine's library: nothing that was
-built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room run, and if they notice nothing
-the golden runs and stories of the program, one after another until one notices (recordings: STILLMESH_TEST_DATA; what the
-stories show is rendered once). Caught is what fails, dies, or needs more than ten times as long as without; what the compiler
+built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room run, those of one number over all
+first, and if they notice nothing the number over the whole engine in tests/tracking, and the golden runs and stories of the
+program, one after another until one notices (recordings: STILLMESH_TEST_DATA; what the stories show is rendered once). Caught
+is what fails, dies, or needs more than ten times as long as without; what the compiler
 refuses is no mutant and another is drawn.
 
 No mutants, since no test of results can tell them from the engine, by rule and not by list:
@@ -25,7 +26,8 @@ The first three are never drawn, the others looked for among survivors; they are
 
 --units: the unit tests alone, which says what they promise by themselves; what survives them is tried anew without it. What was
 tried is kept in BUILD/mutants.jsonl, by the text of the file and of the change: stopped and started again it goes on, and a mutant
-that survived is tried anew only with --again (after a test was written). BUILD is build/proofs (preset `proofs`).
+that survived is tried anew only with --again (after a test was written). BUILD is build/proofs (preset `proofs`); any other
+with tests will do, build/release among them.
 Survivors are printed with file, line and change. Exit: 0 at least 95 % caught, 1 not, 2 the tests fail without a mutant.
 """
 import argparse
@@ -97,7 +99,7 @@ class Build:
         source, made = work / original.name, work / "mutant.o"
         source.write_text(with_line(original.read_text(), mutant.line, mutant.after))
         # Indices are checked in the mutated source: who reads one past the end of a span or an array dies, and is caught.
-        checks = ("-D_GLIBCXX_ASSERTIONS", "-fsanitize=bounds", "-fsanitize-trap=bounds")
+        checks = ("-D_GLIBCXX_ASSERTIONS", "-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")
         words = [*self.without_header(mutant.file), *checks, "-o", str(made), "-c", str(source)]
         ran = subprocess.run(words, cwd=self.folder, capture_output=True, check=False)
         return made if ran.returncode == 0 else None
@@ -151,7 +153,7 @@ class Build:
         turned = tie_of(mutant)
         if turned:
             said = self.alone(mutant.file, with_line(text, mutant.line, turned), work, "-fsyntax-only", "-Wfloat-equal").stderr
-            if re.search(rf":{mutant.line}:\d+: warning: comparing floating point", said):
+            if re.search(rf":{mutant.line}:\d+: warning: comparing floating.point", said):
                 return "tie"
         mutated = with_line(text, mutant.line, mutant.after)
         engine = self.instructions_of_engine(mutant.file, text, work)
@@ -193,16 +195,25 @@ def stop(*_):
     os._exit(1)
 
 
+# Tests of one number over all that a room does: they notice most, in a moment.
+NUMBERS = "*GoldenBits*"
+# All of the engine within seconds: tests/tracking/golden_test.cpp.
+WHOLE = ("golden engine", "test_tracking")
+
+
 def steps_of(room, is_golden):
-    """What is run for a mutant of a room: a name and the target that it needs; the dearest golden run last."""
+    """What is run for a mutant of a room: a name and the target that it needs; what notices most for its time first."""
     names = sorted((*golden.RUNS, *golden.SEQUENCES), key=lambda name: name == "loop_closed")
-    return [(test, test) for test in tests_of(room)] + [(f"golden {name}", "stillmesh") for name in names if is_golden]
+    units = [(test + of, test) for of in (" numbers", "") for test in tests_of(room)]
+    whole = [WHOLE] if room != "tracking" else []
+    return units + [step for step in (*whole, *((f"golden {name}", "stillmesh") for name in names)) if is_golden]
 
 
 def command_of(build, name, program):
-    if name.startswith("golden "):
+    if name.startswith("golden ") and name != WHOLE[0]:
         return [sys.executable, str(GOLDEN), "--only", name.split()[1], "--rendered", str(build.scratch), str(program)]
-    return [str(program), "--gtest_brief=1", "--gtest_fail_fast"]
+    which = "Tracking.GoldenBits" if name == WHOLE[0] else NUMBERS if name.endswith(" numbers") else f"-{NUMBERS}"
+    return [str(program), "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={which}"]
 
 
 def try_mutant(build, mutant, limits, is_golden):
@@ -290,7 +301,8 @@ def main():
     mutants = drawn(arguments)
     rooms = sorted({room_of(mutant.file) for mutant in mutants})
     if arguments.targets:
-        print(*([] if arguments.units else ["stillmesh"]), *sorted({test for room in rooms for test in tests_of(room)}))
+        print(*([] if arguments.units else ["stillmesh"]),
+              *sorted({target for room in rooms for _, target in steps_of(room, not arguments.units)} - {"stillmesh"}))
         return 0
     if not mutants:
         sys.exit("mutants: nothing to change there: --rooms names folders of engine/, --only a line of a .cpp file of it")

@@ -324,6 +324,36 @@ TEST(MapPager, ARegionIsCheckedBeforeItIsUsed) {
     EXPECT_GT(refused, end / 8);
 }
 
+// Promise: what a map's point has and a region's has not is refused in any of its points: a keyframe that it was first
+// seen from, and no vote.
+TEST(MapPager, ARegionsPointsNameNoKeyframe) {
+    MemoryStore store;
+    const Limits limits = small(true);
+    Rig rig(limits, configuration_of(limits), &store);
+    static_cast<void>(rig.run());
+    ASSERT_FALSE(store.regions.empty());
+    const std::vector<std::byte> body = store.regions.begin()->second.body;
+    RegionInfo info;
+    ASSERT_EQ(check_region(body, {250, 5, 320, 240}, info), Status::kOk);
+    ASSERT_GT(info.keyframe.observations, 2U);
+    for (const std::uint32_t i : {0U, 1U, info.keyframe.observations - 1}) {
+        for (const bool is_suspect : {false, true}) {
+            Observation observation;
+            Descriptor descriptor;
+            MapPoint point;
+            read_region_feature(body, i, observation, descriptor, point);
+            point.is_suspect = is_suspect;
+            std::vector<std::byte> bytes = body;
+            ByteWriter writer(
+                std::span<std::byte>(bytes).subspan(kRegionHeadBytes + kRegionFeatureBytes * i, kRegionFeatureBytes));
+            map_records::feature_fields(writer, observation, descriptor);
+            map_records::point_fields(writer, point, std::uint32_t{is_suspect ? 0U : 1U});
+            ASSERT_EQ(writer.remaining(), 0U);
+            EXPECT_EQ(check_region(bytes, {250, 5, 320, 240}, info), Status::kCorrupt) << i;
+        }
+    }
+}
+
 // Promise: with hardly any room for points or keyframes, whatever comes back, the map stays right.
 TEST(MapPager, EveryPoolMayBeFull) {
     for (const std::uint32_t points : {250U, 300U, 400U}) {
