@@ -27,6 +27,16 @@ bool is_another_body(const RegionInput& input, const Hypotheses& hypotheses, std
     return alone > 0.5 * all;
 }
 
+// Of the surface that votes, in [0, 1].
+double surface_share_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t one,
+                        double area_all) noexcept {
+    double explained = 0;
+    for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
+        if (hypotheses.explains(one, k)) explained += surface_of(input.correspondences[k]);
+    }
+    return area_all > 0 ? explained / area_all : 0.0;
+}
+
 }  // namespace
 
 std::size_t best_of(const Hypotheses& hypotheses) noexcept {
@@ -47,12 +57,12 @@ std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, s
     return largest;
 }
 
-double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
+Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
     const RegionParameters& region = input.configuration.region;
     const Hypothesis& ours = hypotheses.all()[best];
     double area_all = 0;
     for (const Correspondence& c : input.correspondences) area_all += surface_of(c);
-    double margin = 1.0;
+    Rival rival;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
         const Hypothesis& theirs = hypotheses.all()[i];
         if (i == best || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) continue;
@@ -66,9 +76,14 @@ double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::si
         }
         only_theirs *= std::min(theirs.plausibility / ours.plausibility, 1.0);
         if (only_theirs < region.rival_area_min * area_all) continue;  // noise
-        margin = std::min(margin, (only_ours - only_theirs) / (only_ours + only_theirs));
+        const double margin = (only_ours - only_theirs) / (only_ours + only_theirs);
+        if (!(margin < rival.margin)) continue;
+        rival.margin = margin;
+        rival.hypothesis = i;
     }
-    return margin;
+    rival.chosen_share = surface_share_of(input, hypotheses, best, area_all);
+    rival.share = surface_share_of(input, hypotheses, rival.hypothesis, area_all);
+    return rival;
 }
 
 RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
@@ -81,7 +96,9 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
     choice.world_from_camera = hypotheses.all()[best].world_from_camera;
     choice.score = hypotheses.all()[best].score;
     choice.plausibility = hypotheses.all()[best].plausibility;
-    choice.margin = margin_of(input, hypotheses, best);
+    choice.hypothesis = best;
+    choice.rival = rival_of(input, hypotheses, best);
+    choice.margin = choice.rival.margin;
     choice.explained_share = hypotheses.explained_share(input.weighted);
     static_cast<void>(hypotheses.score(input, choice.world_from_camera));  // each group's agreement with it
     const RegionParameters& region = input.configuration.region;

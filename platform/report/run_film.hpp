@@ -38,7 +38,8 @@ struct FilmFrame {
     std::uint16_t features = 0, static_features = 0, moving_features = 0;
     std::uint16_t map = 1;
     PoseState state = PoseState::kNone;
-    std::uint8_t reason = 0;      // an UnsureReason, or one of those above
+    std::uint8_t reason = 0;                             // an UnsureReason, or one of those above
+    std::uint8_t chosen_percent = 0, rival_percent = 0;  // of the surface that votes (FrameStatistics)
     std::array<float, 7> pose{};  // x, y, z (m), quaternion x, y, z, w; valid unless the state is kNone
     std::array<float, kStages> stage_ms{};
 };
@@ -49,7 +50,7 @@ struct FilmPicture {
     };
     struct Kind {
         std::uint8_t group;  // 255: in none
-        std::uint8_t kind;   // ShownFeature::Kind
+        std::uint8_t kind;   // ShownFeature's, with what explains it
     };
     struct Edge {
         std::uint16_t from, to;  // of `features`

@@ -22,8 +22,9 @@ namespace {
     for (std::uint8_t& pixel : snapshot.grey) pixel = static_cast<std::uint8_t>(next());
     for (std::size_t i = 0; i < features; ++i) {
         const auto x = static_cast<std::int16_t>(next() % 5120), y = static_cast<std::int16_t>(next() % 3840);
-        snapshot.features.push_back(
-            {x, y, static_cast<std::int16_t>(static_cast<int>(i % 4) - 1), static_cast<std::int16_t>(i % 3)});
+        const auto group = static_cast<std::int16_t>(static_cast<int>(i % 4) - 1);
+        const auto kind = static_cast<std::int16_t>(i % 3 + i % 5 % 4 * ShownFeature::kByChoice);
+        snapshot.features.push_back({x, y, group, kind});
     }
     for (std::size_t i = 1; i < features; ++i) {
         const ShownFeature &a = snapshot.features[i - 1], &b = snapshot.features[i];
