@@ -98,8 +98,8 @@ struct FrameStatistics {
     UnsureReason unsure = UnsureReason::kNone;
     bool is_keyframe = false;
     std::uint32_t pose_iterations = 0;
-    // Of the surface that votes: what the motion chosen explains, and what its rival does, which region_margin is held
-    // against; 0: there is none.
+    // Of the surface in view: what the motion chosen explains, and what its rival does, which region_margin is held
+    // against; 0: there is none. (The margin counts what stood still so far; this counts all.)
     double chosen_share = 0;
     double rival_share = 0;
 };

@@ -27,14 +27,17 @@ bool is_another_body(const RegionInput& input, const Hypotheses& hypotheses, std
     return alone > 0.5 * all;
 }
 
-// Of the surface that votes, in [0, 1].
-double surface_share_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t one,
-                        double area_all) noexcept {
+// Of the surface in view, whatever its weight, in [0, 1].
+double share_in_view_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t one) noexcept {
+    double all = 0;
     double explained = 0;
     for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
-        if (hypotheses.explains(one, k)) explained += surface_of(input.correspondences[k]);
+        const Correspondence& c = input.correspondences[k];
+        const double surface = c.has_depth ? c.extent * c.p_camera.z() * c.p_camera.z() : 0.0;
+        all += surface;
+        if (hypotheses.explains(one, k)) explained += surface;
     }
-    return area_all > 0 ? explained / area_all : 0.0;
+    return all > 0 ? explained / all : 0.0;
 }
 
 }  // namespace
@@ -81,8 +84,8 @@ Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size
         rival.margin = margin;
         rival.hypothesis = i;
     }
-    rival.chosen_share = surface_share_of(input, hypotheses, best, area_all);
-    rival.share = surface_share_of(input, hypotheses, rival.hypothesis, area_all);
+    rival.chosen_share = share_in_view_of(input, hypotheses, best);
+    rival.share = share_in_view_of(input, hypotheses, rival.hypothesis);
     return rival;
 }
 

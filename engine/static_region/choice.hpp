@@ -9,12 +9,12 @@
 
 namespace stillmesh {
 
-// The motion that contradicts the chosen one most, and how much of the surface that votes each of both explains.
+// The motion that contradicts the chosen one most, and how much of the surface in view each of both explains.
 struct Rival {
     std::size_t hypothesis = Hypotheses::kNone;  // kNone: no other motion explains more than noise
-    double margin = 1;  // of what only one of both explains, the chosen one's less the rival's; [-1, 1]
-    double share = 0;
-    double chosen_share = 0;  // also without a rival
+    double margin = 1;        // of what only one of both explains, the chosen one's less the rival's; [-1, 1]
+    double share = 0;         // whatever weight it has
+    double chosen_share = 0;  // likewise; also without a rival
 };
 
 struct RegionChoice {

@@ -274,7 +274,7 @@ typedef struct sm_frame_statistics {
     uint32_t mesh_edges, mesh_edges_kept, groups;
     uint32_t is_keyframe, pose_iterations;
     double region_score, region_margin;
-    double chosen_share, rival_share; /* of the surface that votes: the motion chosen explains it, and its rival does */
+    double chosen_share, rival_share; /* of the surface in view: what the motion chosen explains, its rival */
 } sm_frame_statistics;
 typedef struct sm_statistics {
     uint32_t size, reserved;

@@ -85,7 +85,8 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
     keep_place(frame, out);
     last_time_ns_ = frame.time_ns;
     const bool is_due = feed_->is_due(moment.now_ns);
-    const bool is_picture = film_ != nullptr && film_->wants_picture();
+    const bool is_rival = out.state == PoseState::kUnsure && out.unsure == UnsureReason::kRival;
+    const bool is_picture = film_ != nullptr && film_->wants_picture(is_rival);
     const bool is_keyframe = out.statistics.is_keyframe && out.state == PoseState::kTracked;
     if (!is_due && !is_keyframe && film_ == nullptr) return;
     ViewSnapshot& to = feed_->draft();
@@ -100,7 +101,7 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
         fill(moment, frame, to);
         copy_mesh(look_.tracking, to);
     }
-    if (is_picture) film_->take(to);
+    if (is_picture) film_->take(to, is_rival);
     if (film_ != nullptr) keep_on_film(moment, frame, out);
     if (!is_due) return;
     to.state = out.state;

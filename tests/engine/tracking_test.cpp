@@ -162,7 +162,6 @@ TEST(Engine, StatisticsAndViewAgree) {
         EXPECT_EQ(s.rival_share > 0, count_by(TrackingView::kByRival) > 0) << s.frame;
         EXPECT_EQ(s.chosen_share > 0, count_by(TrackingView::kByChoice) > 0) << s.frame;
         EXPECT_LE(std::max(s.chosen_share, s.rival_share), 1.0);
-        EXPECT_TRUE(s.unsure != UnsureReason::kRival || s.rival_share > s.chosen_share);
         with_rival += s.rival_share > 0 ? 1U : 0U;
         std::uint32_t matched = 0, still = 0, moving = 0, kept_edges = 0;
         for (const TrackedFeature& f : view.features) {

@@ -67,6 +67,33 @@ TEST(RunFilm, PicturesAreBounded) {
     }
 }
 
+// Promise: the first picture of each stretch that a rival motion made unsure is kept, kFilmRivalsMax of them at most,
+// and lies among the others in the end, none of them twice; others are as many as without.
+TEST(RunFilm, ARivalLeavesAPicture) {
+    const ViewSnapshot snapshot = snapshot_of(4, 20);
+    for (const std::uint32_t most : {0U, 3U, 40U}) {
+        RunFilm film(most);
+        std::set<std::uint32_t> wanted;
+        std::size_t stretches = 0;
+        for (std::uint32_t number = 0; number < 1500; ++number) {
+            FilmFrame frame;
+            frame.number = number;
+            const bool is_rival = number % 50 >= 47;
+            frame.state = is_rival ? PoseState::kUnsure : PoseState::kTracked;
+            frame.reason = is_rival ? static_cast<std::uint8_t>(UnsureReason::kRival) : std::uint8_t{0};
+            if (film.wants_picture(is_rival)) film.take(snapshot, is_rival);
+            film.add(frame);
+            if (most > 0 && number % 50 == 47 && stretches++ < kFilmRivalsMax) wanted.insert(number);
+        }
+        for (const FilmPicture& picture : film.pictures()) wanted.insert(picture.frame);
+        EXPECT_LE(film.pictures().size(), most);
+        film.finish({}, {}, {});
+        ASSERT_EQ(film.pictures().size(), wanted.size()) << most;
+        auto frame = wanted.begin();
+        for (const FilmPicture& picture : film.pictures()) EXPECT_EQ(picture.frame, *frame++);
+    }
+}
+
 // Promise: without pictures none is wanted, and the frames are there.
 TEST(RunFilm, WithoutPictures) {
     RunFilm film(0);

@@ -137,7 +137,8 @@ TEST(Hypotheses, EveryMotionIsProposed) {
 
 // Promise: the best hypothesis has the highest score; its margin over each other motion is, of the area that only one
 // of both explains, what the best does minus what the other does, the other's share counting by its plausibility. The
-// rival that is told is the one with the least margin, and the shares are what each of both explains of all.
+// rival that is told is the one with the least margin, and the shares are what each of both explains of
+// the surface in view, whatever its weight.
 TEST(Choice, MarginAndRivalByBruteForce) {
     std::size_t rivals = 0, with_rival = 0, several = 0;
     for (std::uint64_t seed = 0; seed < 20; ++seed) {
@@ -148,14 +149,16 @@ TEST(Choice, MarginAndRivalByBruteForce) {
         const std::size_t best = best_of(*rig.hypotheses), before = rivals;
         for (const Hypothesis& h : all) EXPECT_LE(h.score, all[best].score);
         double area_all = 0, margin = 1;
+        double in_view = 0;
+        for (const Correspondence& c : rig.scene.correspondences) in_view += c.p_camera.z() * c.p_camera.z();
         std::size_t rival = Hypotheses::kNone;
         const auto explained_by = [&](std::size_t h) {
             double explained = 0;
             for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
                 const Correspondence& c = rig.scene.correspondences[i];
-                if (rig.hypotheses->explains(h, i)) explained += c.weight * c.p_camera.z() * c.p_camera.z();
+                if (rig.hypotheses->explains(h, i)) explained += c.p_camera.z() * c.p_camera.z();
             }
-            return explained;
+            return explained / in_view;
         };
         for (const Correspondence& c : rig.scene.correspondences)
             area_all += c.weight * c.p_camera.z() * c.p_camera.z();
@@ -180,8 +183,8 @@ TEST(Choice, MarginAndRivalByBruteForce) {
         const Rival found = rival_of(rig.input(), *rig.hypotheses, best);
         EXPECT_NEAR(found.margin, margin, 1e-9) << "seed " << seed;
         EXPECT_EQ(found.hypothesis, rival) << "seed " << seed;
-        EXPECT_NEAR(found.chosen_share, explained_by(best) / area_all, 1e-9) << "seed " << seed;
-        EXPECT_NEAR(found.share, rival == Hypotheses::kNone ? 0 : explained_by(rival) / area_all, 1e-9);
+        EXPECT_NEAR(found.chosen_share, explained_by(best), 1e-9) << "seed " << seed;
+        EXPECT_NEAR(found.share, rival == Hypotheses::kNone ? 0 : explained_by(rival), 1e-9);
         with_rival += rival != Hypotheses::kNone ? 1U : 0U;
         several += rivals > before + 1 ? 1U : 0U;
     }

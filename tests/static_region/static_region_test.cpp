@@ -101,7 +101,8 @@ TEST(StaticRegion, TellsWhatOnlyTheRivalExplains) {
             if (seed % 4 == 1) EXPECT_EQ(bits, 0U);
             if (seed % 4 == 0) EXPECT_NE(bits & TrackingView::kByRival, TrackingView::kByRival) << seed;
             if (seed % 4 > 1) ++by[scene.body[i]][bits];
-            const double area = surface_of(scene.correspondences[i]);
+            const Correspondence& c = scene.correspondences[i];
+            const double area = c.has_depth ? c.extent * c.p_camera.z() * c.p_camera.z() : 0.0;
             area_all += area;
             for (const unsigned k : {0U, 1U}) share[k] += (bits >> k & 1U) != 0 ? area : 0.0;
         }

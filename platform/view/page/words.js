@@ -27,8 +27,8 @@ const REASONS = {
   'old pictures': 'The camera repeats old pictures. Unplug it and plug it in again.',
 };
 
-// How much of the surface that votes two motions explain, in percent.
-const rivalWords = (chosen, rival) => `the motion chosen explains ${chosen} % of the surface, its rival ${rival} %`;
+// How much two motions explain, in percent.
+const rivalWords = (chosen, rival) => `the motion chosen explains ${chosen} % of the surface in view, its rival ${rival} %`;
 // What to do about a reason, '' where there is nothing; where a rival is the reason, how much each motion explains.
 function adviceFor(reason, chosen, rival) {
   if (reason !== 'rival motion') return REASONS[reason] || '';
