@@ -137,16 +137,16 @@ TEST(Hypotheses, EveryMotionIsProposed) {
 
 // Promise: the best hypothesis has the highest score; its margin over each other motion is, of the area that only one
 // of both explains, what the best does minus what the other does, the other's share counting by its plausibility. The
-// rival that is told is the one with the least margin, and the shares are what each of both explains of
-// the surface in view, whatever its weight.
+// rival that is told is the one with the least margin, and the shares are what each of both explains of the surface in
+// view, whatever its weight.
 TEST(Choice, MarginAndRivalByBruteForce) {
-    std::size_t rivals = 0, with_rival = 0, several = 0;
+    std::size_t rivals = 0, with_rival = 0;
     for (std::uint64_t seed = 0; seed < 20; ++seed) {
         Random random(seed);
         Rig rig(150, 100, moved(0.08), random);
         rig.propose(random);
         const std::span<const Hypothesis> all = rig.hypotheses->all();
-        const std::size_t best = best_of(*rig.hypotheses), before = rivals;
+        const std::size_t best = best_of(*rig.hypotheses);
         for (const Hypothesis& h : all) EXPECT_LE(h.score, all[best].score);
         double area_all = 0, margin = 1;
         double in_view = 0;
@@ -186,10 +186,8 @@ TEST(Choice, MarginAndRivalByBruteForce) {
         EXPECT_NEAR(found.chosen_share, explained_by(best), 1e-9) << "seed " << seed;
         EXPECT_NEAR(found.share, rival == Hypotheses::kNone ? 0 : explained_by(rival), 1e-9);
         with_rival += rival != Hypotheses::kNone ? 1U : 0U;
-        several += rivals > before + 1 ? 1U : 0U;
     }
     EXPECT_GT(with_rival, 5U);
-    EXPECT_GT(several, 2U);  // of which one has to be picked
 }
 
 // Promise: chosen is exactly what agrees with the choice, has a weight and belongs to no group that disagrees.
