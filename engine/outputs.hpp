@@ -98,6 +98,10 @@ struct FrameStatistics {
     UnsureReason unsure = UnsureReason::kNone;
     bool is_keyframe = false;
     std::uint32_t pose_iterations = 0;
+    // Of the surface in view: what the motion chosen explains, and what its rival does, which region_margin is held
+    // against; 0: there is none. (The margin counts what stood still so far; this counts all.)
+    double chosen_share = 0;
+    double rival_share = 0;
 };
 
 // What was seen at one moment, small: depths along the camera's axis, 0 where nothing was measured. Cell i lies on the
@@ -206,8 +210,12 @@ struct TrackedEdge {
     bool is_kept = false;
 };
 struct TrackingView {
+    static constexpr std::uint8_t kByChoice = 1, kByRival = 2;  // of explained_by
+
     std::span<const TrackedFeature> features;
     std::span<const TrackedEdge> edges;
+    // By feature, when the motion was chosen: bits of those that explain it, of the one chosen and of its rival.
+    std::span<const std::uint8_t> explained_by{};
 };
 
 }  // namespace stillmesh

@@ -27,6 +27,19 @@ bool is_another_body(const RegionInput& input, const Hypotheses& hypotheses, std
     return alone > 0.5 * all;
 }
 
+// Of the surface in view, whatever its weight, in [0, 1].
+double share_in_view_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t one) noexcept {
+    double all = 0;
+    double explained = 0;
+    for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
+        const Correspondence& c = input.correspondences[k];
+        const double surface = c.has_depth ? c.extent * c.p_camera.z() * c.p_camera.z() : 0.0;
+        all += surface;
+        if (hypotheses.explains(one, k)) explained += surface;
+    }
+    return all > 0 ? explained / all : 0.0;
+}
+
 }  // namespace
 
 std::size_t best_of(const Hypotheses& hypotheses) noexcept {
@@ -47,12 +60,12 @@ std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, s
     return largest;
 }
 
-double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
+Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
     const RegionParameters& region = input.configuration.region;
     const Hypothesis& ours = hypotheses.all()[best];
     double area_all = 0;
     for (const Correspondence& c : input.correspondences) area_all += surface_of(c);
-    double margin = 1.0;
+    Rival rival;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
         const Hypothesis& theirs = hypotheses.all()[i];
         if (i == best || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) continue;
@@ -66,9 +79,14 @@ double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::si
         }
         only_theirs *= std::min(theirs.plausibility / ours.plausibility, 1.0);
         if (only_theirs < region.rival_area_min * area_all) continue;  // noise
-        margin = std::min(margin, (only_ours - only_theirs) / (only_ours + only_theirs));
+        const double margin = (only_ours - only_theirs) / (only_ours + only_theirs);
+        if (!(margin < rival.margin)) continue;
+        rival.margin = margin;
+        rival.hypothesis = i;
     }
-    return margin;
+    rival.chosen_share = share_in_view_of(input, hypotheses, best);
+    rival.share = share_in_view_of(input, hypotheses, rival.hypothesis);
+    return rival;
 }
 
 RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
@@ -81,7 +99,9 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
     choice.world_from_camera = hypotheses.all()[best].world_from_camera;
     choice.score = hypotheses.all()[best].score;
     choice.plausibility = hypotheses.all()[best].plausibility;
-    choice.margin = margin_of(input, hypotheses, best);
+    choice.hypothesis = best;
+    choice.rival = rival_of(input, hypotheses, best);
+    choice.margin = choice.rival.margin;
     choice.explained_share = hypotheses.explained_share(input.weighted);
     static_cast<void>(hypotheses.score(input, choice.world_from_camera));  // each group's agreement with it
     const RegionParameters& region = input.configuration.region;

@@ -9,7 +9,17 @@
 
 namespace stillmesh {
 
+// The motion that contradicts the chosen one most, and how much of the surface in view each of both explains.
+struct Rival {
+    std::size_t hypothesis = Hypotheses::kNone;  // kNone: no other motion explains more than noise
+    double margin = 1;        // of what only one of both explains, the chosen one's less the rival's; [-1, 1]
+    double share = 0;         // whatever weight it has
+    double chosen_share = 0;  // likewise; also without a rival
+};
+
 struct RegionChoice {
+    std::size_t hypothesis = Hypotheses::kNone;  // that is chosen
+    Rival rival;
     SE3 world_from_camera;         // of the chosen hypothesis
     double score = 0;              // of the choice, [0, 1]
     double plausibility = 1;       // of its motion; a factor of the score
@@ -26,9 +36,9 @@ struct RegionChoice {
 // Nothing but its size tells the room from a body then, and hypotheses of one body differ by noise.
 [[nodiscard]] std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
 
-// Against every other motion: of the area that only one of both explains, what the best one does minus what the other
-// one does; the least of it. 1 without a rival.
-[[nodiscard]] double margin_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
+// Against every other motion: of the surface that only one of both explains, what the best one does minus what the
+// other one does, as far as that is plausible; the rival is the one with the least of it, ties by the first.
+[[nodiscard]] Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
 
 // `chosen`: the correspondences that agree with the choice, whose groups agree. Not valid, and nothing chosen: fewer
 // than three of them. The agreement of each group is with the choice afterwards.

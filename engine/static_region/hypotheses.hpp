@@ -34,6 +34,7 @@ struct Hypothesis {
 class Hypotheses {
 public:
     static constexpr std::size_t kHypothesesMax = 14;
+    static constexpr std::size_t kNone = kHypothesesMax;  // explains nothing
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         const std::uint32_t n = limits.features_max;
@@ -51,7 +52,7 @@ public:
 
     [[nodiscard]] std::span<const Hypothesis> all() const noexcept { return hypotheses_.span(); }
     [[nodiscard]] bool explains(std::size_t hypothesis, std::size_t correspondence) const noexcept {
-        return (explained_by_[correspondence] >> hypothesis & 1U) != 0;
+        return (explained_by_[correspondence] >> hypothesis & 1U) != 0;  // the bit of kNone is never set
     }
     // Share of the weighted that any hypothesis explains.
     [[nodiscard]] double explained_share(std::span<const std::uint16_t> weighted) const noexcept;

@@ -1,5 +1,6 @@
 #include "engine/static_region/static_region.hpp"
 
+#include "engine/outputs.hpp"
 #include "engine/pose/agreeing.hpp"
 #include "engine/static_region/paper_choice.hpp"
 
@@ -33,6 +34,13 @@ RegionChoice StaticRegion::choose(std::span<const Correspondence> correspondence
     }
     hypotheses_.propose(input, random);
     return choose_best(input, hypotheses_, chosen_);
+}
+
+std::uint8_t StaticRegion::explained_by(const RegionChoice& choice, std::size_t correspondence) const noexcept {
+    unsigned by = 0;
+    if (hypotheses_.explains(choice.hypothesis, correspondence)) by |= TrackingView::kByChoice;
+    if (hypotheses_.explains(choice.rival.hypothesis, correspondence)) by |= TrackingView::kByRival;
+    return static_cast<std::uint8_t>(by);
 }
 
 }  // namespace stillmesh

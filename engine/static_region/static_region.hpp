@@ -60,6 +60,8 @@ public:
     [[nodiscard]] const SE3* own_motion(std::size_t correspondence) const noexcept {
         return hypotheses_.motions().motion_of(groups_.group_of(correspondence));
     }
+    // Which of both motions explains a correspondence: TrackingView::kByChoice, kByRival.
+    [[nodiscard]] std::uint8_t explained_by(const RegionChoice& choice, std::size_t correspondence) const noexcept;
     // The correspondences that agree with the choice.
     [[nodiscard]] std::span<const std::uint16_t> chosen() const noexcept { return chosen_.span(); }
 

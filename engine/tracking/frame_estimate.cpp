@@ -27,6 +27,7 @@ void FrameEstimator::create(Arena& arena, World& world, TrackedShutter& shutter)
     correspondences_.create(arena, features_max);
     chosen_.create(arena, features_max);
     groups_ = arena.array<std::uint16_t>(features_max);
+    explained_by_ = arena.array<std::uint8_t>(features_max);
     random_ = Random(world.parameters.seed);
 }
 
@@ -45,6 +46,7 @@ void FrameEstimator::begin(MeasuredFrame& frame, std::int64_t time_ns, FrameStat
     correspondences_.clear();
     chosen_.clear();
     std::fill_n(groups_.begin(), frame.size(), kNoGroup);
+    std::fill_n(explained_by_.begin(), frame.size(), std::uint8_t{0});
     matcher_.begin(frame.features());
     shutter_->begin_frame();
     late_.begin_frame();
@@ -55,6 +57,8 @@ void FrameEstimator::forget() noexcept {
     chosen_.clear();
     region_.build({}, frame_->keypoints(), world_->parameters.region, RegionContext{});
     std::fill_n(groups_.begin(), frame_->size(), kNoGroup);
+    std::fill_n(explained_by_.begin(), frame_->size(), std::uint8_t{0});
+    statistics_->chosen_share = statistics_->rival_share = 0;
     statistics_->mesh_edges = statistics_->mesh_edges_kept = statistics_->groups = 0;
 }
 
@@ -134,14 +138,19 @@ RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
     }
     observe(Stage::kRegion, false);
     // Correspondences are gathered anew afterwards.
-    for (std::size_t i = 0; i < correspondences_.size(); ++i)
+    std::fill_n(explained_by_.begin(), frame_->size(), std::uint8_t{0});
+    for (std::size_t i = 0; i < correspondences_.size(); ++i) {
         groups_[correspondences_[i].feature] = region_.group_of(i);
+        explained_by_[correspondences_[i].feature] = region_.explained_by(choice, i);
+    }
     weigh_by_agreement();
     statistics_->mesh_edges = static_cast<std::uint32_t>(region_.mesh().edges.size());
     statistics_->mesh_edges_kept = region_.kept_count();
     statistics_->groups = region_.groups_count();
     statistics_->region_score = choice.score;
     statistics_->region_margin = choice.margin;
+    statistics_->chosen_share = choice.rival.chosen_share;
+    statistics_->rival_share = choice.rival.share;
     statistics_->pose_iterations = choice.iterations;
     return choice;
 }

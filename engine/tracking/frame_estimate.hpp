@@ -43,6 +43,7 @@ public:
         FixedVector<Correspondence>::plan(arena, limits.features_max);
         FixedVector<std::uint16_t>::plan(arena, limits.features_max);
         arena.array<std::uint16_t>(limits.features_max);
+        arena.array<std::uint8_t>(limits.features_max);
     }
     // World and shutter outlive it.
     void create(Arena& arena, World& world, TrackedShutter& shutter) noexcept;
@@ -69,6 +70,8 @@ public:
     // Those that stand still under the pose, by index; the judge of points writes them last.
     [[nodiscard]] FixedVector<std::uint16_t>& chosen() noexcept { return chosen_; }
     [[nodiscard]] std::span<const std::uint16_t> groups() const noexcept { return groups_; }  // by feature; or kNoGroup
+    // By feature: TrackingView::kByChoice, kByRival.
+    [[nodiscard]] std::span<const std::uint8_t> explained_by() const noexcept { return explained_by_; }
     // Marks what moves under this pose, of the matches that are not chosen; how many do. A point moves that lost its
     // weight and is far from where it was first seen, or whose group moves otherwise than the choice. (What only misses
     // the threshold does not: that is a third of the matches in a still room.)
@@ -114,6 +117,7 @@ private:
     FixedVector<Correspondence> correspondences_;
     FixedVector<std::uint16_t> chosen_;
     std::span<std::uint16_t> groups_;
+    std::span<std::uint8_t> explained_by_;
     Random random_{1};
     StageObserver observer_;
     FrameStatistics* statistics_ = nullptr;

@@ -362,8 +362,10 @@ std::uint64_t Tracking::reference_keyframe() const noexcept {
 }
 
 TrackingView Tracking::view() noexcept {
-    return view_.show(measured_.keypoints(), estimator_.groups(), estimator_.correspondences(),
-                      estimator_.chosen().span(), estimator_.region());
+    TrackingView view = view_.show(measured_.keypoints(), estimator_.groups(), estimator_.correspondences(),
+                                   estimator_.chosen().span(), estimator_.region());
+    view.explained_by = estimator_.explained_by().first(view.features.size());
+    return view;
 }
 
 }  // namespace stillmesh

@@ -14,6 +14,7 @@ static_assert(sizeof(sm_tracked_feature) == sizeof(stillmesh::TrackedFeature) &&
 static_assert(sizeof(sm_tracked_edge) == sizeof(stillmesh::TrackedEdge) &&
               offsetof(sm_tracked_edge, is_kept) == offsetof(stillmesh::TrackedEdge, is_kept));
 static_assert(sizeof(bool) == 1);
+static_assert(stillmesh::TrackingView::kByChoice == SM_BY_CHOICE && stillmesh::TrackingView::kByRival == SM_BY_RIVAL);
 static_assert(sizeof(sm_keyframe) == sizeof(stillmesh::KeyframePose) &&
               offsetof(sm_keyframe, map_from_camera) == offsetof(stillmesh::KeyframePose, map_from_camera) &&
               sizeof(sm_transform) == sizeof(stillmesh::RigidTransform));
@@ -179,6 +180,8 @@ sm_status sm_get_frame_statistics(const sm_engine* engine, sm_frame_statistics* 
     STILLMESH_SAME(pose_iterations)
     STILLMESH_SAME(region_score)
     STILLMESH_SAME(region_margin)
+    STILLMESH_SAME(chosen_share)
+    STILLMESH_SAME(rival_share)
     return write_struct(out, statistics);
 }
 
@@ -196,9 +199,10 @@ sm_status sm_get_statistics(const sm_engine* engine, sm_statistics* statistics) 
 sm_status sm_get_tracking_view(sm_engine* engine, sm_tracking_view* view) {
     if (engine == nullptr) return SM_INVALID;
     const TrackingView in = engine->engine->tracking_view();
-    return write_struct({0, 0, reinterpret_cast<const sm_tracked_feature*>(in.features.data()), in.features.size(),
-                         reinterpret_cast<const sm_tracked_edge*>(in.edges.data()), in.edges.size()},
-                        view);
+    return write_struct(
+        {0, 0, reinterpret_cast<const sm_tracked_feature*>(in.features.data()), in.features.size(),
+         reinterpret_cast<const sm_tracked_edge*>(in.edges.data()), in.edges.size(), in.explained_by.data()},
+        view);
 }
 
 sm_status sm_get_features(const sm_engine* engine, sm_features* features) {

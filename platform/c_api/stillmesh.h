@@ -274,6 +274,7 @@ typedef struct sm_frame_statistics {
     uint32_t mesh_edges, mesh_edges_kept, groups;
     uint32_t is_keyframe, pose_iterations;
     double region_score, region_margin;
+    double chosen_share, rival_share; /* of the surface in view: what the motion chosen explains, its rival */
 } sm_frame_statistics;
 typedef struct sm_statistics {
     uint32_t size, reserved;
@@ -309,6 +310,9 @@ typedef struct sm_tracked_edge {
     float x0, y0, x1, y1; /* px */
     uint8_t is_kept;
 } sm_tracked_edge;
+/* Motions that explain a feature: the one chosen, and the one that it is held against. */
+#define SM_BY_CHOICE 1
+#define SM_BY_RIVAL 2
 /* Borrowed until the next frame. */
 typedef struct sm_tracking_view {
     uint32_t size;
@@ -317,6 +321,7 @@ typedef struct sm_tracking_view {
     size_t features_count;
     const sm_tracked_edge* edges;
     size_t edges_count;
+    const uint8_t* explained_by; /* by feature: SM_BY_CHOICE, SM_BY_RIVAL, both or 0 */
 } sm_tracking_view;
 typedef struct sm_features {
     uint32_t size;

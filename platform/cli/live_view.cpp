@@ -47,13 +47,17 @@ void copy_mesh(const TrackingView& view, ViewSnapshot& to) {
         if (edges.size() == kViewEdgesMax) continue;
         edges.push_back({steps(edge.x0), steps(edge.y0), steps(edge.x1), steps(edge.y1)});
     }
-    for (const TrackedFeature& feature : view.features) {
-        if (to.features.size() == kViewFeaturesMax) break;
-        const auto kind = feature.is_static    ? ShownFeature::kStatic
-                          : feature.is_dynamic ? ShownFeature::kMoving
-                                               : ShownFeature::kNeither;
+    for (std::size_t i = 0; i < view.features.size() && i < kViewFeaturesMax; ++i) {
+        const TrackedFeature& feature = view.features[i];
+        int kind = feature.is_static    ? ShownFeature::kStatic
+                   : feature.is_dynamic ? ShownFeature::kMoving
+                                        : ShownFeature::kNeither;
+        const unsigned by = i < view.explained_by.size() ? view.explained_by[i] : 0U;
+        if ((by & TrackingView::kByChoice) != 0) kind |= ShownFeature::kByChoice;
+        if ((by & TrackingView::kByRival) != 0) kind |= ShownFeature::kByRival;
         to.features.push_back({steps(feature.x), steps(feature.y),
-                               static_cast<std::int16_t>(std::min(feature.group, std::int32_t{32767})), kind});
+                               static_cast<std::int16_t>(std::min(feature.group, std::int32_t{32767})),
+                               static_cast<std::int16_t>(kind)});
     }
 }
 
@@ -81,7 +85,8 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
     keep_place(frame, out);
     last_time_ns_ = frame.time_ns;
     const bool is_due = feed_->is_due(moment.now_ns);
-    const bool is_picture = film_ != nullptr && film_->wants_picture();
+    const bool is_rival = out.state == PoseState::kUnsure && out.unsure == UnsureReason::kRival;
+    const bool is_picture = film_ != nullptr && film_->wants_picture(is_rival);
     const bool is_keyframe = out.statistics.is_keyframe && out.state == PoseState::kTracked;
     if (!is_due && !is_keyframe && film_ == nullptr) return;
     ViewSnapshot& to = feed_->draft();
@@ -96,7 +101,7 @@ void LiveView::frame(const Moment& moment, const Frame& frame, const SessionFram
         fill(moment, frame, to);
         copy_mesh(look_.tracking, to);
     }
-    if (is_picture) film_->take(to);
+    if (is_picture) film_->take(to, is_rival);
     if (film_ != nullptr) keep_on_film(moment, frame, out);
     if (!is_due) return;
     to.state = out.state;
@@ -140,6 +145,8 @@ void LiveView::keep_on_film(const Moment& moment, const Frame& frame, const Sess
     kept.state = out.state;
     const bool is_camera_fault = out.state != out.estimate.state;
     kept.reason = is_camera_fault ? kFilmCameraFault : static_cast<std::uint8_t>(out.unsure);
+    kept.chosen_percent = static_cast<std::uint8_t>(std::lround(100 * out.statistics.chosen_share));
+    kept.rival_percent = static_cast<std::uint8_t>(std::lround(100 * out.statistics.rival_share));
     for (std::size_t i = 0; i < 3; ++i) kept.pose[i] = static_cast<float>(out.world_from_camera.t[i]);
     for (std::size_t i = 0; i < 4; ++i) kept.pose[3 + i] = static_cast<float>(out.world_from_camera.q[i]);
     kept.stage_ms = look_.stage_ms;

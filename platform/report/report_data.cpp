@@ -116,6 +116,8 @@ template <typename T, typename Get>
                     {"frame", column<std::uint32_t>(f, [](const FilmFrame& x) { return x.number; })},
                     {"state", column<std::uint8_t>(f, [](const FilmFrame& x) { return x.state; })},
                     {"reason", column<std::uint8_t>(f, [](const FilmFrame& x) { return x.reason; })},
+                    {"chosen", column<std::uint8_t>(f, [](const FilmFrame& x) { return x.chosen_percent; })},
+                    {"rival", column<std::uint8_t>(f, [](const FilmFrame& x) { return x.rival_percent; })},
                     {"map", column<std::uint16_t>(f, [](const FilmFrame& x) { return x.map; })},
                     {"features", column<std::uint16_t>(f, [](const FilmFrame& x) { return x.features; })},
                     {"still", column<std::uint16_t>(f, [](const FilmFrame& x) { return x.static_features; })},

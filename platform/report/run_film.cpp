@@ -50,6 +50,27 @@ private:
     Places places_;
 };
 
+[[nodiscard]] FilmPicture picture_of(const ViewSnapshot& snapshot, std::uint64_t frame) {
+    FilmPicture picture;
+    picture.frame = static_cast<std::uint32_t>(frame);
+    picture.image_width = snapshot.image_width;
+    picture.image_height = snapshot.image_height;
+    picture.picture =
+        encode_small_picture(snapshot.grey, snapshot.picture_width, snapshot.picture_height, picture.is_jpeg);
+    picture.features.reserve(snapshot.features.size());
+    picture.kinds.reserve(snapshot.features.size());
+    for (const ShownFeature& feature : snapshot.features) {
+        picture.features.push_back({feature.x, feature.y});
+        // Groups are numbered by their size: what is beyond 254 is a few features each.
+        const int group = feature.group < 0 || feature.group > 254 ? 255 : feature.group;
+        picture.kinds.push_back({static_cast<std::uint8_t>(group), static_cast<std::uint8_t>(feature.kind)});
+    }
+    const FeatureNumbers numbers(snapshot.features);
+    numbers.add(snapshot.kept, picture.kept);
+    numbers.add(snapshot.cut, picture.cut);
+    return picture;
+}
+
 }  // namespace
 
 const char* film_reason_name(std::uint8_t reason) noexcept {
@@ -69,6 +90,7 @@ RunFilm::RunFilm(std::uint32_t pictures_max) : pictures_max_(std::min(pictures_m
 }
 
 void RunFilm::add(const FilmFrame& frame) {
+    was_rival_ = frame.state == PoseState::kUnsure && frame.reason == static_cast<std::uint8_t>(UnsureReason::kRival);
     const std::uint64_t index = frames_total_++;
     if (index % frame_stride_ != 0) return;
     if (frames_.size() == kFilmFramesMax) {
@@ -79,31 +101,16 @@ void RunFilm::add(const FilmFrame& frame) {
     frames_.push_back(frame);
 }
 
-void RunFilm::take(const ViewSnapshot& snapshot) {
-    if (!wants_picture()) return;
+void RunFilm::take(const ViewSnapshot& snapshot, bool is_rival) {
+    if (!wants_picture(is_rival)) return;
+    if (is_rival && is_rival_due()) rivals_.push_back(picture_of(snapshot, frames_total_));
+    if (!is_due()) return;
     if (pictures_.size() == pictures_max_) {
         drop_every_second(pictures_);
         picture_stride_ *= 2;
-        if (!wants_picture() || pictures_.size() == pictures_max_) return;
+        if (!is_due() || pictures_.size() == pictures_max_) return;
     }
-    FilmPicture picture;
-    picture.frame = static_cast<std::uint32_t>(frames_total_);
-    picture.image_width = snapshot.image_width;
-    picture.image_height = snapshot.image_height;
-    picture.picture =
-        encode_small_picture(snapshot.grey, snapshot.picture_width, snapshot.picture_height, picture.is_jpeg);
-    picture.features.reserve(snapshot.features.size());
-    picture.kinds.reserve(snapshot.features.size());
-    for (const ShownFeature& feature : snapshot.features) {
-        picture.features.push_back({feature.x, feature.y});
-        // Groups are numbered by their size: what is beyond 254 is a few features each.
-        const int group = feature.group < 0 || feature.group > 254 ? 255 : feature.group;
-        picture.kinds.push_back({static_cast<std::uint8_t>(group), static_cast<std::uint8_t>(feature.kind)});
-    }
-    const FeatureNumbers numbers(snapshot.features);
-    numbers.add(snapshot.kept, picture.kept);
-    numbers.add(snapshot.cut, picture.cut);
-    pictures_.push_back(std::move(picture));
+    pictures_.push_back(picture_of(snapshot, frames_total_));
 }
 
 void RunFilm::event(std::int64_t time_ns, std::string_view sentence) {
@@ -119,6 +126,12 @@ void RunFilm::finish(std::vector<KeyframePose> keyframes, std::vector<KeyframeLi
     keyframes_ = std::move(keyframes);
     links_ = std::move(links);
     clouds_ = std::move(clouds);
+    const auto is_before = [](const FilmPicture& a, const FilmPicture& b) { return a.frame < b.frame; };
+    for (FilmPicture& rival : rivals_) {
+        const auto at = std::lower_bound(pictures_.begin(), pictures_.end(), rival, is_before);
+        if (at == pictures_.end() || at->frame != rival.frame) pictures_.insert(at, std::move(rival));
+    }
+    rivals_.clear();
 }
 
 }  // namespace stillmesh

@@ -75,6 +75,8 @@ void compose_view_frame(const ViewSnapshot& s, std::string& text) {
     fmt::format_to(std::back_inserter(text), ",\"found\":{},\"matched\":{},\"static\":{},\"moving\":{},\"groups\":{}",
                    statistics.features, statistics.matches, statistics.static_matches, statistics.dynamic_matches,
                    statistics.groups);
+    fmt::format_to(std::back_inserter(text), ",\"chosen_percent\":{:.0f},\"rival_percent\":{:.0f}",
+                   100 * statistics.chosen_share, 100 * statistics.rival_share);
     append_picture(s, text);
     append_bytes("kept", std::span<const ShownEdge>(s.kept), text);
     append_bytes("cut", std::span<const ShownEdge>(s.cut), text);

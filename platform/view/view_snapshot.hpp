@@ -24,10 +24,11 @@ struct ShownEdge {
     std::int16_t x0, y0, x1, y1;  // 1/8 px of the camera's image
 };
 struct ShownFeature {
-    enum Kind : std::int16_t { kNeither = 0, kStatic = 1, kMoving = 2 };
+    // What became of it, and beside that the motions that explain it.
+    enum Kind : std::int16_t { kNeither = 0, kStatic = 1, kMoving = 2, kByChoice = 4, kByRival = 8 };
     std::int16_t x, y;   // 1/8 px of the camera's image
     std::int16_t group;  // of the mesh; -1: in none
-    std::int16_t kind;
+    std::int16_t kind;   // and what explains it
 };
 
 struct ViewSnapshot {

@@ -193,9 +193,9 @@ static void refused_frames(sm_engine* engine, wall* w) {
 /* Promise: everything that the engine says of itself is there, and structs of an older, shorter header are left whole.
  */
 static void results(sm_engine* engine) {
-    sm_frame_statistics frame = {sizeof(sm_frame_statistics), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    sm_frame_statistics frame = {sizeof(sm_frame_statistics), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
     sm_statistics all;
-    sm_tracking_view view = {sizeof(sm_tracking_view), 0, NULL, 0, NULL, 0};
+    sm_tracking_view view = {sizeof(sm_tracking_view), 0, NULL, 0, NULL, 0, NULL};
     sm_features features = {sizeof(sm_features), 0, NULL, NULL, 0};
     sm_keyframe keyframes[8];
     sm_keyframe_link links[64];
@@ -217,6 +217,11 @@ static void results(sm_engine* engine) {
     EXPECT(sm_get_tracking_view(engine, &view) == SM_OK && view.features_count == features.count);
     for (i = 0, count = 0; i < view.features_count; ++i) count += view.features[i].is_static;
     EXPECT(count > 8 && view.edges_count == frame.mesh_edges);
+    for (i = 0, count = 0; i < view.features_count; ++i) {
+        EXPECT(view.explained_by[i] <= (SM_BY_CHOICE | SM_BY_RIVAL));
+        count += view.explained_by[i] & SM_BY_CHOICE;
+    }
+    EXPECT(count > 8 && frame.chosen_share > 0 && frame.chosen_share <= 1 && frame.rival_share >= 0);
     count = sm_keyframes(engine, keyframes, 8);
     EXPECT(count == all.keyframes_size && keyframes[0].id != SM_NO_KEYFRAME && sm_keyframes(engine, NULL, 8) == 0);
     links_count = sm_keyframe_links(engine, links, 64, 8);

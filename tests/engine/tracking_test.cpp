@@ -140,7 +140,7 @@ TEST(Engine, StatisticsAndViewAgree) {
     limits.features_max = 300;
     const EngineRig engine(limits, sequence.camera);
     std::uint64_t frame = 0;
-    std::uint32_t with_groups = 0;
+    std::uint32_t with_groups = 0, with_rival = 0;
     for (const KeptFrame& kept : sequence.frames) {
         ASSERT_EQ(engine->submit(kept.frame()), Status::kOk);
         const FrameStatistics& s = engine->frame_statistics();
@@ -154,6 +154,15 @@ TEST(Engine, StatisticsAndViewAgree) {
         EXPECT_EQ(s.unsure == UnsureReason::kNone, engine->pose().state != PoseState::kUnsure);
         EXPECT_GE(s.region_margin, -1.0);
         EXPECT_LE(s.region_margin, 1.0);
+        ASSERT_EQ(view.explained_by.size(), view.features.size());
+        const auto count_by = [&view](unsigned motion) {
+            return std::count_if(view.explained_by.begin(), view.explained_by.end(),
+                                 [motion](std::uint8_t by) { return (by & motion) != 0; });
+        };
+        EXPECT_EQ(s.rival_share > 0, count_by(TrackingView::kByRival) > 0) << s.frame;
+        EXPECT_EQ(s.chosen_share > 0, count_by(TrackingView::kByChoice) > 0) << s.frame;
+        EXPECT_LE(std::max(s.chosen_share, s.rival_share), 1.0);
+        with_rival += s.rival_share > 0 ? 1U : 0U;
         std::uint32_t matched = 0, still = 0, moving = 0, kept_edges = 0;
         for (const TrackedFeature& f : view.features) {
             matched += f.is_matched;
@@ -172,6 +181,7 @@ TEST(Engine, StatisticsAndViewAgree) {
         EXPECT_EQ(kept_edges, s.mesh_edges_kept);
     }
     EXPECT_GT(with_groups, 100U);
+    EXPECT_GT(with_rival, 0U);
 }
 
 // Promise: a wrong frame is kInvalid, counted, and nothing else changes: a run with wrong frames between the right ones

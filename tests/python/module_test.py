@@ -122,6 +122,10 @@ class Module(unittest.TestCase):
         view = made.tracking_view
         self.assertEqual(len(view.features), len(features.keypoints))
         self.assertEqual(len(view.edges), made.frame_statistics["mesh_edges"])
+        self.assertEqual(len(view.explained_by), len(view.features))
+        static = view.features["is_static"] != 0
+        self.assertGreater((view.explained_by[static] & 1).mean(), 0.9)
+        self.assertGreater(made.frame_statistics["chosen_share"], 0.5)
         self.assertEqual(len(made.keyframes), made.statistics["keyframes_size"])
         self.assertIn(made.reference_keyframe, [keyframe.id for keyframe in made.keyframes])
         self.assertIn(made.step(0), ("idle", "working"))

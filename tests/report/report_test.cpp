@@ -174,6 +174,26 @@ TEST(Report, HoldsEachFrame) {
     for (const std::uint16_t end : kept) EXPECT_LT(end, places.size() / 2);
 }
 
+// Promise: how much of the surface the motion chosen and its rival explain is in the page, frame by frame.
+TEST(Report, TellsOfTheRival) {
+    RunFilm film(0);
+    for (std::uint8_t i = 0; i < 10; ++i) {
+        FilmFrame frame;
+        frame.number = i;
+        frame.chosen_percent = static_cast<std::uint8_t>(100 - i);
+        frame.rival_percent = i;
+        film.add(frame);
+    }
+    const Json columns = Json::parse(run_data(RunRecord(), film))["columns"];
+    const auto chosen = numbers_of<std::uint8_t>(columns["chosen"]), rival = numbers_of<std::uint8_t>(columns["rival"]);
+    ASSERT_EQ(chosen.size(), 10U);
+    ASSERT_EQ(rival.size(), 10U);
+    for (int i = 0; i < 10; ++i) {
+        EXPECT_EQ(chosen[static_cast<std::size_t>(i)], 100 - i);
+        EXPECT_EQ(rival[static_cast<std::size_t>(i)], i);
+    }
+}
+
 // Promise: the truth in the page lies where the run's own map has it: brought back by the alignment, it is as far from
 // the poses as the error says.
 TEST(Report, TruthLiesInTheMap) {

@@ -22,8 +22,9 @@ namespace {
     for (std::uint8_t& pixel : snapshot.grey) pixel = static_cast<std::uint8_t>(next());
     for (std::size_t i = 0; i < features; ++i) {
         const auto x = static_cast<std::int16_t>(next() % 5120), y = static_cast<std::int16_t>(next() % 3840);
-        snapshot.features.push_back(
-            {x, y, static_cast<std::int16_t>(static_cast<int>(i % 4) - 1), static_cast<std::int16_t>(i % 3)});
+        const auto group = static_cast<std::int16_t>(static_cast<int>(i % 4) - 1);
+        const auto kind = static_cast<std::int16_t>(i % 3 + i % 5 % 4 * ShownFeature::kByChoice);
+        snapshot.features.push_back({x, y, group, kind});
     }
     for (std::size_t i = 1; i < features; ++i) {
         const ShownFeature &a = snapshot.features[i - 1], &b = snapshot.features[i];
@@ -63,6 +64,33 @@ TEST(RunFilm, PicturesAreBounded) {
         std::size_t bytes = 0;
         for (const FilmPicture& picture : film.pictures()) bytes += picture.size_bytes();
         EXPECT_LE(bytes, most * std::size_t{80'000});  // of noise, the worst there is for JPEG
+    }
+}
+
+// Promise: the first picture of each stretch that a rival motion made unsure is kept, kFilmRivalsMax of them at most,
+// and lies among the others in the end, none of them twice; others are as many as without.
+TEST(RunFilm, ARivalLeavesAPicture) {
+    const ViewSnapshot snapshot = snapshot_of(4, 20);
+    for (const std::uint32_t most : {0U, 3U, 40U}) {
+        RunFilm film(most);
+        std::set<std::uint32_t> wanted;
+        std::size_t stretches = 0;
+        for (std::uint32_t number = 0; number < 1500; ++number) {
+            FilmFrame frame;
+            frame.number = number;
+            const bool is_rival = number % 50 >= 47;
+            frame.state = is_rival ? PoseState::kUnsure : PoseState::kTracked;
+            frame.reason = is_rival ? static_cast<std::uint8_t>(UnsureReason::kRival) : std::uint8_t{0};
+            if (film.wants_picture(is_rival)) film.take(snapshot, is_rival);
+            film.add(frame);
+            if (most > 0 && number % 50 == 47 && stretches++ < kFilmRivalsMax) wanted.insert(number);
+        }
+        for (const FilmPicture& picture : film.pictures()) wanted.insert(picture.frame);
+        EXPECT_LE(film.pictures().size(), most);
+        film.finish({}, {}, {});
+        ASSERT_EQ(film.pictures().size(), wanted.size()) << most;
+        auto frame = wanted.begin();
+        for (const FilmPicture& picture : film.pictures()) EXPECT_EQ(picture.frame, *frame++);
     }
 }
 

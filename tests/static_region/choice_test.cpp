@@ -136,9 +136,11 @@ TEST(Hypotheses, EveryMotionIsProposed) {
 }
 
 // Promise: the best hypothesis has the highest score; its margin over each other motion is, of the area that only one
-// of both explains, what the best does minus what the other does, the other's share counting by its plausibility.
-TEST(Choice, MarginByBruteForce) {
-    std::size_t rivals = 0;
+// of both explains, what the best does minus what the other does, the other's share counting by its plausibility. The
+// rival that is told is the one with the least margin, and the shares are what each of both explains of the surface in
+// view, whatever its weight.
+TEST(Choice, MarginAndRivalByBruteForce) {
+    std::size_t rivals = 0, with_rival = 0;
     for (std::uint64_t seed = 0; seed < 20; ++seed) {
         Random random(seed);
         Rig rig(150, 100, moved(0.08), random);
@@ -147,6 +149,17 @@ TEST(Choice, MarginByBruteForce) {
         const std::size_t best = best_of(*rig.hypotheses);
         for (const Hypothesis& h : all) EXPECT_LE(h.score, all[best].score);
         double area_all = 0, margin = 1;
+        double in_view = 0;
+        for (const Correspondence& c : rig.scene.correspondences) in_view += c.p_camera.z() * c.p_camera.z();
+        std::size_t rival = Hypotheses::kNone;
+        const auto explained_by = [&](std::size_t h) {
+            double explained = 0;
+            for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
+                const Correspondence& c = rig.scene.correspondences[i];
+                if (rig.hypotheses->explains(h, i)) explained += c.p_camera.z() * c.p_camera.z();
+            }
+            return explained / in_view;
+        };
         for (const Correspondence& c : rig.scene.correspondences)
             area_all += c.weight * c.p_camera.z() * c.p_camera.z();
         for (std::size_t h = 0; h < all.size(); ++h) {
@@ -163,11 +176,18 @@ TEST(Choice, MarginByBruteForce) {
             only[1] *= std::min(all[h].plausibility / all[best].plausibility, 1.0);
             if (only[1] < 0.05 * area_all) continue;
             ++rivals;
-            margin = std::min(margin, (only[0] - only[1]) / (only[0] + only[1]));
+            const double over_this = (only[0] - only[1]) / (only[0] + only[1]);
+            if (over_this < margin) rival = h;
+            margin = std::min(margin, over_this);
         }
-        EXPECT_NEAR(margin_of(rig.input(), *rig.hypotheses, best), margin, 1e-9) << "seed " << seed;
+        const Rival found = rival_of(rig.input(), *rig.hypotheses, best);
+        EXPECT_NEAR(found.margin, margin, 1e-9) << "seed " << seed;
+        EXPECT_EQ(found.hypothesis, rival) << "seed " << seed;
+        EXPECT_NEAR(found.chosen_share, explained_by(best), 1e-9) << "seed " << seed;
+        EXPECT_NEAR(found.share, rival == Hypotheses::kNone ? 0 : explained_by(rival), 1e-9);
+        with_rival += rival != Hypotheses::kNone ? 1U : 0U;
     }
-    EXPECT_GT(rivals, 5U);
+    EXPECT_GT(with_rival, 5U);
 }
 
 // Promise: chosen is exactly what agrees with the choice, has a weight and belongs to no group that disagrees.

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 
+#include "engine/outputs.hpp"
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
@@ -73,6 +74,44 @@ TEST(StaticRegion, TwoBodiesMovingApartAreSeparated) {
     EXPECT_LE(joined, 2U);  // a long triangle along the border may change by less than its noise: motions decide then
     EXPECT_LE(static_cast<double>(accepted_moving), 0.01 * static_cast<double>(moving));
     EXPECT_GE(static_cast<double>(accepted_still), 0.9 * static_cast<double>(still));
+}
+
+// Promise: the room is told to be explained by the choice and by no rival, a body that moved and votes by the rival and
+// not by the choice; the shares are about those of their surfaces. A room with nobody in it has no rival, and the paper
+// tells none.
+TEST(StaticRegion, TellsWhatOnlyTheRivalExplains) {
+    std::size_t by[2][4] = {};  // body, bits
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        const SE3 pose = test::random_motion(random, 0.5, 0.3);
+        SE3 motion;
+        motion.translation = test::random_vector(random, 1.0).normalized() * random.uniform(0.06, 0.1);
+        const Scene scene = room_and_body(seed % 4 == 0 ? 300 : 150, seed % 4 == 0 ? 0 : 250, pose, motion, random);
+        Region region(limits_of(400));
+        Parameters parameters;
+        if (seed % 4 == 1) parameters.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
+        const RegionContext context = context_at(pose * test::random_motion(random, 0.005, 0.005));
+        region->build(scene.correspondences, scene.keypoints, parameters.region, context);
+        const RegionChoice choice = region->choose(scene.correspondences, parameters, context, random);
+        ASSERT_TRUE(choice.is_valid) << seed;
+        double share[2] = {0, 0}, area_all = 0;
+        for (std::size_t i = 0; i < scene.body.size(); ++i) {
+            const unsigned bits = region->explained_by(choice, i);
+            ASSERT_LT(bits, 4U);
+            EXPECT_TRUE(seed % 4 != 1 || bits == 0) << seed;
+            EXPECT_TRUE(seed % 4 != 0 || (bits & TrackingView::kByRival) == 0) << seed;
+            if (seed % 4 > 1) ++by[scene.body[i]][bits];
+            const Correspondence& c = scene.correspondences[i];
+            const double area = c.has_depth ? c.extent * c.p_camera.z() * c.p_camera.z() : 0.0;
+            area_all += area;
+            for (const unsigned k : {0U, 1U}) share[k] += (bits >> k & 1U) != 0 ? area : 0.0;
+        }
+        if (seed % 4 == 1) continue;
+        EXPECT_NEAR(choice.rival.chosen_share, share[0] / area_all, 1e-9) << seed;
+        EXPECT_NEAR(choice.rival.share, share[1] / area_all, 1e-9) << seed;
+    }
+    EXPECT_GT(by[0][TrackingView::kByChoice], 4 * (by[0][0] + by[0][2] + by[0][3]));
+    EXPECT_GT(by[1][TrackingView::kByRival], 4 * (by[1][0] + by[1][1] + by[1][3]));
 }
 
 // Promise: how far a group agrees with the choice can be asked: a body that moved by five millimetres does not, the

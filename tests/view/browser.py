@@ -50,7 +50,7 @@ def keys_move_the_map(browser):
             if reached[-1] == "map":
                 break
         assert reached[-1] == "map", reached
-        assert {"show-static", "show-moving", "show-neither", "show-kept", "show-cut"} <= set(reached), reached
+        assert {"show-static", "show-moving", "show-rival", "show-neither", "show-kept", "show-cut"} <= set(reached), reached
         turn, near = browser.script("return [map.turn.azimuth, map.turn.distance]")
         browser.press("ArrowLeft", "+", "+")
         turned, nearer = browser.script("return [map.turn.azimuth, map.turn.distance]")
@@ -112,8 +112,10 @@ def every_state_is_said(browser):
                               ("none", "none"), ("none", "old pictures"), ("unsure", "camera fault")):
             words[(state, reason)] = browser.script(
                 f"latest.message.state = '{state}'; latest.message.reason = '{reason}'; silent_s = 0; isConnected = true;"
+                "latest.message.chosen_percent = 8; latest.message.rival_percent = 61;"
                 "showState(); return ['word', 'advice', 'sign'].map((id) => document.getElementById(id).textContent)")
             browser.picture(f"state-{state}-{reason.replace(' ', '-')}")
+        assert "chosen explains 8 % of the surface in view, its rival 61 %" in words[("unsure", "rival motion")][1], words
         assert len({tuple(said[:2]) for said in words.values()}) == len(words), words
         assert len({words[(s, r)][2] for s, r in words}) == 4  # a sign for each state, so that colour is not alone
         silent = browser.script("isConnected = true; silent_s = 12.3; showState(); return document.getElementById('advice').textContent")

@@ -19,12 +19,13 @@ class ShownSession final : public TrackingSession {
 public:
     std::vector<TrackedFeature> features;
     std::vector<TrackedEdge> edges;
+    std::vector<std::uint8_t> explained_by;
     std::uint32_t keyframes = 0, links = 0;
 
     Status submit(const Frame&, SessionFrame&, std::string&) override { return Status::kOk; }
     void account(RunRecord&) override {}
     bool look(SessionLook& look, std::span<KeyframePose> room, std::span<KeyframeLink> room_of_links) override {
-        look.tracking = {features, edges};
+        look.tracking = {features, edges, explained_by};
         look.keyframes_written = static_cast<std::uint32_t>(std::min<std::size_t>(keyframes, room.size()));
         for (std::uint32_t i = 0; i < look.keyframes_written; ++i) room[i].id = i;
         look.links_written = static_cast<std::uint32_t>(std::min<std::size_t>(links, room_of_links.size()));
@@ -103,6 +104,13 @@ TEST(LiveView, AMeshOfAnySize) {
     EXPECT_EQ(seen.features[0].kind, ShownFeature::kStatic);
     EXPECT_EQ(seen.features[1].kind, ShownFeature::kMoving);
     EXPECT_EQ(seen.features[2].kind, ShownFeature::kNeither);
+    session.explained_by = {TrackingView::kByChoice, TrackingView::kByRival,
+                            TrackingView::kByChoice | TrackingView::kByRival};
+    view.frame({1, 1, 2 * kSecond_ns, 5}, pixels.frame, {}, session);
+    ASSERT_TRUE(feed.take(seen));
+    EXPECT_EQ(seen.features[0].kind, ShownFeature::kStatic | ShownFeature::kByChoice);
+    EXPECT_EQ(seen.features[1].kind, ShownFeature::kMoving | ShownFeature::kByRival);
+    EXPECT_EQ(seen.features[2].kind, ShownFeature::kNeither | ShownFeature::kByChoice | ShownFeature::kByRival);
     ASSERT_EQ(seen.kept.size(), 1U);
     ASSERT_EQ(seen.cut.size(), 1U);
     EXPECT_EQ(seen.cut[0].x0, 40);
@@ -113,7 +121,7 @@ TEST(LiveView, AMeshOfAnySize) {
     session.edges.assign(3 * kViewEdgesMax, {});
     session.keyframes = 4000;
     session.links = 100'000;
-    view.frame({1, 1, 2 * kSecond_ns, 5}, pixels.frame, {}, session);
+    view.frame({2, 1, 3 * kSecond_ns, 5}, pixels.frame, {}, session);
     ASSERT_TRUE(feed.take(seen));
     EXPECT_EQ(seen.features.size(), kViewFeaturesMax);
     EXPECT_EQ(seen.cut.size(), kViewEdgesMax);

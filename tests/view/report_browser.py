@@ -2,6 +2,7 @@
 """The report in a browser, from a file: report_browser.py PROGRAM [FOLDER for pictures]. Each function below is a promise. Exit 77:
 there is no Chromium (packages chromium, chromium-driver)."""
 import atexit
+import base64
 import csv
 import functools
 import io
@@ -22,11 +23,11 @@ SIZES = ((1300, 1000, "light"), (1300, 1000, "dark"), (390, 844, "light"), (390,
 
 
 @functools.cache
-def report(scene="walking_xyz:1", frames=120, pictures=50):
+def report(scene="walking_xyz:1", frames=120, pictures=50, *arguments):
     """A run's report, made once; beside it poses.jsonl."""
     folder = f"{FOLDER}/{scene.replace(':', '-')}-{frames}"
     subprocess.run([PROGRAM, "run", "--simulate", scene, "--frames", str(frames), "--report", folder, "--report-frames", str(pictures),
-                    "--poses", f"{FOLDER}/poses-{scene.replace(':', '-')}-{frames}.jsonl"],
+                    "--poses", f"{FOLDER}/poses-{scene.replace(':', '-')}-{frames}.jsonl", *arguments],
                    check=True, capture_output=True, timeout=WAIT_S * 4)
     return folder
 
@@ -146,6 +147,62 @@ def keys_play(browser):
     assert before == after and turn != turned
 
 
+# Pixels of the camera's picture that have a colour of picture.js.
+RIVAL_PIXELS = """return (() => { const c = at('camera'), p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; let n = 0;
+  const [r, g, b] = [1, 3, 5].map((i) => parseInt(RIVAL_COLOUR.slice(i, i + 2), 16));
+  for (let i = 0; i < p.length; i += 4) n += Math.abs(p[i] - r) + Math.abs(p[i + 1] - g) + Math.abs(p[i + 2] - b) < 24;
+  return n })()"""
+
+
+def go_to(browser, frame):
+    browser.script(f"show({frame})")
+    browser.becomes(f"document.getElementById('camera').dataset.frame === String(run.frame[{frame}])")
+
+
+def keep_sheet(browser, frames):
+    """Pictures of some frames side by side, each with its state in words, as rival.jpg."""
+    if browser.pictures is None:
+        return
+    for k, frame in enumerate(frames):
+        go_to(browser, frame)
+        browser.script(f"""const c = at('camera'), k = {k}, i = {frame}, gap = 8;
+          if (k === 0) {{ window.sheet = document.createElement('canvas'); sheet.width = {len(frames)} * (c.width + gap) - gap; sheet.height = c.height + 30;
+            sheet.getContext('2d').fillStyle = '#fff'; sheet.getContext('2d').fillRect(0, 0, sheet.width, sheet.height); }}
+          const x = sheet.getContext('2d'); x.drawImage(c, k * (c.width + gap), 0); x.fillStyle = '#17202b'; x.font = '16px sans-serif';
+          x.fillText(`${{run.time[i].toFixed(1)}} s, ${{stateOf(i)}}: the motion chosen explains ${{run.chosen[i]}} %, its rival ${{run.rival[i]}} %`,
+            k * (c.width + gap), c.height + 21)""")
+    data = browser.script("return sheet.toDataURL('image/jpeg', 0.8)")
+    (browser.pictures / "rival.jpg").write_bytes(base64.b64decode(data.split(",")[1]))
+
+
+def the_rival_is_told(browser):
+    """Where another motion explains more than the one chosen, the state says how much of the surface each of both does, and the picture
+    shows what only the rival does, as much of it as the legend counts; the box takes it away."""
+    browser.open(f"file://{report('trolley_returns:1', 345, 345, '--vocabulary', 'none')}/index.html", 1300, 1000, "light")
+    browser.becomes("shown && document.getElementById('camera').dataset.frame")
+    browser.script("show(run.reason.findIndex((reason, i) => run.state[i] === 2 && run.reasons[reason] === 'rival motion'))")
+    frame = browser.script("return current")
+    go_to(browser, frame)
+    said = browser.script("return document.getElementById('advice').textContent")
+    told = re.match(r"Rival motion: the motion chosen explains (\d+) % of the surface in view, its rival (\d+) %\.", said)
+    assert told and int(told[1]) < int(told[2]) <= 100, said
+    assert f"explains {told[1]} % of the surface in view, its rival {told[2]} %" in browser.script("return document.getElementById('readout').textContent")
+    count = int(browser.script("return document.getElementById('n-rival').textContent"))
+    assert count > 5 and browser.script(RIVAL_PIXELS) > 5 * count, (count, browser.script(RIVAL_PIXELS))
+    browser.script("document.getElementById('show-rival').click()")
+    assert browser.script(RIVAL_PIXELS) == 0
+    browser.script("document.getElementById('show-rival').click()")
+    for width, height, scheme in SIZES:
+        browser.open("about:blank", width, height, scheme)
+        browser.open(f"file://{report('trolley_returns:1', 345, 345, '--vocabulary', 'none')}/index.html", width, height, scheme)
+        browser.becomes("shown")
+        go_to(browser, frame)
+        assert browser.script(CONTRAST) == []
+        browser.picture(f"rival-{width}-{scheme}")
+    keep_sheet(browser, [frame - 1, frame])
+    browser.has_no_complaint()
+
+
 # Each element with text of its own: its contrast against what lies behind it, by WCAG.
 CONTRAST = """
   const channel = (v) => (v /= 255, v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
@@ -233,4 +290,4 @@ def runs_lie_side_by_side(browser):
 
 
 keep_promises((it_is_seen_from_a_file, the_slider_moves_all, curves_are_read, keys_play, all_is_legible, the_csv_is_the_run,
-               gaps_are_gaps, runs_lie_side_by_side))
+               gaps_are_gaps, runs_lie_side_by_side, the_rival_is_told))

@@ -33,7 +33,9 @@ namespace {
     s.grey.assign(12, 100);
     s.kept = {{8, 16, 24, 32}, {1, 2, 3, 4}};
     s.cut = {{5, 6, 7, 8}};
-    s.features = {{8, 16, 0, ShownFeature::kStatic}};
+    s.features = {{8, 16, 0, ShownFeature::kStatic | ShownFeature::kByRival}};
+    s.statistics.chosen_share = 0.084;
+    s.statistics.rival_share = 0.61;
     s.keyframes = {{12, kNoKeyframe, {{0, 0, 0, 1}, {0.5, 0, 0}}}};
     s.keyframe_pool = {1, 2, 256};
     return s;
@@ -54,7 +56,10 @@ TEST(ViewMessage, AFrameIsJson) {
     EXPECT_EQ(j["picture"].get<std::string>().rfind("iVBORw0KGgo", 0), 0U);  // the eight bytes that PNG begins with
     EXPECT_EQ(bytes_in(j["kept"]), 16U);
     EXPECT_EQ(bytes_in(j["cut"]), 8U);
-    EXPECT_EQ(bytes_in(j["features"]), 8U);
+    const std::uint8_t kFeature[] = {8, 0, 16, 0, 0, 0, 9, 0};  // static, and the rival alone explains it
+    EXPECT_EQ(j["features"], base64(kFeature));
+    EXPECT_EQ(j["chosen_percent"], 8);
+    EXPECT_EQ(j["rival_percent"], 61);
     EXPECT_EQ(j["keyframes"][0][0], 12);
     EXPECT_EQ(j["keyframes"][0][1][0], 0.5);
     EXPECT_EQ(j["stages"].size(), kStages);

@@ -187,9 +187,11 @@ class Features(NamedTuple):
 
 
 class TrackingView(NamedTuple):
-    """What tracking saw in the last frame: views of the engine's memory, until the next frame."""
+    """What tracking saw in the last frame: views of the engine's memory, until the next frame. explained_by, by feature: 1 by the
+    motion chosen, 2 by its rival, 3 by both, 0 by neither."""
     features: Records
     edges: Records
+    explained_by: npt.NDArray[np.uint8]
 
 
 class Keyframe(NamedTuple):
@@ -313,7 +315,8 @@ class Engine:
         out = _sized(_c.TrackingView)
         _check(_c.lib.sm_get_tracking_view(self._c, out))
         return TrackingView(self._view(out.features, out.features_count, _c.TrackedFeature),
-                            self._view(out.edges, out.edges_count, _c.TrackedEdge))
+                            self._view(out.edges, out.edges_count, _c.TrackedEdge),
+                            self._view(out.explained_by, out.features_count, ctypes.c_uint8))
 
     @property
     def keyframes(self) -> List[Keyframe]:

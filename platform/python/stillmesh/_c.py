@@ -78,7 +78,7 @@ class FrameStatistics(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("unsure", c_int32), ("frame", c_uint64),
                 *[(name, c_uint32) for name in "features features_with_depth matches static_matches dynamic_matches "
                   "mesh_edges mesh_edges_kept groups is_keyframe pose_iterations".split()],
-                ("region_score", c_double), ("region_margin", c_double)]
+                *[(name, c_double) for name in "region_score region_margin chosen_share rival_share".split()]]
 
 
 _COUNTERS = ("keyframes_evicted keyframes_redundant points_culled points_emptied points_fused points_evicted frames "
@@ -116,7 +116,7 @@ class TrackedEdge(ctypes.Structure):
 
 class TrackingView(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("features", c_void_p), ("features_count", c_size_t),
-                ("edges", c_void_p), ("edges_count", c_size_t)]
+                ("edges", c_void_p), ("edges_count", c_size_t), ("explained_by", c_void_p)]
 
 
 class Features(ctypes.Structure):

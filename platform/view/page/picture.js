@@ -5,8 +5,12 @@
 // each has a letter.
 const STATIC_COLOUR = '#56b4e9';
 const MOVING_COLOUR = '#ffb000';
+const RIVAL_COLOUR = '#ff9be0';
 const TINTS = { still: [STATIC_COLOUR, '#9fd8ff', '#3d8fd6'], moving: [MOVING_COLOUR, '#ff8340', '#ffd980'], unknown: ['#c8c8c8', '#8f8f8f'] };
 
+// What became of a feature (0: neither, 1: static, 2: moving), and whether only the rival of the motion chosen explains it.
+const kindOf = (bits) => bits & 3;
+const isRivalAlone = (bits) => (bits >> 2) === 2;
 
 // A group is where most of its features with a verdict are.
 function groupsOf(features) {
@@ -18,8 +22,8 @@ function groupsOf(features) {
     byPlace.set(features[i] * 65536 + features[i + 1], group);
     const g = groups.get(group) || { count: 0, still: 0, moving: 0, x: 0, y: 0 };
     g.count += 1;
-    g.still += features[i + 3] === 1 ? 1 : 0;
-    g.moving += features[i + 3] === 2 ? 1 : 0;
+    g.still += kindOf(features[i + 3]) === 1 ? 1 : 0;
+    g.moving += kindOf(features[i + 3]) === 2 ? 1 : 0;
     g.x += features[i];
     g.y += features[i + 1];
     groups.set(group, g);
@@ -54,13 +58,22 @@ function drawFeatures(context, features, scale, unit) {
   const still = new Path2D();
   const moving = new Path2D();
   const neither = new Path2D();
+  const rival = new Path2D();
   const r = 1.6 * unit;
   const counts = [0, 0, 0];
+  let rivals = 0;
   for (let i = 0; i < features.length; i += 4) {
     const x = features[i] * scale;
     const y = features[i + 1] * scale;
-    const kind = features[i + 3];
+    const kind = kindOf(features[i + 3]);
     counts[kind] += 1;
+    if (isRivalAlone(features[i + 3])) {
+      rivals += 1;
+      rival.moveTo(x, y - 3.2 * r);
+      rival.lineTo(x + 2.8 * r, y + 1.7 * r);
+      rival.lineTo(x - 2.8 * r, y + 1.7 * r);
+      rival.closePath();
+    }
     if (kind === 1) {
       still.moveTo(x + r, y);
       still.arc(x, y, r, 0, 7);
@@ -92,6 +105,15 @@ function drawFeatures(context, features, scale, unit) {
     context.strokeStyle = MOVING_COLOUR;
     context.stroke(moving);
   }
+  if (at('show-rival').checked) {
+    context.lineWidth = 3.4 * unit;
+    context.strokeStyle = '#000000c0';
+    context.stroke(rival);
+    context.lineWidth = 1.5 * unit;
+    context.strokeStyle = RIVAL_COLOUR;
+    context.stroke(rival);
+  }
+  setText('n-rival', String(rivals));
   ['neither', 'static', 'moving'].forEach((name, i) => setText('n-' + name, String(counts[i])));
 }
 

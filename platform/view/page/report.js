@@ -31,6 +31,7 @@ function tell(i) {
   if (run.error && !Number.isNaN(run.error[i])) parts.push(`error ${(100 * run.error[i]).toFixed(2)} cm`);
   const matched = run.still[i] + run.moving[i];
   if (matched > 0) parts.push(`${run.still[i]} static, ${run.moving[i]} moving`);
+  if (run.rival[i] > 0) parts.push(rivalWords(run.chosen[i], run.rival[i]));
   if (run.ms[i] > 0) {
     const stages = run.stages.map((name, k) => [name, run.stage[k][i]]).filter(([, ms]) => ms >= 0.05)
       .sort((a, b) => b[1] - a[1]).slice(0, 4).map(([name, ms]) => `${name} ${ms.toFixed(1)}`);
@@ -129,7 +130,7 @@ function show(i) {
   const slider = at('slider');
   slider.value = String(i);
   slider.setAttribute('aria-valuetext', tell(i));
-  showWord(stateOf(i), REASONS[reasonOf(i)] || '');
+  showWord(stateOf(i), adviceFor(reasonOf(i), run.chosen[i], run.rival[i]));
   const pose = poseOf(i);
   setText('frame', String(run.frame[i]));
   setText('position', pose ? pose.slice(0, 3).map((v) => v.toFixed(2)).join('  ') : '–');

@@ -8,7 +8,7 @@ function readRun(json) {
   whole.time = Float64Array.from(stamps, (stamp) => Number(stamp - stamps[0]) / 1e9);
   whole.frame = new Uint32Array(bytesOf(columns.frame));
   whole.state = new Uint8Array(bytesOf(columns.state));
-  whole.reason = new Uint8Array(bytesOf(columns.reason));
+  for (const name of ['reason', 'chosen', 'rival']) whole[name] = new Uint8Array(bytesOf(columns[name] || ''));
   for (const name of ['map', 'features', 'still', 'moving']) whole[name] = new Uint16Array(bytesOf(columns[name]));
   whole.pose = floats(columns.pose);
   whole.ms = floats(columns.ms);
@@ -29,14 +29,14 @@ function stampText(stamp) {
 
 function csvOf(run) {
   const head = ['frame', 'time_s', 'state', 'reason', 'map', 'x_m', 'y_m', 'z_m', 'qx', 'qy', 'qz', 'qw', 'error_m', 'features',
-    'static', 'moving', 'ms', ...run.stages.map((name) => name.replaceAll(' ', '_') + '_ms')];
+    'static', 'moving', 'chosen_percent', 'rival_percent', 'ms', ...run.stages.map((name) => name.replaceAll(' ', '_') + '_ms')];
   const lines = [head.join(',')];
   const short = (value) => (Number.isNaN(value) ? '' : String(Number(value.toPrecision(7))));
   for (let i = 0; i < run.time.length; ++i) {
     const pose = Array.from({ length: 7 }, (_, k) => (run.state[i] === 0 ? '' : short(run.pose[7 * i + k])));
     lines.push([run.frame[i], stampText(run.stamps[i]), ['none', 'predicted', 'unsure', 'tracked'][run.state[i]],
       run.state[i] === 3 ? '' : run.reasons[run.reason[i]], run.map[i], ...pose, run.error ? short(run.error[i]) : '',
-      run.features[i], run.still[i], run.moving[i], short(run.ms[i]), ...run.stage.map((stage) => short(stage[i]))].join(','));
+      run.features[i], run.still[i], run.moving[i], run.chosen[i], run.rival[i], short(run.ms[i]), ...run.stage.map((stage) => short(stage[i]))].join(','));
   }
   return lines.join('\n') + '\n';
 }

@@ -26,7 +26,8 @@ function showState() {
     advice = `The camera has given none for ${Math.floor(silent_s)} s. See whether it is plugged in.`;
   } else if (latest) {
     state = latest.message.state;
-    advice = REASONS[latest.message.reason] || '';
+    const { reason, chosen_percent: chosen, rival_percent: rival } = latest.message;
+    advice = adviceFor(reason, chosen, rival);
   }
   const key = state + advice;
   if (key === shownState) return;

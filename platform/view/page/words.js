@@ -16,7 +16,7 @@ const STATES = {
   gone: ['✕', 'No connection', 'Is the program running, and the network there? Trying again every second.'],
 };
 const REASONS = {
-  'rival motion': 'Another motion explains the picture nearly as well. Show the camera more of what stands still.',
+  'rival motion': 'Show the camera more of what stands still.',
   'unclear motion': 'The motion found explains too little of the picture. Move slowly, towards what stands still.',
   'few points': 'Too few points agree. Look at something with texture.',
   'no depth': 'Too little of the picture has depth. Stay between half a metre and four metres from what it sees.',
@@ -26,6 +26,14 @@ const REASONS = {
   'camera fault': 'Calibration or depth cannot be right. Read what happened, below.',
   'old pictures': 'The camera repeats old pictures. Unplug it and plug it in again.',
 };
+
+// How much two motions explain, in percent.
+const rivalWords = (chosen, rival) => `the motion chosen explains ${chosen} % of the surface in view, its rival ${rival} %`;
+// What to do about a reason, '' where there is nothing; where a rival is the reason, how much each motion explains.
+function adviceFor(reason, chosen, rival) {
+  if (reason !== 'rival motion') return REASONS[reason] || '';
+  return `Rival motion: ${rivalWords(chosen, rival)}. ${REASONS[reason]}`;
+}
 
 function bytesOf(base64) {
   const text = atob(base64);
