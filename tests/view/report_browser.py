@@ -166,11 +166,12 @@ def keep_sheet(browser, frames):
     for k, frame in enumerate(frames):
         go_to(browser, frame)
         browser.script(f"""const c = at('camera'), k = {k}, i = {frame}, gap = 8;
-          if (k === 0) {{ window.sheet = document.createElement('canvas'); sheet.width = {len(frames)} * (c.width + gap) - gap; sheet.height = c.height + 30;
+          if (k === 0) {{ window.sheet = document.createElement('canvas'); sheet.width = {len(frames)} * (c.width + gap) - gap; sheet.height = c.height + 46;
             sheet.getContext('2d').fillStyle = '#fff'; sheet.getContext('2d').fillRect(0, 0, sheet.width, sheet.height); }}
-          const x = sheet.getContext('2d'); x.drawImage(c, k * (c.width + gap), 0); x.fillStyle = '#17202b'; x.font = '16px sans-serif';
-          x.fillText(`${{run.time[i].toFixed(1)}} s, ${{stateOf(i)}}: the motion chosen explains ${{run.chosen[i]}} %, its rival ${{run.rival[i]}} %`,
-            k * (c.width + gap), c.height + 21)""")
+          const x = sheet.getContext('2d'); x.drawImage(c, k * (c.width + gap), 0); x.fillStyle = '#17202b'; x.font = '14px sans-serif';
+          [`${{run.time[i].toFixed(1)}} s: ${{stateOf(i)}}`,
+           `surface explained: ${{run.chosen[i]}} %, by the rival ${{run.rival[i]}} %`]
+            .forEach((line, row) => x.fillText(line, k * (c.width + gap), c.height + 18 * (row + 1)))""")
     data = browser.script("return sheet.toDataURL('image/jpeg', 0.8)")
     (browser.pictures / "rival.jpg").write_bytes(base64.b64decode(data.split(",")[1]))
 
