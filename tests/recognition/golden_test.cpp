@@ -45,7 +45,7 @@ TEST(Recovery, GoldenBits) {
 }
 
 // Promise: so is the drift between any two keyframes of any tree, and which keyframe is compared next.
-TEST(MapDrift, GoldenBits) {
+TEST(MapDriftAlone, GoldenBits) {
     StateHash hash;
     Random random(2);
     for (std::uint32_t round = 0; round < 12; ++round) {
