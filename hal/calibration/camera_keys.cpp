@@ -82,6 +82,7 @@ private:
     std::vector<const CameraEntry*> passed_over_;
     LensName lens_ = LensName::kUnsaid;
     const CameraEntry* lens_entry_ = nullptr;
+    std::string lens_name_;  // as it stands there; a key may have none
     const CameraEntry* coefficients_ = nullptr;
 };
 
@@ -291,7 +292,8 @@ Status CameraReader::take_size(const CameraEntry& entry) {
 
 // A file may say what the camera is (pinhole) and how its lens distorts (radtan): the second is the lens.
 Status CameraReader::take_lens(const CameraEntry& entry) {
-    const std::string name = entry.words.size() == 1 ? entry.words[0] : std::string();
+    if (entry.words.size() > 1) return fail(entry, "must be the name of a lens.");
+    const std::string name = entry.words.empty() ? std::string() : entry.words[0];
     const LensName lens = lens_named(name);
     if (lens == LensName::kUnknown) {
         return fail(entry, "is " + quoted(name) + ", a lens that is unknown here (known: " + kKnownLenses +
@@ -299,12 +301,13 @@ Status CameraReader::take_lens(const CameraEntry& entry) {
     }
     const bool says_more = lens_ == LensName::kUnsaid || lens_ == LensName::kPinhole;
     if (!says_more && lens != LensName::kPinhole && lens != lens_) {
-        return fail(entry, "is " + quoted(name) + ", but " + quoted(lens_entry_->key) + " is " +
-                               quoted(lens_entry_->words[0]) + "; keep the one that is right.");
+        return fail(entry, "is " + quoted(name) + ", but " + quoted(lens_entry_->key) + " is " + quoted(lens_name_) +
+                               "; keep the one that is right.");
     }
     if (says_more) {
         lens_ = lens;
         lens_entry_ = &entry;
+        lens_name_ = name;
     }
     return Status::kOk;
 }
@@ -392,7 +395,7 @@ Status CameraReader::take_coefficients() {
     const std::span<const Number> order =
         lens_ == LensName::kFisheye ? std::span<const Number>(kFisheyeOrder) : std::span<const Number>(kBrownOrder);
     const std::size_t of_lens = lens_ == LensName::kBrown ? 5 : order.size();
-    const std::string model = lens_entry_ == nullptr ? "" : " (" + lens_entry_->words[0] + ")";
+    const std::string model = lens_name_.empty() ? "" : " (" + lens_name_ + ")";
     if (!d.empty() && d.size() < 4) {
         return fail(entry, "has " + std::to_string(d.size()) + " numbers; this lens" + model + " has " +
                                (lens_ == LensName::kFisheye ? "4 (k1 k2 k3 k4)." : "4 or 5 (k1 k2 p1 p2 k3), or 8."));
@@ -437,7 +440,7 @@ Status CameraReader::check_lens_of_scalars() {
     for (const Number number : {kK1, kK2, kP1, kP2, kK3}) {
         if (lens_ == LensName::kOtherBrown && value_of(number) != 0) {
             return refuse(number,
-                          "of " + quoted(lens_entry_->words[0]) +
+                          "of " + quoted(lens_name_) +
                               ", which distorts otherwise than plumb_bob; calibrate it (ROS camera_calibration, "
                               "Kalibr), or undistort the images.");
         }

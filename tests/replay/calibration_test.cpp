@@ -306,7 +306,8 @@ TEST(Calibration, Lenses) {
                                    {"plumb_bob", "0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0, 0"},
                                    {"radtan", "0.1, 0.2, 0.3, 0.4, 0.5"},
                                    {"\"Brown Conrady\"", "0.1, 0.2, 0.3, 0.4, 0.5"},
-                                   {"''", "0.1, 0.2, 0.3, 0.4, 0.5"}}) {
+                                   {"''", "0.1, 0.2, 0.3, 0.4, 0.5"},
+                                   {"&lens", "0.1, 0.2, 0.3, 0.4, 0.5"}}) {
         expect_equal(read_of(ros(model, d)), plain);
     }
     const CameraModel rational = read_of(ros("rational_polynomial", "1, 2, 3, 4, 5, 6, 7, 8")).model;
@@ -323,6 +324,8 @@ TEST(Calibration, Lenses) {
               std::string::npos);
     EXPECT_NE(error("equidistant", "1, 2, 3, 4, 5").find("number 5 is 5"), std::string::npos);
     EXPECT_NE(error("plumb_bob", "1, 2").find("has 2 numbers"), std::string::npos);
+    EXPECT_NE(error("&lens", "1, 2").find("has 2 numbers; this lens has"), std::string::npos);
+    EXPECT_NE(error("[plumb_bob, radtan]", "1, 2, 3, 4").find("must be the name of a lens"), std::string::npos);
     EXPECT_NE(error("inverse_brown_conrady", "0, 0, 0, 0, 1").find("distorts otherwise than plumb_bob"),
               std::string::npos);
     EXPECT_EQ(read_of(ros("inverse_brown_conrady", "0, 0, 0, 0, 0")).model.k1, 0);
