@@ -20,6 +20,10 @@ if(STILLMESH_SANITIZE)  # enough to name file and line of what is found, and com
         set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O1 -g1")
     endif()
 endif()
+# For the folder at hand, of which nothing counts in a frame's time (arguments, tables, tests): two thirds of the compiling.
+function(stillmesh_compile_quickly)
+    add_compile_options($<$<CONFIG:Release>:-O1>)
+endfunction()
 
 add_library(stillmesh_contract INTERFACE)
 target_include_directories(stillmesh_contract INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)

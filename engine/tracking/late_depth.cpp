@@ -6,7 +6,7 @@ namespace stillmesh {
 namespace {
 
 constexpr double kNegligible_rad = 0.001;  // half a pixel
-constexpr double kTurnMax_rad = 0.1;       // 230 degrees per second, 25 ms late
+constexpr double kLagTurnMax_rad = 0.1;    // 230 degrees per second, 25 ms late
 constexpr std::size_t kMatchesMin = 30;
 
 }  // namespace
@@ -25,7 +25,7 @@ bool LateDepth::expect(MeasuredFrame& frame, const Vector6& speed, const Paramet
     turn_ = expected_ = turning * lag_s;
     sigma_rad_ = turning.norm() * parameters.region.colour_depth_lag_s;
     trust_ = parameters.pose.depth_trust;
-    is_asked_ = lag_s != 0 && trust_ > 0 && sigma_rad_ > kNegligible_rad && expected_.norm() <= kTurnMax_rad &&
+    is_asked_ = lag_s != 0 && trust_ > 0 && sigma_rad_ > kNegligible_rad && expected_.norm() <= kLagTurnMax_rad &&
                 !parameters.region.is_paper();
     if (!is_asked_) turn_.setZero();
     if (turn_ == before) return false;
@@ -39,7 +39,7 @@ bool LateDepth::measure(std::span<const Correspondence> correspondences, std::sp
     const DepthTurnPrior prior{world_from_camera, turn_, expected_, sigma_rad_, trust_};
     const Result<Vector3> measured =
         measure_depth_turn(correspondences, chosen, frame.depth_picture(), prior, chi2_max);
-    if (!measured.is_ok() || !(measured.value().norm() <= kTurnMax_rad)) return false;
+    if (!measured.is_ok() || !(measured.value().norm() <= kLagTurnMax_rad)) return false;
     turn_ = measured.value();
     frame.look_up_depth(turn_);
     return true;

@@ -9,7 +9,7 @@ constexpr double kSteadyFrames = 8;  // of 30 a second: a trembling of 10 Hz is 
 // m/s, rad/s: 1100 degrees per second. Faster is no camera but two stamps that lie too close; its points would move
 // faster with the readout than a map file may say.
 constexpr double kSpeedMax = 20;
-constexpr double kTurnMax_rad = 0.1;  // 200 degrees per second, read within 28 ms
+constexpr double kReadoutTurnMax_rad = 0.1;  // 200 degrees per second, read within 28 ms
 
 }  // namespace
 
@@ -50,7 +50,7 @@ bool TrackedShutter::measure_turn(std::span<const Correspondence> correspondence
     if (!has_rows || chosen.size() < parameters_.matches_min || !(variance > 0)) return false;
     const RowTurnPrior prior{sweep_.tail<3>(), expected_turn(), variance};
     const Result<RowTurn> measured = measure_row_turn(correspondences, chosen, world_from_camera, prior, chi2_max);
-    if (!measured.is_ok() || !(measured.value().turn.norm() <= kTurnMax_rad)) return false;
+    if (!measured.is_ok() || !(measured.value().turn.norm() <= kReadoutTurnMax_rad)) return false;
     turn_ = measured.value().turn;
     off_ = turn_ - expected_turn();
     off_variance_ = measured.value().covariance.trace() / 3.0;

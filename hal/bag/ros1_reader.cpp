@@ -11,11 +11,12 @@ constexpr std::uint32_t kHeaderBytesMax = 64 * 1024;
 constexpr std::size_t kConnectionsMax = 65536;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-enum Op : std::uint8_t {
-    kRos1Message = 2,
+enum class Op : std::uint8_t {
+    kNone = 0,
+    kMessage = 2,
     kBagHeader = 3,
     kIndex = 4,
-    kRos1Chunk = 5,
+    kChunk = 5,
     kChunkInfo = 6,
     kConnection = 7
 };
@@ -50,9 +51,9 @@ using Bytes = std::span<const std::uint8_t>;
     value = u32_at(bytes);
     return true;
 }
-[[nodiscard]] std::uint8_t op_of(Bytes header) {
+[[nodiscard]] Op op_of(Bytes header) {
     const Bytes bytes = field(header, "op");
-    return bytes.size() == 1 ? bytes[0] : std::uint8_t{0};
+    return bytes.size() == 1 ? static_cast<Op>(bytes[0]) : Op::kNone;
 }
 
 }  // namespace
@@ -79,16 +80,17 @@ Status Ros1Reader::read_file_record(BagMessage& out, std::string& message) {
     const std::uint64_t data_at = begin + 8 + header_.size();
     if (!file_.read(begin + 4, header_) || !file_.read(data_at - 4, size)) return torn(begin, message);
     const std::uint32_t data_bytes = u32_at(size);
-    const std::uint8_t op = op_of(header_);
+    const Op op = op_of(header_);
     at_ = data_at + data_bytes;
-    if (op == kRos1Chunk) return read_chunk(data_at, data_bytes, message);
+    if (op == Op::kChunk) return read_chunk(data_at, data_bytes, message);
     if (at_ > file_.size_bytes()) return torn(begin, message);
-    if (op == kBagHeader) {
+    if (op == Op::kBagHeader) {
         const Bytes index = field(header_, "index_pos");
         is_unclosed_ = std::all_of(index.begin(), index.end(), [](std::uint8_t byte) { return byte == 0; });
     }
-    if (op != kRos1Message && op != kConnection) {
-        return op == kBagHeader || op == kIndex || op == kChunkInfo ? Status::kNotFound : torn(begin, message);
+    if (op != Op::kMessage && op != Op::kConnection) {
+        return op == Op::kBagHeader || op == Op::kIndex || op == Op::kChunkInfo ? Status::kNotFound
+                                                                                : torn(begin, message);
     }
     if (data_bytes > kBagPieceBytesMax) return torn(begin, message);
     packed_.resize(data_bytes);
@@ -156,11 +158,11 @@ Status Ros1Reader::read_chunk_record(BagMessage& out, std::string& message) {
 }
 
 Status Ros1Reader::take(const Record& record, BagMessage& out) {
-    const std::uint8_t op = op_of(record.header);
-    if (op == kConnection) take_connection(record);
-    if (op == 0) return Status::kCorrupt;
+    const Op op = op_of(record.header);
+    if (op == Op::kConnection) take_connection(record);
+    if (op == Op::kNone) return Status::kCorrupt;
     std::uint32_t connection = 0;
-    if (op != kRos1Message) return Status::kNotFound;
+    if (op != Op::kMessage) return Status::kNotFound;
     const Bytes time = field(record.header, "time");
     if (!number_field(record.header, "conn", connection) || time.size() != 8) return Status::kCorrupt;
     const auto at = places_.find(connection);

@@ -5,14 +5,14 @@
 namespace stillmesh::v4l2 {
 namespace {
 
-constexpr std::uint32_t kFormatsMax = 16;
+constexpr std::uint32_t kMetadataFormatsMax = 16;
 constexpr std::uint32_t kBytesMin = 64, kBytesMax = 1 << 20;
 
 }  // namespace
 
 int MetadataStream::set_format() {
     std::uint32_t best = 0;
-    for (std::uint32_t i = 0; i < kFormatsMax; ++i) {
+    for (std::uint32_t i = 0; i < kMetadataFormatsMax; ++i) {
         std::uint32_t code = 0;
         if (link_.format_at(handle_, i, code) != 0) break;
         if (code == kD4xxMetadata || (code == kUvcMetadata && best == 0)) best = code;

@@ -6,8 +6,9 @@
 #include "engine/base/check.hpp"
 #include "engine/base/random.hpp"
 #include "platform/camera_check/depth_noise.hpp"
+#include "platform/camera_check/small_system.hpp"
 // After CHECK: Eigen's assertions are ours.
-#include <Eigen/Dense>
+#include <Eigen/LU>
 
 namespace stillmesh {
 namespace {
@@ -98,7 +99,7 @@ double explained_with_depth(const std::vector<ViewMatch>& matches, double focal_
             normal += from(matches[i]) * from(matches[i]).transpose();
             right += from(matches[i]) * to(matches[i]).transpose();
         }
-        const LinearMotion motion = normal.ldlt().solve(right).transpose();
+        const LinearMotion motion = solved(normal, right).transpose();
         std::size_t taken = 0;
         for (const ViewMatch& m : matches) taken += gate.takes(m, motion) ? 1U : 0U;
         if (taken < most) break;
@@ -124,9 +125,9 @@ double explained_by_picture(const std::vector<ViewMatch>& matches, double focal_
         }
         // The vector that the eight do not bind, by inverse iteration.
         normal.diagonal().array() += 1e-9;
-        const auto solver = normal.ldlt();
+        const SmallMatrix inverse = solved(normal, Eigen::Matrix<double, 9, 9>::Identity());
         Eigen::Matrix<double, 9, 1> f = Eigen::Matrix<double, 9, 1>::Ones();
-        for (int i = 0; i < 3; ++i) f = Eigen::Matrix<double, 9, 1>(solver.solve(f)).normalized();
+        for (int i = 0; i < 3; ++i) f = (inverse * f).normalized();
         Matrix3d fundamental;
         for (int row = 0; row < 3; ++row) fundamental.row(row) = f.segment<3>(3 * row);
         std::size_t taken = 0;

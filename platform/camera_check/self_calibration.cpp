@@ -6,8 +6,8 @@
 
 #include "engine/base/check.hpp"
 #include "platform/camera_check/depth_noise.hpp"
+#include "platform/camera_check/small_system.hpp"
 // After CHECK: Eigen's assertions are ours.
-#include <Eigen/Dense>
 #include <Eigen/Geometry>
 
 namespace stillmesh {
@@ -133,13 +133,14 @@ public:
             if (is_correcting) {
                 const Vector4 diagonal = h.diagonal() * damping;
                 h.diagonal() += diagonal;
-                step = -h.ldlt().solve(g);
+                step = -solved(h, g);
                 for (int k = 0; k < 4; ++k) step(k) = std::clamp(step(k), -0.3, 0.3);
             }
             const Vector4 to = value + step;
             for (std::size_t i = 0; i < pairs_.size(); ++i) {
                 const Matrix6 mm = damped(systems_[i].mm, damping);
-                tried_[i] = moved(motions_[i], -mm.ldlt().solve(systems_[i].m + systems_[i].cm.transpose() * step));
+                const Vector6 right = systems_[i].m + systems_[i].cm.transpose() * step;
+                tried_[i] = moved(motions_[i], -solved(mm, right));
             }
             Systems systems;
             const double at = evaluate(to, tried_, systems);
@@ -177,9 +178,11 @@ private:
     // The motions eliminated.
     void reduce(Matrix4& h, Vector4& g, double damping) const {
         for (const PairSystem& s : std::span(systems_).first(pairs_.size())) {
-            const auto solver = damped(s.mm, damping).ldlt();
-            h += s.cc - s.cm * solver.solve(s.cm.transpose());
-            g += s.c - s.cm * solver.solve(s.m);
+            Eigen::Matrix<double, 6, 5> right;
+            right << s.cm.transpose(), s.m;
+            const Eigen::Matrix<double, 4, 5> eliminated = s.cm * solved(damped(s.mm, damping), right);
+            h += s.cc - eliminated.leftCols<4>();
+            g += s.c - eliminated.col(4);
         }
     }
     double evaluate(const Vector4& value, const Motions& motions, Systems& systems) const {
@@ -228,7 +231,7 @@ CameraCorrection SelfCalibration::estimate() const {
     Vector4 value = Vector4::Zero();
     out.cost_before = fit.run(value, false) / static_cast<double>(count);
     out.cost = fit.run(value, true) / static_cast<double>(count);
-    const Matrix4 covariance = fit.information().inverse();
+    const Matrix4 covariance = solved(fit.information(), Matrix4::Identity());
     const double focal[4] = {1, 1, camera_.fx, camera_.fy};
     for (int k = 0; k < 4; ++k) {
         const auto i = static_cast<std::size_t>(k);

@@ -6,7 +6,7 @@
 
 #include "engine/tuned_engine.hpp"
 
-namespace stillmesh::accuracy {
+namespace stillmesh::accuracy::ablation_test {
 namespace {
 
 Result run_of(const std::string& variant, std::uint64_t seed, double ate_m) {
@@ -55,4 +55,4 @@ TEST(Ablation, TableByHand) {
 }
 
 }  // namespace
-}  // namespace stillmesh::accuracy
+}  // namespace stillmesh::accuracy::ablation_test

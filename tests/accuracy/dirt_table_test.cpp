@@ -7,7 +7,7 @@
 #include "bench/accuracy/gate.hpp"
 #include "bench/accuracy/results.hpp"
 
-namespace stillmesh::accuracy {
+namespace stillmesh::accuracy::dirt_table_test {
 namespace {
 
 Result run_of(const std::string& dirt, std::uint64_t seed, double ate_m) {
@@ -67,4 +67,4 @@ TEST(DirtTable, DirtyRunsHaveNoBars) {
 }
 
 }  // namespace
-}  // namespace stillmesh::accuracy
+}  // namespace stillmesh::accuracy::dirt_table_test

@@ -4,7 +4,7 @@
 
 #include "bench/accuracy/results.hpp"
 
-namespace stillmesh::accuracy {
+namespace stillmesh::accuracy::gate_test {
 namespace {
 
 Result good(const std::string& scene, const std::string& variant = "on") {
@@ -166,4 +166,4 @@ TEST(Gate, ResultsSurviveText) {
 }
 
 }  // namespace
-}  // namespace stillmesh::accuracy
+}  // namespace stillmesh::accuracy::gate_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace stillmesh::accuracy {
+namespace stillmesh::accuracy::hints_test {
 namespace {
 
 // The camera goes forward by a centimetre a frame.
@@ -51,4 +51,4 @@ TEST(AccuracyHints, SlipsHaveTheirTime) {
 }
 
 }  // namespace
-}  // namespace stillmesh::accuracy
+}  // namespace stillmesh::accuracy::hints_test

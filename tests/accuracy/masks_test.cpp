@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace stillmesh::accuracy {
+namespace stillmesh::accuracy::masks_test {
 namespace {
 
 constexpr std::uint32_t kWidth = 128, kHeight = 64;
@@ -41,4 +41,4 @@ TEST(Masks, AreWhatTheySay) {
 }
 
 }  // namespace
-}  // namespace stillmesh::accuracy
+}  // namespace stillmesh::accuracy::masks_test

@@ -10,7 +10,7 @@
 // After CHECK: Eigen's assertions are ours.
 #include <Eigen/Dense>
 
-namespace stillmesh::accuracy {
+namespace stillmesh::accuracy::measures_test {
 namespace {
 
 constexpr std::int64_t kFrame_ns = 33'333'333;
@@ -262,4 +262,4 @@ TEST(Measures, TruthBetweenPoses) {
 }
 
 }  // namespace
-}  // namespace stillmesh::accuracy
+}  // namespace stillmesh::accuracy::measures_test

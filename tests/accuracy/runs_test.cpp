@@ -8,7 +8,7 @@
 #include "bench/accuracy/results.hpp"
 #include "bench/accuracy/workers.hpp"
 
-namespace stillmesh::accuracy {
+namespace stillmesh::accuracy::runs_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -80,4 +80,4 @@ TEST(Runs, ParametersByName) {
 }
 
 }  // namespace
-}  // namespace stillmesh::accuracy
+}  // namespace stillmesh::accuracy::runs_test

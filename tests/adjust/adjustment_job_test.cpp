@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace stillmesh {
+namespace stillmesh::adjustment_job_test {
 namespace {
 
 enum class HalvingPhase : std::uint8_t { kPropose, kEvaluate };
@@ -86,4 +86,4 @@ TEST(AdjustmentJobDeathTest, ResultsAreReadWhenDone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::adjustment_job_test

@@ -14,7 +14,7 @@
 #include "tests/support/memory.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::ceres_test {
 namespace {
 
 using test::make_window;
@@ -188,4 +188,4 @@ TEST(Ceres, GlobalAdjustmentHasTheSameMinimum) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::ceres_test

@@ -11,7 +11,7 @@
 #include "engine/base/random.hpp"
 #include "engine/geometry/cholesky.hpp"
 
-namespace stillmesh {
+namespace stillmesh::conjugate_gradients_test {
 namespace {
 
 // A dense system of `blocks` poses, by blocks; `inverse`: the preconditioner, by blocks too.
@@ -303,4 +303,4 @@ TEST(ConjugateGradients, ACopyGoesOnAlike) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::conjugate_gradients_test

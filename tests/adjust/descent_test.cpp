@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <limits>
 
-namespace stillmesh {
+namespace stillmesh::descent_test {
 namespace {
 
 Descent at(double cost, double candidate_cost, double predicted) {
@@ -89,4 +89,4 @@ TEST(Descent, GivesUp) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::descent_test

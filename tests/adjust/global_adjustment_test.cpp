@@ -11,7 +11,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::global_adjustment_test {
 namespace {
 
 using Adjustment = test::InMemory<GlobalAdjustment>;
@@ -103,4 +103,4 @@ TEST(GlobalAdjustment, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::global_adjustment_test

@@ -9,7 +9,7 @@
 #include "tests/adjust/window.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 void add(const SE3& pose, StateHash& hash) {
@@ -114,4 +114,4 @@ TEST(PoseGraph, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

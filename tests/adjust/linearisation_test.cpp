@@ -5,7 +5,7 @@
 #include "engine/base/random.hpp"
 #include "tests/adjust/window.hpp"
 
-namespace stillmesh {
+namespace stillmesh::linearisation_test {
 namespace {
 
 struct Residuals {
@@ -86,4 +86,4 @@ TEST(Linearisation, WhatCannotBeSeenIsFar) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::linearisation_test

@@ -13,7 +13,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::local_adjustment_test {
 namespace {
 
 using test::make_window;
@@ -671,4 +671,4 @@ TEST(LocalAdjustment, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::local_adjustment_test

@@ -12,7 +12,7 @@
 #include "tests/support/memory.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::pose_graph_ceres_test {
 namespace {
 
 void write_pose(std::ofstream& out, const SE3& pose) {
@@ -101,4 +101,4 @@ TEST(PoseGraphCeres, SameMinimum) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::pose_graph_ceres_test

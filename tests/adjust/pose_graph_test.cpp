@@ -11,7 +11,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::pose_graph_test {
 namespace {
 
 using test::Graph;
@@ -149,4 +149,4 @@ TEST(PoseGraph, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::pose_graph_test

@@ -8,7 +8,7 @@
 #include "engine/base/random.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::reduced_system_test {
 namespace {
 
 constexpr std::uint32_t kW = ReducedSystem::kWidth;
@@ -72,4 +72,4 @@ TEST(ReducedSystem, RefusesWhatIsNotPositiveDefinite) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::reduced_system_test

@@ -11,7 +11,7 @@
 
 #include "tests/bag/bag_maker.hpp"
 
-namespace stillmesh {
+namespace stillmesh::bag_camera_test {
 namespace {
 
 using test::KeptFrame;
@@ -320,4 +320,4 @@ TEST(BagCamera, AnyDamageIsSurvived) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::bag_camera_test

@@ -13,7 +13,7 @@
 #include "tests/bag/bag_maker.hpp"
 #include "tests/support/answer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::bag_run_test {
 namespace {
 
 using test::Answer;
@@ -230,4 +230,4 @@ TEST(BagProgram, MemoryDoesNotGrowWithTheBag) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::bag_run_test

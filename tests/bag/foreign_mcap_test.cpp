@@ -10,7 +10,7 @@
 #include "tests/bag/bag_maker.hpp"
 #include "tests/support/answer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::foreign_mcap_test {
 namespace {
 
 [[nodiscard]] std::string hash_in(const std::string& text) {
@@ -74,4 +74,4 @@ TEST(ForeignMcap, ReadsWhatIsRecorded) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::foreign_mcap_test

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::frame_tree_test {
 namespace {
 
 using Point = std::array<double, 3>;
@@ -119,4 +119,4 @@ TEST(FrameTree, PassesOverWhatIsNoTransform) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_tree_test

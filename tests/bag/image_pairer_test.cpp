@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::image_pairer_test {
 namespace {
 
 constexpr std::int64_t kGap_ns = 20'000'000;
@@ -115,4 +115,4 @@ TEST(ImagePairer, WaitsForSoLongOnly) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::image_pairer_test

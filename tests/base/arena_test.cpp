@@ -9,7 +9,7 @@
 #include "engine/base/random.hpp"
 #include "tests/support/check_message.hpp"
 
-namespace stillmesh {
+namespace stillmesh::arena_test {
 namespace {
 
 struct alignas(kArenaAlignment) Block {
@@ -119,4 +119,4 @@ constexpr std::size_t planned() {
 static_assert(planned() == 64 + 16);
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::arena_test

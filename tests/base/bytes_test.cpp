@@ -11,7 +11,7 @@
 #include "engine/base/crc.hpp"
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::bytes_test {
 namespace {
 
 // One record with every type, as a file would hold it: 1 + 2 + 4 + 8 + 4 + 8 + 4 + 8 + 3 = 42 bytes.
@@ -229,4 +229,4 @@ TEST(Crc32, PiecesAndFlippedBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::bytes_test

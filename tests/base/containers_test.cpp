@@ -15,7 +15,7 @@
 #include "engine/base/status.hpp"
 #include "tests/support/check_message.hpp"
 
-namespace stillmesh {
+namespace stillmesh::containers_test {
 namespace {
 
 struct alignas(kArenaAlignment) Block {
@@ -214,4 +214,4 @@ TEST(Status, NamesAreDistinct) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::containers_test

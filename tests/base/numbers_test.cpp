@@ -12,7 +12,7 @@
 #include "engine/base/hash.hpp"
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::numbers_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -146,4 +146,4 @@ TEST(Random, Moments) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::numbers_test

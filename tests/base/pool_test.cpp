@@ -14,7 +14,7 @@
 #include "engine/base/random.hpp"
 #include "tests/support/check_message.hpp"
 
-namespace stillmesh {
+namespace stillmesh::pool_test {
 namespace {
 
 struct alignas(kArenaAlignment) Block {
@@ -171,4 +171,4 @@ TEST(PoolDeathTest, MisuseIsChecked) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::pool_test

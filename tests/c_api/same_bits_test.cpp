@@ -17,7 +17,7 @@
 #include "platform/linux/memory_block.hpp"
 #include "stillmesh.h"
 
-namespace stillmesh {
+namespace stillmesh::same_bits_test {
 namespace {
 
 [[nodiscard]] std::map<std::string, double> keys_of(Limits limits, Configuration configuration) {
@@ -254,4 +254,4 @@ TEST(SameBits, JoinedMaps) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::same_bits_test

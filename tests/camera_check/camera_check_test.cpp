@@ -7,7 +7,7 @@
 #include "tests/engine/engine_rig.hpp"
 #include "tests/support/frames.hpp"
 
-namespace stillmesh {
+namespace stillmesh::camera_check_test {
 namespace {
 
 // Not the limits of a test: at 640x480 with a room's features, as a camera is checked.
@@ -133,4 +133,4 @@ TEST_F(LookingAround, WhatWouldFit) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::camera_check_test

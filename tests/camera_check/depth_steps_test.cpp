@@ -9,7 +9,7 @@
 #include "engine/base/random.hpp"
 #include "platform/camera_check/depth_edges.hpp"
 
-namespace stillmesh {
+namespace stillmesh::depth_steps_test {
 namespace {
 
 constexpr std::uint32_t kWidth = 640, kHeight = 480;
@@ -104,4 +104,4 @@ TEST(DepthEdges, SayWhereThePictureHasThem) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::depth_steps_test

@@ -7,7 +7,7 @@
 #include "platform/camera_check/rigidity.hpp"
 #include "tests/camera_check/synthetic_views.hpp"
 
-namespace stillmesh {
+namespace stillmesh::self_calibration_test {
 namespace {
 
 using test::looking_around;
@@ -120,4 +120,4 @@ TEST(Rigidity, TellsStrangersFromPeople) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::self_calibration_test

@@ -6,7 +6,7 @@
 
 #include "tests/engine/engine_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::gap_test {
 namespace {
 
 using test::EngineRig;
@@ -68,4 +68,4 @@ TEST(Gap, APoseAwayFromTheMotionIsUnsureForASecond) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::gap_test

@@ -10,7 +10,7 @@
 #include "platform/motion/simulated_motion.hpp"
 #include "tests/engine/engine_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::hint_test {
 namespace {
 
 using test::EngineRig;
@@ -125,4 +125,4 @@ TEST(Hints, ResetForgetsThem) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::hint_test

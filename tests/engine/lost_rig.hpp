@@ -19,7 +19,7 @@ namespace stillmesh::test {
 
 inline constexpr std::uint32_t kWidth = 320, kHeight = 240;
 
-inline Limits limits_of_test() {
+inline Limits lost_limits() {
     Limits limits = Limits::pocket();
     limits.image_width_max = kWidth;
     limits.image_height_max = kHeight;
@@ -27,8 +27,8 @@ inline Limits limits_of_test() {
     return limits;
 }
 
-inline Parameters configuration_of_test() {
-    Parameters out = fitting(limits_of_test());
+inline Parameters lost_parameters() {
+    Parameters out = fitting(lost_limits());
     out.recovery.inlier_share_min = 2;  // nothing is recovered by chance
     return out;
 }
@@ -61,7 +61,7 @@ inline void grow(Node& node, std::vector<Descriptor> seen, std::uint32_t level, 
 }
 
 inline std::vector<std::byte> vocabulary_of(const Sequence& sequence) {
-    const Limits limits = limits_of_test();
+    const Limits limits = lost_limits();
     struct Finder {
         static void plan(ArenaPlan& plan, const Limits& l) {
             OrbExtractor::plan(plan, l);
@@ -102,11 +102,11 @@ inline const Sequence& home() {
 // An engine that has seen the first frames of home, and then nothing for some frames (two seconds).
 class Lost {
 public:
-    explicit Lost(bool has_vocabulary, std::uint32_t frames = 90,
-                  const Parameters& configuration = configuration_of_test(), int dark_frames = 60)
-        : memory_(bytes_needed(limits_of_test())), bytes_(vocabulary_of(home())) {
+    explicit Lost(bool has_vocabulary, std::uint32_t frames = 90, const Parameters& configuration = lost_parameters(),
+                  int dark_frames = 60)
+        : memory_(bytes_needed(lost_limits())), bytes_(vocabulary_of(home())) {
         const auto made =
-            create_engine(memory_.span(), limits_of_test(), configuration, home().camera,
+            create_engine(memory_.span(), lost_limits(), configuration, home().camera,
                           {cpu_kernels(), nullptr,
                            has_vocabulary ? std::span<const std::byte>(bytes_) : std::span<const std::byte>{}});
         EXPECT_TRUE(made.is_ok());

@@ -10,7 +10,7 @@
 
 #include "tests/engine/engine_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::mask_test {
 namespace {
 
 using test::EngineRig;
@@ -91,4 +91,4 @@ TEST(Masks, OneOfAnotherSizeIsRefusedWithItsFrame) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::mask_test

@@ -13,7 +13,7 @@
 #include "tests/engine/engine_rig.hpp"
 #include "tests/support/heap_calls.hpp"
 
-namespace stillmesh {
+namespace stillmesh::memory_test {
 namespace {
 
 using test::EngineRig;
@@ -327,4 +327,4 @@ TEST(Memory, NeverCallsTheHeap) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::memory_test

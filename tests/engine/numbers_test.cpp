@@ -4,7 +4,7 @@
 
 #include "tests/engine/engine_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::numbers_test {
 namespace {
 
 struct Change {
@@ -45,4 +45,4 @@ TEST(Numbers, EachDecidesSomething) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::numbers_test

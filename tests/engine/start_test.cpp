@@ -7,7 +7,7 @@
 
 #include "tests/engine/engine_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::start_test {
 namespace {
 
 using test::EngineRig;
@@ -65,4 +65,4 @@ TEST(Start, WhatIsNoPoseOrLateIsRefused) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::start_test

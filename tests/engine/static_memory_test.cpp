@@ -5,7 +5,7 @@
 #include "engine/static_bytes_needed.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 
-namespace stillmesh {
+namespace stillmesh::static_memory_test {
 namespace {
 
 alignas(kArenaAlignment) std::byte static_block[static_bytes_needed(Limits::pocket())];
@@ -45,4 +45,4 @@ TEST(StaticMemory, EqualsBytesNeeded) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::static_memory_test

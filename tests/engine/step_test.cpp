@@ -4,7 +4,7 @@
 
 #include "tests/engine/engine_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::step_test {
 namespace {
 
 using test::EngineRig;
@@ -35,4 +35,4 @@ TEST(Step, IsCountedHashedAndForgotten) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::step_test

@@ -9,7 +9,7 @@
 
 #include "tests/engine/engine_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::tracking_test {
 namespace {
 
 using test::EngineRig;
@@ -571,4 +571,4 @@ TEST(Engine, ForeignExtractorsMayLie) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::tracking_test

@@ -7,7 +7,7 @@
 
 #include "hal/live/reconnecting_camera.hpp"
 
-namespace stillmesh {
+namespace stillmesh::faulty_camera_test {
 namespace {
 
 constexpr std::int64_t kPeriod_ns = 33'333'333;
@@ -274,4 +274,4 @@ TEST(FaultyCamera, ARecordingGoesOnWhereItWas) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::faulty_camera_test

@@ -14,7 +14,7 @@
 #include "tests/features/images.hpp"
 #include "tests/features/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::extractor_test {
 namespace {
 
 using testing::Image;
@@ -224,4 +224,4 @@ TEST(OrbExtractor, no_bias_between_levels) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::extractor_test

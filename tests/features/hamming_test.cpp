@@ -9,7 +9,7 @@
 #include "engine/frame/kernels.hpp"
 #include "platform/linux/cpu_kernels.hpp"
 
-namespace stillmesh {
+namespace stillmesh::hamming_test {
 namespace {
 
 std::uint32_t counted(const Descriptor& a, const Descriptor& b) {
@@ -61,4 +61,4 @@ TEST(Hamming, EqualsBruteForceAndTheKernels) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::hamming_test

@@ -11,7 +11,7 @@
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/features/images.hpp"
 
-namespace stillmesh {
+namespace stillmesh::kernels_test {
 namespace {
 
 using testing::hard_images;
@@ -243,4 +243,4 @@ TEST(Kernels, NamedByTheEnvironment) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::kernels_test

@@ -16,7 +16,7 @@
 #include "tests/features/finders.hpp"
 #include "tests/features/images.hpp"
 
-namespace stillmesh {
+namespace stillmesh::oracle_test {
 namespace {
 
 using testing::Image;
@@ -169,4 +169,4 @@ TEST(CvOrbExtractor, gives_cv_orb) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::oracle_test

@@ -10,7 +10,7 @@
 #include "tests/features/images.hpp"
 #include "tests/features/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::pyramid_test {
 namespace {
 
 using testing::Image;
@@ -109,4 +109,4 @@ TEST(Pyramid, sizes) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::pyramid_test

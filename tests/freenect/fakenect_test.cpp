@@ -19,7 +19,7 @@
 #include "platform/evaluation/evaluation.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::fakenect_test {
 namespace {
 
 constexpr std::uint32_t kFrames = 12;
@@ -281,7 +281,7 @@ TEST(Fakenect, TheProgramRefusesWhatAKinectCannot) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::fakenect_test
 
 // The player has the library's name: start again with its folder searched first.
 int main(int argc, char** argv) {

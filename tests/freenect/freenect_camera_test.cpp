@@ -9,7 +9,7 @@
 
 #include "tests/freenect/scripted_freenect.hpp"
 
-namespace stillmesh {
+namespace stillmesh::freenect_camera_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -201,4 +201,4 @@ TEST_F(FreenectCameraTest, HangsAreBounded) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::freenect_camera_test

@@ -12,7 +12,7 @@
 #include "engine/base/random.hpp"
 #include "engine/geometry/lens.hpp"
 
-namespace stillmesh {
+namespace stillmesh::camera_test {
 namespace {
 
 // Published calibrations: TUM's Freiburg 1 (a strong k1..k3), 2 and the EuRoC left camera (a wide barrel).
@@ -375,4 +375,4 @@ TEST(Camera, StaysFiniteOutside) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::camera_test

@@ -11,7 +11,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::depth_noise_test {
 namespace {
 
 constexpr double kUnit = 1.0 / 5000.0;
@@ -162,4 +162,4 @@ TEST(SampleDepth, MonteCarlo) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::depth_noise_test

@@ -13,7 +13,7 @@
 #include "engine/geometry/se3.hpp"
 #include "engine/geometry/trig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 // Promise: geometry gives the same bits on every processor, compiler and optimisation level.
@@ -154,4 +154,4 @@ TEST(SE3, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

@@ -10,7 +10,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::se3_test {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -279,4 +279,4 @@ TEST(Se3, QuaternionsAndBack) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::se3_test

@@ -11,7 +11,7 @@
 #include "engine/base/random.hpp"
 #include "tests/support/check_message.hpp"
 
-namespace stillmesh {
+namespace stillmesh::trig_test {
 namespace {
 
 // The oracle is the C library in extended precision; where long double is no wider than double it is no oracle.
@@ -146,4 +146,4 @@ TEST(TrigDeathTest, NonsenseIsChecked) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::trig_test

@@ -6,7 +6,7 @@
 
 #include "engine/geometry/turn_distance.hpp"
 
-namespace stillmesh {
+namespace stillmesh::view_distance_test {
 namespace {
 
 SE3 at(const Vector3& place, const Vector3& turn_rad) {
@@ -43,4 +43,4 @@ TEST(ViewDistance, WhatATurnCounts) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::view_distance_test

@@ -8,7 +8,7 @@
 #include "tests/grid/synthetic_room.hpp"
 #include "tests/support/heap_calls.hpp"
 
-namespace stillmesh {
+namespace stillmesh::floor_finder_test {
 namespace {
 
 using test::camera_at;
@@ -111,4 +111,4 @@ TEST(FloorFinder, AsksForNoMemory) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::floor_finder_test

@@ -8,7 +8,7 @@
 
 #include "tests/grid/synthetic_room.hpp"
 
-namespace stillmesh {
+namespace stillmesh::grid_files_test {
 namespace {
 
 // Promise: the picture has Nav2's greys, a row of cells each, the highest first, and the text says where it lies.
@@ -55,4 +55,4 @@ TEST(GridFiles, PictureAndTextAreNav2s) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::grid_files_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-namespace stillmesh {
+namespace stillmesh::grid_job_test {
 namespace {
 
 // Promise: a level frame that is aligned with another has its heights as before, the other's origin above or below its
@@ -41,4 +41,4 @@ TEST(GridJob, AlignsWithAnotherFrame) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::grid_job_test

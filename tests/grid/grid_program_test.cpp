@@ -16,7 +16,7 @@
 #include "tests/support/answer.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::grid_program_test {
 namespace {
 
 using test::Answer;
@@ -247,4 +247,4 @@ TEST(GridProgram, AnAccelerometerIsOfLevelGravity) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::grid_program_test

@@ -9,7 +9,7 @@
 #include "tests/grid/synthetic_room.hpp"
 #include "tests/support/heap_calls.hpp"
 
-namespace stillmesh {
+namespace stillmesh::occupancy_grid_test {
 namespace {
 
 using test::camera_at;
@@ -258,4 +258,4 @@ TEST(OccupancyGrid, NothingIsNothing) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::occupancy_grid_test

@@ -2,7 +2,7 @@
 
 #include "platform/grid/octomap_file.hpp"
 
-namespace stillmesh {
+namespace stillmesh::octomap_absent_test {
 namespace {
 
 struct Nothing {
@@ -18,4 +18,4 @@ TEST(OctomapAbsent, SaysWhatToInstall) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::octomap_absent_test

@@ -10,7 +10,7 @@
 #include <octomap/OcTree.h>
 #endif
 
-namespace stillmesh {
+namespace stillmesh::octomap_test {
 namespace {
 
 // Looks of a synthetic room, a second apart.
@@ -95,4 +95,4 @@ TEST(Octomap, IsNotInThisBuild) {
 #endif
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::octomap_test

@@ -9,7 +9,7 @@
 
 #include "tests/grid/tracked_room.hpp"
 
-namespace stillmesh {
+namespace stillmesh::room_grid_test {
 namespace {
 
 using test::Score;
@@ -116,4 +116,4 @@ TEST(RoomGrid, AMinuteAmongPeopleMinute) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::room_grid_test

@@ -9,7 +9,7 @@
 #include "tests/support/heap_trace.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::heap_test {
 namespace {
 
 constexpr long kFrom = 40, kTo = 100;
@@ -52,4 +52,4 @@ TEST(Heap, NoCallAFrame) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::heap_test

@@ -21,7 +21,7 @@
 #error "the engine's Eigen configuration leaked into a program that only links stillmesh::engine"
 #endif
 
-namespace stillmesh {
+namespace stillmesh::consumer_test {
 namespace {
 
 class OneCorner : public FeatureExtractor {
@@ -125,7 +125,7 @@ TEST(ConsumerDeathTest, UnwrittenPortsSayTheirName) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::consumer_test
 
 void stillmesh_check_failed(const char* expression, const char*, std::int32_t) noexcept {
     std::fprintf(stderr, "%s\n", expression);

@@ -6,7 +6,7 @@
 
 #include "engine/base/check.hpp"
 
-namespace stillmesh {
+namespace stillmesh::unheard_check_test {
 namespace {
 
 // Promise: nobody has to listen: the program links without the function, and a failed check traps.
@@ -18,4 +18,4 @@ TEST(UnheardCheckDeathTest, Traps) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::unheard_check_test

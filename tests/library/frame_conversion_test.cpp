@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::frame_conversion_test {
 namespace {
 
 // Promise: float metres become the nearest unit; what is no distance, or does not fit, is not measured; rows may be
@@ -56,4 +56,4 @@ TEST(FrameConversion, ColourLosesWhatIsNotNeeded) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_conversion_test

@@ -4,7 +4,7 @@
 
 #include <opencv2/core.hpp>
 
-namespace stillmesh {
+namespace stillmesh::opencv_frame_test {
 namespace {
 
 // Promise: what fits is borrowed where it lies, parts of larger images included.
@@ -54,4 +54,4 @@ TEST(CvFrame, RefusesWhatIsNone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::opencv_frame_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-namespace stillmesh {
+namespace stillmesh::transform_test {
 namespace {
 
 using Matrix = std::array<std::array<double, 4>, 4>;
@@ -62,4 +62,4 @@ TEST(Transform, IsWhatMatricesSay) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::transform_test

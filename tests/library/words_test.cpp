@@ -10,7 +10,7 @@
 #include "engine/engine.hpp"
 #include "platform/linux/memory_block.hpp"
 
-namespace stillmesh {
+namespace stillmesh::words_test {
 namespace {
 
 constexpr Limits kLimits = Limits::tiny();
@@ -110,4 +110,4 @@ TEST(Words, AVersion) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::words_test

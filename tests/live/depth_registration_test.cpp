@@ -9,7 +9,7 @@
 #include "engine/geometry/lens.hpp"
 #include "engine/geometry/rigid_transform.hpp"
 
-namespace stillmesh {
+namespace stillmesh::depth_registration_test {
 namespace {
 
 CameraModel model(std::uint32_t width, std::uint32_t height, double fx) {
@@ -184,4 +184,4 @@ TEST(DepthRegistration, SlantedSurfacesHaveNoGaps) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::depth_registration_test

@@ -4,7 +4,7 @@
 
 #include <random>
 
-namespace stillmesh {
+namespace stillmesh::device_clock_test {
 namespace {
 
 // Promise: a clock that drifts and delays that vary: the host's time of a stamp is right to within the smallest delay
@@ -76,4 +76,4 @@ TEST(DeviceClock, ItsOwnClockIsFollowed) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::device_clock_test

@@ -5,7 +5,7 @@
 
 #include <utility>
 
-namespace stillmesh {
+namespace stillmesh::first_camera_test {
 namespace {
 
 class FakeCamera final : public LiveCamera {
@@ -84,4 +84,4 @@ TEST(FirstCamera, StaysWithTheFirst) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::first_camera_test

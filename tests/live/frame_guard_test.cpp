@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::frame_guard_test {
 namespace {
 
 constexpr std::int64_t kPeriod_ns = 33'333'333;
@@ -157,4 +157,4 @@ TEST(FrameGuard, SeesFrozenImages) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_guard_test

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::frame_pairer_test {
 namespace {
 
 constexpr std::int64_t kPeriod_us = 33'333;
@@ -86,4 +86,4 @@ TEST(FramePairer, ClocksThatRestart) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_pairer_test

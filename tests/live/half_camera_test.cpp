@@ -4,7 +4,7 @@
 
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::half_camera_test {
 namespace {
 
 // One frame again and again: colour is 4 x + 8 y (+ 10 a channel), depth what the test says.
@@ -98,4 +98,4 @@ TEST(HalfCamera, PassesOn) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::half_camera_test

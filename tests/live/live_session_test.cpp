@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-namespace stillmesh::live {
+namespace stillmesh::live::live_session_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -157,4 +157,4 @@ TEST(LiveCounts, AddUp) {
 }
 
 }  // namespace
-}  // namespace stillmesh::live
+}  // namespace stillmesh::live::live_session_test

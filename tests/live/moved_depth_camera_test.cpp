@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::moved_depth_camera_test {
 namespace {
 
 constexpr std::int64_t kPeriod_ns = 33'333'333, kLag_ns = 16'666'667;
@@ -185,4 +185,4 @@ TEST(MovedDepthCamera, PassesOnWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::moved_depth_camera_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::reconnecting_camera_test {
 namespace {
 
 // A world with a clock of its own: 30 frames a second while the camera is plugged in, streams, and is open. Nobody
@@ -233,4 +233,4 @@ TEST(ReconnectingCamera, TheFirstOpeningIsTheSources) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::reconnecting_camera_test

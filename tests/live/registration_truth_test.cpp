@@ -11,7 +11,7 @@
 #include "hal/simulated/scene.hpp"
 #include "hal/simulated/world.hpp"
 
-namespace stillmesh {
+namespace stillmesh::registration_truth_test {
 namespace {
 
 using namespace simulated;
@@ -91,4 +91,4 @@ TEST(RegistrationTruth, BordersWithinAPixelAndNoBackgroundOnTheForeground) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::registration_truth_test

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::stream_watch_test {
 namespace {
 
 constexpr std::uint32_t kWidth = 80, kHeight = 60;
@@ -165,4 +165,4 @@ TEST(StreamWatch, NothingToSeeIsNotStuck) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::stream_watch_test

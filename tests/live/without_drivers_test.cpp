@@ -11,7 +11,7 @@
 #error "this test is about a build without them"
 #endif
 
-namespace stillmesh {
+namespace stillmesh::without_drivers_test {
 namespace {
 
 // Promise: --camera says which library is missing, what installs it, and how to build with it; a name that is none gets
@@ -56,4 +56,4 @@ TEST(WithoutDrivers, CamerasSaysWhatIsMissing) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::without_drivers_test

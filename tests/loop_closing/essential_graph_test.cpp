@@ -11,7 +11,7 @@
 #include "tests/support/map_fault.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::essential_graph_test {
 namespace {
 
 constexpr std::uint32_t kKeyframes = 21;
@@ -229,4 +229,4 @@ TEST(EssentialGraph, LoopsRememberedAreBounded) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::essential_graph_test

@@ -7,7 +7,7 @@
 #include "tests/loop_closing/ring.hpp"
 #include "tests/support/map_hash.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 using test::kLap;
@@ -70,4 +70,4 @@ TEST(LoopClosing, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

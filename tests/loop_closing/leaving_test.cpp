@@ -9,7 +9,7 @@
 #include "tests/loop_closing/ring.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::leaving_test {
 namespace {
 
 using test::kLap;
@@ -194,4 +194,4 @@ TEST(LoopClosingLeaving, TheOldestComesFirst) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::leaving_test

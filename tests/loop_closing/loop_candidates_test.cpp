@@ -8,7 +8,7 @@
 
 #include "tests/recognition/places.hpp"
 
-namespace stillmesh {
+namespace stillmesh::loop_candidates_test {
 namespace {
 
 constexpr std::uint32_t kFeatures = 60;
@@ -220,4 +220,4 @@ TEST(LoopCandidates, APlaceMayLeaveAfterTheQuery) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::loop_candidates_test

@@ -12,7 +12,7 @@
 #include "tests/loop_closing/ring.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::loop_closing_test {
 namespace {
 
 using test::configuration_of_ring;
@@ -306,4 +306,4 @@ TEST(LoopClosing, ResetForgets) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::loop_closing_test

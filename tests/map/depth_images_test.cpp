@@ -13,7 +13,7 @@
 #include "tests/support/memory.hpp"
 #include "tests/support/small_world.hpp"
 
-namespace stillmesh {
+namespace stillmesh::depth_images_test {
 namespace {
 
 Limits limits_with(std::uint32_t images) {
@@ -195,4 +195,4 @@ TEST(DepthImages, WithoutRoomThereIsNone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::depth_images_test

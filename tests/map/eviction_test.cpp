@@ -9,7 +9,7 @@
 #include "tests/map/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::eviction_test {
 namespace {
 
 using test::add_keyframe;
@@ -306,4 +306,4 @@ TEST(Eviction, HowMuchMakesAKeyframeRedundant) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::eviction_test

@@ -16,7 +16,7 @@
 #include "tests/support/map_hash.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 constexpr std::uint32_t kFeatures = 40;
@@ -233,4 +233,4 @@ TEST(Map, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

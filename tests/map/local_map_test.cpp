@@ -9,7 +9,7 @@
 
 #include "tests/map/map_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::local_map_test {
 namespace {
 
 using test::add_keyframe;
@@ -215,4 +215,4 @@ TEST(LocalMap, WhoIsLocal) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::local_map_test

@@ -11,7 +11,7 @@
 #include "tests/map/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_correction_test {
 namespace {
 
 using test::add_keyframe;
@@ -298,4 +298,4 @@ TEST(MapCorrection, BeginsAnew) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_correction_test

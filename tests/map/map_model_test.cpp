@@ -13,7 +13,7 @@
 #include "tests/map/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_model_test {
 namespace {
 
 using test::add_keyframe;
@@ -329,4 +329,4 @@ TEST(MapModel, LeastDifferences) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_model_test

@@ -12,7 +12,7 @@
 #include "tests/map/map_rig.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_readout_test {
 namespace {
 
 // Promise: keyframes are listed with their frames, their parents' and where they lie now, those that were forgotten
@@ -138,4 +138,4 @@ TEST(MapReadout, CountsByReason) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_readout_test

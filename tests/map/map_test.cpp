@@ -12,7 +12,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_test {
 namespace {
 
 using test::add_keyframe;
@@ -370,4 +370,4 @@ TEST(Map, IsExpressedWithAnotherReadout) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_test

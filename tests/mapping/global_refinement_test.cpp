@@ -9,7 +9,7 @@
 #include "tests/loop_closing/ring.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::global_refinement_test {
 namespace {
 
 using test::configuration_of_ring;
@@ -159,4 +159,4 @@ TEST(GlobalRefinement, MayBeSwitchedOffAndReset) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::global_refinement_test

@@ -8,7 +8,7 @@
 #include "tests/support/map_hash.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 using test::Ring;
@@ -116,4 +116,4 @@ TEST(Mapping, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

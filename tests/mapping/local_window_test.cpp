@@ -9,7 +9,7 @@
 #include "tests/loop_closing/ring.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::local_window_test {
 namespace {
 
 using test::Ring;
@@ -257,4 +257,4 @@ TEST(LocalWindow, OutliersEnd) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::local_window_test

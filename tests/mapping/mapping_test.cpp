@@ -14,7 +14,7 @@
 #include "tests/support/map_fault.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::mapping_test {
 namespace {
 
 Limits limits_of(std::uint32_t keyframes, std::uint32_t points) {
@@ -414,4 +414,4 @@ TEST(Mapping, ResetEqualsNew) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::mapping_test

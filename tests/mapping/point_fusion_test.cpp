@@ -12,7 +12,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::point_fusion_test {
 namespace {
 
 // The n-th descriptor with so many bits the other way.
@@ -314,4 +314,4 @@ TEST_F(Fusion, IntoOneKeyframeAfterAnother) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::point_fusion_test

@@ -10,7 +10,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::common_turn_test {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -88,4 +88,4 @@ TEST(CommonTurn, NothingAgreesWithNothing) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::common_turn_test

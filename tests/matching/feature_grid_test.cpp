@@ -12,7 +12,7 @@
 #include "engine/features/features.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::feature_grid_test {
 namespace {
 
 using Grid = test::InMemory<FeatureGrid>;
@@ -154,4 +154,4 @@ TEST(FeatureGrid, FeaturesBeyondTheBorder) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::feature_grid_test

@@ -13,7 +13,7 @@
 #include "tests/place/vocabularies.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_matcher_test {
 namespace {
 
 constexpr CameraModel kCamera{640, 480, 520, 520, 319.5, 239.5, 0, 0, 0, 0, 0};
@@ -339,4 +339,4 @@ TEST_F(MapMatcherTest, RatioBites) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_matcher_test

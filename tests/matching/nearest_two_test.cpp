@@ -9,7 +9,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::nearest_two_test {
 namespace {
 
 // Promise: the nearest and the next are those that sorting all candidates puts first, of equals the first offered;
@@ -64,4 +64,4 @@ TEST(NearestTwo, IsClearByRatio) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::nearest_two_test

@@ -11,7 +11,7 @@
 #include "tests/mavlink/mavlink_reader.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::foreign_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -94,4 +94,4 @@ TEST(ForeignMavlink, ReadsEveryField) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::foreign_test

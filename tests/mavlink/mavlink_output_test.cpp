@@ -11,7 +11,7 @@
 #include "tests/mavlink/udp_reader.hpp"
 #include "tests/support/heap_calls.hpp"
 
-namespace stillmesh {
+namespace stillmesh::mavlink_output_test {
 namespace {
 
 using test::MavlinkRead;
@@ -316,4 +316,4 @@ TEST(MavlinkOutput, LosesAndSaysSo) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::mavlink_output_test

@@ -10,7 +10,7 @@
 #include "tests/support/answer.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::program_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -95,4 +95,4 @@ TEST(MavlinkProgram, GoesOnAlone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::program_test

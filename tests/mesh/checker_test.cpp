@@ -10,7 +10,7 @@
 #include "tests/mesh/mesh_checker.hpp"
 #include "tests/mesh/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::checker_test {
 namespace {
 
 // A mesh that can be changed.
@@ -113,4 +113,4 @@ TEST(MeshChecker, SeesEveryChangedNumber) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::checker_test

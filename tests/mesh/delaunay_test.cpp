@@ -13,7 +13,7 @@
 #include "tests/mesh/mesh_checker.hpp"
 #include "tests/mesh/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::delaunay_test {
 namespace {
 
 using mesh_checker::check_mesh;
@@ -282,4 +282,4 @@ TEST(Delaunay, UsesExactlyThePlannedMemory) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::delaunay_test

@@ -8,7 +8,7 @@
 #include "engine/base/random.hpp"
 #include "tests/mesh/mesh_checker.hpp"
 
-namespace stillmesh {
+namespace stillmesh::predicates_test {
 namespace {
 
 using mesh_checker::area2;
@@ -103,4 +103,4 @@ TEST(Predicates, TheTieRuleIsConsistent) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::predicates_test

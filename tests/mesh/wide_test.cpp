@@ -8,7 +8,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh::mesh_checker {
+namespace stillmesh::mesh_checker::wide_test {
 namespace {
 
 // Promise: products, sums and comparisons whose values are known by hand, carries and signs among them.
@@ -59,4 +59,4 @@ TEST(Wide, KeepsTheRules) {
 }
 
 }  // namespace
-}  // namespace stillmesh::mesh_checker
+}  // namespace stillmesh::mesh_checker::wide_test

@@ -9,7 +9,7 @@
 #include "platform/motion/accelerometer_file.hpp"
 #include "platform/motion/simulated_accelerometer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::gravity_finder_test {
 namespace {
 
 constexpr double kDegrees = 57.295779513082323;
@@ -162,4 +162,4 @@ TEST(AccelerometerFile, ReadsAndRefuses) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::gravity_finder_test

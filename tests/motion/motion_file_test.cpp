@@ -9,7 +9,7 @@
 #include "platform/motion/triple_lines.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::motion_file_test {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -153,4 +153,4 @@ TEST_F(MotionFiles, LinesComeBack) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::motion_file_test

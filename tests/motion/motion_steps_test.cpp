@@ -6,7 +6,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::motion_steps_test {
 namespace {
 
 Triple random_triple(Random& random, double size) {
@@ -59,4 +59,4 @@ TEST(MotionSteps, StepsAddUp) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::motion_steps_test

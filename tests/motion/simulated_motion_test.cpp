@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace stillmesh {
+namespace stillmesh::simulated_motion_test {
 namespace {
 
 constexpr std::int64_t kGap_ns = 33'333'333;
@@ -57,4 +57,4 @@ TEST(SimulatedMotion, ErrorsAreOfASeed) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::simulated_motion_test

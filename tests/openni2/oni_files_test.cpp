@@ -16,7 +16,7 @@
 #include "hal/openni2/openni2_runtime.hpp"
 #include "tests/openni2/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::oni_files_test {
 namespace {
 
 using test::CameraRig;
@@ -420,4 +420,4 @@ TEST_F(OniFiles, TheProgramRunsOrRefuses) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::oni_files_test

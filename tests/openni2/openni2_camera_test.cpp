@@ -4,7 +4,7 @@
 
 #include "tests/openni2/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::openni2_camera_test {
 namespace {
 
 using test::CameraRig;
@@ -505,4 +505,4 @@ TEST(OpenNi2Camera, RecordsAndPlaysOniFiles) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::openni2_camera_test

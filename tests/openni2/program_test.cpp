@@ -11,7 +11,7 @@
 #include "platform/evaluation/evaluation.hpp"
 #include "tests/openni2/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::program_test {
 namespace {
 
 using test::CameraRig;
@@ -403,4 +403,4 @@ TEST_F(LiveProgram, InjectedFaultsAndWrongNames) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::program_test

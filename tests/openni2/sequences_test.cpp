@@ -14,7 +14,7 @@
 #include "platform/cli/engine_session.hpp"
 #include "tests/openni2/rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::sequences_test {
 namespace {
 
 using test::CameraRig;
@@ -193,4 +193,4 @@ TEST(CameraSequences, AnyLifeIsSurvived) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::sequences_test

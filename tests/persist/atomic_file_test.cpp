@@ -19,7 +19,7 @@
 #include "platform/linux/memory_block.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::atomic_file_test {
 namespace {
 
 std::string text_of(const std::string& file) {
@@ -164,4 +164,4 @@ TEST(ReadWholeFile, TakesRegularFilesOnly) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::atomic_file_test

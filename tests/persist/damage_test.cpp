@@ -10,7 +10,7 @@
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::damage_test {
 namespace {
 
 using namespace map_records;
@@ -423,4 +423,4 @@ TEST_F(Damage, APointThatNobodyShowsIsNone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::damage_test

@@ -9,7 +9,7 @@
 #include "engine/record/map_records.hpp"
 #include "tests/persist/map_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::depth_test {
 namespace {
 
 using test::Bytes;
@@ -145,4 +145,4 @@ TEST(MapDepth, CopyInSlicesHasTheImagesOfOneInstant) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::depth_test

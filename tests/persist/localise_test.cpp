@@ -7,7 +7,7 @@
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::localise_test {
 namespace {
 
 using test::Bytes;
@@ -168,4 +168,4 @@ TEST(Localise, TheClockOfTheDayDoesNotMatter) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::localise_test

@@ -12,7 +12,7 @@
 #include "engine/base/random.hpp"
 #include "tests/persist/map_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_content_test {
 namespace {
 
 using test::Bytes;
@@ -179,4 +179,4 @@ TEST_F(MapContentTest, AnyBytesAreSafe) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_content_test

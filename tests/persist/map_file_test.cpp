@@ -9,7 +9,7 @@
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_file_test {
 namespace {
 
 using test::Bytes;
@@ -223,4 +223,4 @@ TEST(MapFile, RunsAfterALoadRepeat) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_file_test

@@ -12,7 +12,7 @@
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_merge_test {
 namespace {
 
 using test::Bytes;
@@ -419,4 +419,4 @@ TEST(MapMerge, RefusesWithoutATrace) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_merge_test

@@ -10,7 +10,7 @@
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_saver_test {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -47,4 +47,4 @@ TEST(MapSaver, SaysOnceAMinuteThatSavesFail) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_saver_test

@@ -19,7 +19,7 @@
 #include "tests/support/answer.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::program_test {
 namespace {
 
 using test::Answer;
@@ -252,4 +252,4 @@ TEST_F(ProgramMaps, SignalsLeaveAMap) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::program_test

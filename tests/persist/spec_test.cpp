@@ -11,7 +11,7 @@
 #include "engine/record/map_load.hpp"
 #include "tests/persist/map_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::spec_test {
 namespace {
 
 using test::Bytes;
@@ -132,4 +132,4 @@ TEST(MapCopy, LateChangesAreInTheCopy) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::spec_test

@@ -9,7 +9,7 @@
 #include "tests/place/vocabularies.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::bag_of_words_test {
 namespace {
 
 constexpr std::uint32_t kFeaturesMax = 400;
@@ -190,4 +190,4 @@ TEST_F(BagOfWords, CommonNodesAreComplete) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::bag_of_words_test

@@ -9,7 +9,7 @@
 #include "tests/place/vocabularies.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::keyframe_database_test {
 namespace {
 
 // More keyframes than a block of the index holds postings.
@@ -243,4 +243,4 @@ TEST_F(Database, ResetForgets) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::keyframe_database_test

@@ -11,7 +11,7 @@
 #include "engine/features/hamming.hpp"
 #include "tests/place/vocabularies.hpp"
 
-namespace stillmesh {
+namespace stillmesh::vocabulary_test {
 namespace {
 
 using ByteVector = std::vector<std::byte>;
@@ -299,4 +299,4 @@ TEST(Vocabulary, NamesAreLettersThenZeros) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::vocabulary_test

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::configuration_file_test {
 namespace {
 
 struct Sample {
@@ -71,4 +71,4 @@ TEST(ConfigurationFile, RoundTrip) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::configuration_file_test

@@ -18,7 +18,7 @@
 #include "platform/evaluation/trajectory.hpp"
 #include "tests/replay/recording_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::end_to_end_test {
 namespace {
 
 struct Answer {
@@ -689,4 +689,4 @@ TEST(EndToEnd, SimulatesASceneByItsWholeName) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::end_to_end_test

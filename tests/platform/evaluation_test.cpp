@@ -19,7 +19,7 @@
 #include "tests/replay/recording_folder.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::evaluation_test {
 namespace {
 
 [[nodiscard]] Trajectory load(const std::string& name) {
@@ -270,4 +270,4 @@ TEST(Evaluation, TellsTheScale) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::evaluation_test

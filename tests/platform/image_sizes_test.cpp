@@ -8,7 +8,7 @@
 #include "tests/replay/recording_folder.hpp"
 #include "tests/support/answer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::image_sizes_test {
 namespace {
 
 using test::Answer;
@@ -88,4 +88,4 @@ TEST(ImageSizes, HalvedOnPurpose) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::image_sizes_test

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::live_camera_test {
 namespace {
 
 // Fails to open for a reason after the other, then opens.
@@ -46,4 +46,4 @@ TEST(OpenLiveCamera, TellsEachReasonOnce) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::live_camera_test

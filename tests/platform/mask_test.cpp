@@ -13,7 +13,7 @@
 #include "tests/replay/recording_folder.hpp"
 #include "tests/support/answer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::mask_test {
 namespace {
 
 using test::stillmesh_says;
@@ -148,4 +148,4 @@ TEST(Mask, OneForEachPicture) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::mask_test

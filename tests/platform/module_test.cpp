@@ -7,7 +7,7 @@
 
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::module_test {
 namespace {
 
 // Promise: where there is none, both places that were looked at are said, seen from the program's own: beside it, and
@@ -39,4 +39,4 @@ TEST(Module, OfAnotherVersion) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::module_test

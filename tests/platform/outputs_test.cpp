@@ -22,7 +22,7 @@
 #include "tests/replay/recording_folder.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::outputs_test {
 namespace {
 
 using test::read_text;
@@ -350,4 +350,4 @@ TEST(TextOutput, DevicesAreNotReplaced) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::outputs_test

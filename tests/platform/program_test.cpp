@@ -9,7 +9,7 @@
 #include "tests/replay/recording_folder.hpp"
 #include "tests/support/answer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::program_test {
 namespace {
 
 using test::Answer;
@@ -91,4 +91,4 @@ TEST(Program, Evaluates) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::program_test

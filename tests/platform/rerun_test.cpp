@@ -20,7 +20,7 @@
 #include "tests/replay/recording_folder.hpp"
 #include "tests/support/answer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::rerun_test {
 namespace {
 
 using test::Answer;
@@ -394,4 +394,4 @@ TEST_F(Rerun, AfterKillNine) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::rerun_test

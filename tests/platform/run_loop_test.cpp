@@ -16,7 +16,7 @@
 #include "tests/platform/story_session.hpp"
 #include "tests/replay/recording_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::run_loop_test {
 namespace {
 
 using test::StoryCamera;
@@ -526,4 +526,4 @@ TEST(Summary, JsonHoldsTheNumbers) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::run_loop_test

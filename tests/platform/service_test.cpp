@@ -27,7 +27,7 @@
 
 #include "engine/record/map_file.hpp"
 
-namespace stillmesh {
+namespace stillmesh::service_test {
 namespace {
 
 [[nodiscard]] std::string text_of(const std::filesystem::path& file) {
@@ -351,4 +351,4 @@ TEST(Service, HasWhatRealTimeWasGranted) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::service_test

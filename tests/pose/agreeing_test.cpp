@@ -9,7 +9,7 @@
 #include "tests/support/memory.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::agreeing_test {
 namespace {
 
 // Promise: weighted are those with a weight, agreeing ones are weighted within both thresholds, each in its order; what
@@ -47,4 +47,4 @@ TEST(Agreeing, EqualsItsDefinition) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::agreeing_test

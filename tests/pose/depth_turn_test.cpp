@@ -9,7 +9,7 @@
 
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::depth_turn_test {
 namespace {
 
 constexpr double kChi2Max = 11.34;
@@ -190,4 +190,4 @@ TEST(DepthTurn, NothingToMeasure) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::depth_turn_test

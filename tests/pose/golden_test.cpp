@@ -13,7 +13,7 @@
 #include "engine/pose/row_turn.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 constexpr double kChi2Max = 11.34;
@@ -200,4 +200,4 @@ TEST(DepthTurn, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

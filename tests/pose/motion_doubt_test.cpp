@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-namespace stillmesh {
+namespace stillmesh::motion_doubt_test {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -76,4 +76,4 @@ TEST(MotionDoubt, ResetForgets) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::motion_doubt_test

@@ -10,7 +10,7 @@
 #include "engine/pose/residual.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::optimiser_test {
 namespace {
 
 using test::all_of;
@@ -329,4 +329,4 @@ TEST(InvertSpd, InvertsAndRefuses) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::optimiser_test

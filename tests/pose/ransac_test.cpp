@@ -11,7 +11,7 @@
 #include "engine/pose/residual.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::ransac_test {
 namespace {
 
 using test::all_of;
@@ -257,4 +257,4 @@ TEST(Ransac, IsDeterministicAndSeesOnlyTheNamed) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::ransac_test

@@ -13,7 +13,7 @@
 #include "engine/pose/residual.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::rolling_shutter_test {
 namespace {
 
 constexpr double kChi2Max = 11.34;
@@ -469,4 +469,4 @@ TEST(RollingShutter, GarbageChangesNothing) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::rolling_shutter_test

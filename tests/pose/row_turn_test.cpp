@@ -11,7 +11,7 @@
 
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::row_turn_test {
 namespace {
 
 constexpr double kChi2Max = 11.34;
@@ -325,4 +325,4 @@ TEST(Trembling, Fades) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::row_turn_test

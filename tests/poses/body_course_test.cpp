@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace stillmesh {
+namespace stillmesh::body_course_test {
 namespace {
 
 constexpr double kVariance = 1e-6;
@@ -50,4 +50,4 @@ TEST(BodyCourse, DoubtGrowsFromTheLastMeasurement) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::body_course_test

@@ -8,7 +8,7 @@
 
 #include "tests/support/body_oracle.hpp"
 
-namespace stillmesh {
+namespace stillmesh::body_frames_test {
 namespace {
 
 using test::BodyOracle;
@@ -100,4 +100,4 @@ TEST(BodyFrames, PosesAreRead) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::body_frames_test

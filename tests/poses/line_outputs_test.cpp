@@ -20,7 +20,7 @@
 
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::line_outputs_test {
 namespace {
 
 using test::TemporaryFolder;
@@ -277,4 +277,4 @@ TEST(LineOutputs, ASleepingReaderOfAPipeIsNotWaitedFor) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::line_outputs_test

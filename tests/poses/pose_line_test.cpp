@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-namespace stillmesh {
+namespace stillmesh::pose_line_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -174,4 +174,4 @@ TEST(PoseLine, WhatThereIsNotIsNull) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::pose_line_test

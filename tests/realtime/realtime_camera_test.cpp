@@ -5,7 +5,7 @@
 #include <atomic>
 #include <chrono>
 
-namespace stillmesh {
+namespace stillmesh::realtime_camera_test {
 namespace {
 
 constexpr std::int64_t kPeriod_ns = 33'000'000;
@@ -218,4 +218,4 @@ TEST(RealtimeCamera, WaitsAndCloses) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::realtime_camera_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace stillmesh {
+namespace stillmesh::step_pacer_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -73,4 +73,4 @@ TEST(StepPacer, FollowsTheMachine) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::step_pacer_test

@@ -11,7 +11,7 @@
 #include "tests/map/map_rig.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 // Promise: where a camera may be by its matches is the same bits on every processor, compiler and optimisation level,
@@ -81,4 +81,4 @@ TEST(MapDriftAlone, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

@@ -8,7 +8,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::look_alike_rooms_test {
 namespace {
 
 constexpr std::uint32_t kFeatures = 160;
@@ -191,4 +191,4 @@ TEST_F(LookAlikeRooms, TheRivalIsTriedNext) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::look_alike_rooms_test

@@ -8,7 +8,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_drift_test {
 namespace {
 
 constexpr std::uint32_t kSeen = 20;  // points that neighbours share: more than map.shared_min
@@ -110,4 +110,4 @@ TEST_F(MapDrift, WhatIsTakenBackCountsToo) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_drift_test

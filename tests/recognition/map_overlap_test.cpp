@@ -9,7 +9,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_overlap_test {
 namespace {
 
 constexpr std::uint32_t kFeatures = 160;
@@ -145,4 +145,4 @@ TEST_F(MapsThatOverlap, TwoPlacesThatLookAlikeAreNone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_overlap_test

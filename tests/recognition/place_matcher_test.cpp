@@ -9,7 +9,7 @@
 #include "tests/support/check_message.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::place_matcher_test {
 namespace {
 
 constexpr std::uint32_t kFeatures = 90;
@@ -94,4 +94,4 @@ TEST(PlaceMatcher, DoesNotCountLookAlikes) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::place_matcher_test

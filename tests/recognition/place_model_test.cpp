@@ -12,7 +12,7 @@
 #include "engine/place/bag_of_words.hpp"
 #include "tests/recognition/verification.hpp"
 
-namespace stillmesh {
+namespace stillmesh::place_model_test {
 namespace {
 
 constexpr std::uint32_t kSeen = 90;
@@ -268,4 +268,4 @@ TEST(PlaceVerifier, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::place_model_test

@@ -10,7 +10,7 @@
 #include "tests/place/vocabularies.hpp"
 #include "tests/support/small_world.hpp"
 
-namespace stillmesh {
+namespace stillmesh::place_search_test {
 namespace {
 
 class Places : public testing::Test {
@@ -228,4 +228,4 @@ TEST_F(Places, FindingWordsCosts) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::place_search_test

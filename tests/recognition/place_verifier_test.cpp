@@ -7,7 +7,7 @@
 
 #include "tests/recognition/verification.hpp"
 
-namespace stillmesh {
+namespace stillmesh::place_verifier_test {
 namespace {
 
 using test::kFeatures;
@@ -85,4 +85,4 @@ TEST(PlaceVerifier, OnlyWhatStandsStillCounts) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::place_verifier_test

@@ -11,7 +11,7 @@
 #include "tests/map/map_rig.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::recovery_test {
 namespace {
 
 // Promise: where the camera was known the newest keyframes_max keyframes are compared in turn, the newest first; in a
@@ -180,4 +180,4 @@ TEST(Recovery, SearchesAsLongAsConfigured) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::recovery_test

@@ -9,15 +9,15 @@
 
 #include "tests/engine/lost_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::relocalisation_test {
 namespace {
 
-using test::configuration_of_test;
 using test::home;
 using test::in_the_map;
 using test::kHeight;
 using test::kWidth;
 using test::Lost;
+using test::lost_parameters;
 using test::metres_between;
 
 // Promise: after two seconds of darkness, in another part of the room, a camera with a vocabulary is back on the map
@@ -66,7 +66,7 @@ TEST(Relocalisation, BackOnTheMapAfterDarkness) {
 // keyframe, the one that ends the probation is none yet, and those after it are. A keyframe of its own is what a frame
 // looks most alike: it was weighed for the place, and wrong ones of corridors were believed.
 TEST(Relocalisation, NoFrameBearsWitnessForItself) {
-    Parameters configuration = configuration_of_test();
+    Parameters configuration = lost_parameters();
     configuration.keyframes.tracked_urgent_permille = 1000;
     configuration.keyframes.gap_min = 1;
     configuration.keyframes.new_points_min = 1;
@@ -87,7 +87,7 @@ TEST(Relocalisation, NoFrameBearsWitnessForItself) {
 // vocabulary, and is back where it truly is, as it is without one.
 TEST(Relocalisation, FoundAgainNearby) {
     for (const bool has_vocabulary : {true, false}) {
-        Parameters configuration = configuration_of_test();
+        Parameters configuration = lost_parameters();
         configuration.recovery.inlier_share_min = Parameters{}.recovery.inlier_share_min;
         configuration.loop.inliers_min = 4000;  // no place is found anywhere
         Lost lost(has_vocabulary, 90, configuration, 40);
@@ -108,7 +108,7 @@ TEST(Relocalisation, FoundAgainNearby) {
 // Promise: a frame is matched with a keyframe by words whether or not those of the keyframe are known yet: comparing
 // all with all was the dearest thing that a frame could ask for.
 TEST(Relocalisation, AKeyframeTooYoungForWordsIsMatchedByWords) {
-    Lost lost(true, 10, configuration_of_test(), 5);  // 0.33 s: none has words
+    Lost lost(true, 10, lost_parameters(), 5);  // 0.33 s: none has words
     const std::uint64_t before = lost.engine().statistics().loop.matched_by_words;
     lost.show(home().frames[60]);
     EXPECT_EQ(lost.engine().statistics().loop.queries, 0U);
@@ -118,7 +118,7 @@ TEST(Relocalisation, AKeyframeTooYoungForWordsIsMatchedByWords) {
 // Promise: a lost camera is found by its words only where places are looked for.
 TEST(Relocalisation, MayBeSwitchedOff) {
     for (const bool is_relocalising : {true, false}) {
-        Parameters configuration = configuration_of_test();
+        Parameters configuration = lost_parameters();
         configuration.loop.is_relocalising = is_relocalising;
         Lost lost(true, 90, configuration);
         PoseState best = PoseState::kNone;
@@ -175,4 +175,4 @@ TEST(Relocalisation, WhatFailsTheProbationIsUndone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::relocalisation_test

@@ -11,7 +11,7 @@ namespace stillmesh::test {
 
 inline constexpr std::uint32_t kFeatures = 160;
 
-inline Limits limits_of_test() {
+inline Limits verification_limits() {
     Limits out = Limits::tiny();
     out.image_width_max = 640;
     out.image_height_max = 480;
@@ -23,7 +23,7 @@ inline Limits limits_of_test() {
 // A keyframe at a place, and a query of the same features from a camera that stands aside and is turned.
 class Verification {
 public:
-    explicit Verification(std::uint64_t seed = 7) : rig(limits_of_test(), Parameters{}) {
+    explicit Verification(std::uint64_t seed = 7) : rig(verification_limits(), Parameters{}) {
         Vector6 xi;
         xi << 0.1, -0.05, 0.08, 0.02, -0.03, 0.05;
         place_from_query_ = se3_exp(xi);

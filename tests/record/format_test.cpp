@@ -9,7 +9,7 @@
 #include "engine/base/crc.hpp"
 #include "tests/record/recordings.hpp"
 
-namespace stillmesh {
+namespace stillmesh::format_test {
 namespace {
 
 using test::ByteVector;
@@ -422,4 +422,4 @@ TEST(RecordingFormat, SpecIsTrue) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::format_test

@@ -14,7 +14,7 @@
 #include "tests/record/recordings.hpp"
 #include "tests/replay/recording_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::recording_file_test {
 namespace {
 
 using test::ByteVector;
@@ -273,4 +273,4 @@ TEST(FrameFolder, OverflowEndsCleanly) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::recording_file_test

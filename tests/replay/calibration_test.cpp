@@ -8,7 +8,7 @@
 #include "engine/base/random.hpp"
 #include "tests/replay/recording_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::calibration_test {
 namespace {
 
 constexpr const char* kToml =
@@ -514,4 +514,4 @@ TEST(CameraPair, FilesOfOthers) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::calibration_test

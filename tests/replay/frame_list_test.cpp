@@ -8,7 +8,7 @@
 #include "engine/base/random.hpp"
 #include "hal/replay/decimal_time.hpp"
 
-namespace stillmesh {
+namespace stillmesh::frame_list_test {
 namespace {
 
 // Promise: decimal seconds become nanoseconds without a rounding error, whatever way they are written.
@@ -293,4 +293,4 @@ TEST(Associate, EqualsTheGreedyBruteForce) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_list_test

@@ -12,7 +12,7 @@
 #include "tests/replay/recording_folder.hpp"
 #include "tests/replay/small_jpeg.hpp"
 
-namespace stillmesh {
+namespace stillmesh::image_reader_test {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -323,4 +323,4 @@ TEST(ReplayImages, WideGreyColour) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::image_reader_test

@@ -9,7 +9,7 @@
 #include "hal/replay/replay_camera.hpp"
 #include "tests/replay/recording_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::mask_folder_test {
 namespace {
 
 using test::TemporaryFolder;
@@ -82,4 +82,4 @@ TEST(MaskFolder, WrongOnesAreNamed) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::mask_folder_test

@@ -10,7 +10,7 @@
 #include "hal/replay/png_reader.hpp"
 #include "tests/replay/recording_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::replay_camera_test {
 namespace {
 
 using test::kCameraToml;
@@ -458,4 +458,4 @@ TEST(ReplayCamera, RealRecordings) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::replay_camera_test

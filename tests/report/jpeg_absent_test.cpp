@@ -2,7 +2,7 @@
 
 #include "platform/report/jpeg_writer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::jpeg_absent_test {
 namespace {
 
 // Promise: a build without TurboJPEG says so, and leaves nothing that looks like a picture.
@@ -14,4 +14,4 @@ TEST(JpegAbsent, SaysSo) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::jpeg_absent_test

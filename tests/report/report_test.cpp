@@ -12,7 +12,7 @@
 #include "tests/platform/story_session.hpp"
 #include "tests/replay/recording_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::report_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -260,4 +260,4 @@ TEST(Report, IsComparedWithOthers) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::report_test

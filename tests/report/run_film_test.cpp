@@ -6,7 +6,7 @@
 #include <set>
 #include <utility>
 
-namespace stillmesh {
+namespace stillmesh::run_film_test {
 namespace {
 
 // A picture with a mesh whose edges end at its features.
@@ -172,4 +172,4 @@ TEST(RunFilm, ReasonsHaveNames) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::run_film_test

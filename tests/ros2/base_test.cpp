@@ -9,7 +9,7 @@
 
 #include "tests/ros2/fast_dds.hpp"
 
-namespace stillmesh {
+namespace stillmesh::base_test {
 namespace {
 
 namespace fast = test::fast;
@@ -82,4 +82,4 @@ TEST(RosBase, MissingPartsAreNamed) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::base_test

@@ -12,7 +12,7 @@
 #include "tests/ros2/fast_dds.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::both_ways_test {
 namespace {
 
 using test::within;
@@ -91,4 +91,4 @@ TEST(RosMessages, ComeBackFromCycloneByteForByte) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::both_ways_test

@@ -13,7 +13,7 @@
 #include "tests/ros2/ros_domain.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::camera_test {
 namespace {
 
 using test::within;
@@ -300,4 +300,4 @@ TEST(Ros2Camera, TopicsAreRead) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::camera_test

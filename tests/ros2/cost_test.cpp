@@ -16,7 +16,7 @@
 #include "tests/support/program.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::cost_test {
 namespace {
 
 using test::Program;
@@ -136,4 +136,4 @@ TEST(RosCost, OfEverythingAtOnce) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::cost_test

@@ -15,7 +15,7 @@
 #include "tests/support/program.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::depth_place_test {
 namespace {
 
 using test::within;
@@ -241,7 +241,7 @@ TEST(Ros2DepthPlace, IsRegisteredByACalibration) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::depth_place_test
 
 int main(int argc, char** argv) {
     stillmesh::test::enter_own_ros_domain();

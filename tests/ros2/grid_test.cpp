@@ -10,7 +10,7 @@
 #include "tests/support/body_oracle.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::grid_test {
 namespace {
 
 using test::BodyOracle;
@@ -111,4 +111,4 @@ TEST(RosGrid, FastDdsReadsEveryField) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::grid_test

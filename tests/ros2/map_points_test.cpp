@@ -8,7 +8,7 @@
 
 #include "tests/persist/map_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_points_test {
 namespace {
 
 using Place = std::array<double, 3>;
@@ -89,4 +89,4 @@ TEST(MapPoints, WaitTheirTurn) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_points_test

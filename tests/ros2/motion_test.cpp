@@ -13,7 +13,7 @@
 #include "tests/ros2/ros_domain.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::motion_test {
 namespace {
 
 using test::within;
@@ -191,4 +191,4 @@ TEST(RosMotion, TopicsAreRead) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::motion_test

@@ -8,7 +8,7 @@
 #include "tests/replay/small_jpeg.hpp"
 #include "tests/ros2/png_bytes.hpp"
 
-namespace stillmesh {
+namespace stillmesh::packed_images_test {
 namespace {
 
 using test::png_bytes;
@@ -128,4 +128,4 @@ TEST(PackedImages, TopicsAreKnownByName) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::packed_images_test

@@ -18,7 +18,7 @@
 #include "tests/support/program.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::program_test {
 namespace {
 
 using test::Program;
@@ -401,7 +401,7 @@ TEST(RosProgram, DoesWhatItIsAsked) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::program_test
 
 int main(int argc, char** argv) {
     stillmesh::test::enter_own_ros_domain();

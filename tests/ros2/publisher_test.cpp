@@ -14,7 +14,7 @@
 #include "tests/support/heap_calls.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::publisher_test {
 namespace {
 
 using test::BodyOracle;
@@ -412,7 +412,7 @@ TEST(RosPublisher, WithoutTf) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::publisher_test
 
 int main(int argc, char** argv) {
     stillmesh::test::enter_own_ros_domain();

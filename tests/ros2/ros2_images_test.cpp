@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-namespace stillmesh {
+namespace stillmesh::ros2_images_test {
 namespace {
 
 [[nodiscard]] std::vector<std::uint8_t> counted(std::size_t count) {
@@ -130,4 +130,4 @@ TEST(Ros2Images, LensesAreRead) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::ros2_images_test

@@ -5,7 +5,7 @@
 
 #include "hal/calibration/ros_topics.hpp"
 
-namespace stillmesh {
+namespace stillmesh::ros_name_test {
 namespace {
 
 // Promise: names are those that ROS 2 allows.
@@ -25,4 +25,4 @@ TEST(RosNames, CameraInfoLiesBesideItsImages) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::ros_name_test

@@ -20,7 +20,7 @@
 #include "tests/support/program.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::soak_test {
 namespace {
 
 using test::Program;
@@ -226,7 +226,7 @@ TEST(RosSoak, TenMinutesAtThirtyHz) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::soak_test
 
 int main(int argc, char** argv) {
     stillmesh::test::enter_own_ros_domain();

@@ -11,7 +11,7 @@
 #include "tests/ros2/fast_dds.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::wishes_test {
 namespace {
 
 using test::within;
@@ -72,4 +72,4 @@ TEST(RosWishes, AreHeard) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::wishes_test

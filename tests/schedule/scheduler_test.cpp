@@ -10,7 +10,7 @@
 #include "engine/schedule/task.hpp"
 #include "tests/support/check_message.hpp"
 
-namespace stillmesh {
+namespace stillmesh::scheduler_test {
 namespace {
 
 // Jobs made of steps that cannot be cut, each with its own cost; the trace is what was done, in order, by all tasks.
@@ -388,4 +388,4 @@ TEST(SchedulerDeathTest, Checks) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::scheduler_test

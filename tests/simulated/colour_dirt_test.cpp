@@ -8,7 +8,7 @@
 #include "engine/base/hash.hpp"
 #include "hal/simulated/depth_sensor.hpp"
 
-namespace stillmesh::simulated {
+namespace stillmesh::simulated::colour_dirt_test {
 namespace {
 
 std::vector<std::uint8_t> noisy(std::uint32_t width, std::uint32_t height) {
@@ -109,4 +109,4 @@ TEST(Compress, IsTheSameEverywhere) {
 }
 
 }  // namespace
-}  // namespace stillmesh::simulated
+}  // namespace stillmesh::simulated::colour_dirt_test

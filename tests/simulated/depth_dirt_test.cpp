@@ -7,7 +7,7 @@
 
 #include "hal/simulated/shadows.hpp"
 
-namespace stillmesh::simulated {
+namespace stillmesh::simulated::depth_dirt_test {
 namespace {
 
 constexpr Pinhole kPinhole{320, 240, 264, 264, 159.5, 119.5};
@@ -189,4 +189,4 @@ TEST(Shadows, FallBehindPeople) {
 }
 
 }  // namespace
-}  // namespace stillmesh::simulated
+}  // namespace stillmesh::simulated::depth_dirt_test

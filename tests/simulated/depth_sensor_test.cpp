@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-namespace stillmesh::simulated {
+namespace stillmesh::simulated::depth_sensor_test {
 namespace {
 
 constexpr Pinhole kPinhole{320, 240, 264, 264, 159.5, 119.5};
@@ -110,4 +110,4 @@ TEST(DepthSensor, NearThingsCastAShadow) {
 }
 
 }  // namespace
-}  // namespace stillmesh::simulated
+}  // namespace stillmesh::simulated::depth_sensor_test

@@ -4,7 +4,7 @@
 
 #include <set>
 
-namespace stillmesh {
+namespace stillmesh::dirt_test {
 namespace {
 
 // Promise: strengths are read from left to right, a name alone means 1, "all" means each; what is not said stays the
@@ -66,4 +66,4 @@ TEST(Dirt, LiesOverTheScenes) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::dirt_test

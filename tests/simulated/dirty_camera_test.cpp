@@ -9,7 +9,7 @@
 #include "engine/base/hash.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 
-namespace stillmesh {
+namespace stillmesh::dirty_camera_test {
 namespace {
 
 // A copy of a polled frame with its truth.
@@ -321,4 +321,4 @@ TEST(DirtyCamera, ThingsHappen) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::dirty_camera_test

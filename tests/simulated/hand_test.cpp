@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace stillmesh::simulated {
+namespace stillmesh::simulated::hand_test {
 namespace {
 
 Dirt only(double Dirt::*effect, double strength = 1) {
@@ -93,4 +93,4 @@ TEST(Hand, LooksAside) {
 }
 
 }  // namespace
-}  // namespace stillmesh::simulated
+}  // namespace stillmesh::simulated::hand_test

@@ -7,7 +7,7 @@
 
 #include "hal/simulated/world.hpp"
 
-namespace stillmesh::simulated {
+namespace stillmesh::simulated::people_test {
 namespace {
 
 constexpr Lane kLanes[] = {{0.95, 1.06, -0.36, 0.36}, {1.45, 1.7, -0.42, -0.08}, {2.5, 2.7, -0.42, 0.42}};
@@ -157,4 +157,4 @@ TEST(World, KnowsWhoCastsAShadow) {
 }
 
 }  // namespace
-}  // namespace stillmesh::simulated
+}  // namespace stillmesh::simulated::people_test

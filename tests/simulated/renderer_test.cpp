@@ -6,7 +6,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh::simulated {
+namespace stillmesh::simulated::renderer_test {
 namespace {
 
 constexpr Pinhole kPinhole{96, 72, 80, 80, 47.5, 35.5};
@@ -139,4 +139,4 @@ TEST(Renderer, PutsTexelsInTheirPlace) {
 }
 
 }  // namespace
-}  // namespace stillmesh::simulated
+}  // namespace stillmesh::simulated::renderer_test

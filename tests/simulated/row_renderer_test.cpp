@@ -9,7 +9,7 @@
 #include "engine/base/random.hpp"
 #include "hal/simulated/shading.hpp"
 
-namespace stillmesh::simulated {
+namespace stillmesh::simulated::row_renderer_test {
 namespace {
 
 constexpr Pinhole kPinhole{640, 480, 528, 528, 319.5, 239.5};
@@ -195,4 +195,4 @@ TEST(Shading, NothingIsDark) {
 }
 
 }  // namespace
-}  // namespace stillmesh::simulated
+}  // namespace stillmesh::simulated::row_renderer_test

@@ -11,7 +11,7 @@
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/evaluation/trajectory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::simulate_command_test {
 namespace {
 
 class SimulateCommand : public ::testing::Test {
@@ -104,4 +104,4 @@ TEST_F(SimulateCommand, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::simulate_command_test

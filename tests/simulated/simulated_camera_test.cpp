@@ -9,7 +9,7 @@
 
 #include "engine/base/hash.hpp"
 
-namespace stillmesh {
+namespace stillmesh::simulated_camera_test {
 namespace {
 
 SimulationOptions small(const std::string& scene, std::uint64_t seed, std::uint32_t frames) {
@@ -494,4 +494,4 @@ TEST(SimulatedCamera, TrolleyLeavesSomeRoomInSight) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::simulated_camera_test

@@ -12,7 +12,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::choice_test {
 namespace {
 
 using namespace test;
@@ -273,4 +273,4 @@ TEST(Choice, NoSurfaceWithoutARegion) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::choice_test

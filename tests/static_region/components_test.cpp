@@ -10,7 +10,7 @@
 #include "engine/base/random.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::components_test {
 namespace {
 
 // Promise: components are those of a flood fill, numbered by descending size and then by their lowest node; nodes that
@@ -71,4 +71,4 @@ TEST(Components, EqualFloodFill) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::components_test

@@ -7,7 +7,7 @@
 
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::distance_consistency_test {
 namespace {
 
 using test::Noise;
@@ -168,4 +168,4 @@ TEST(DistanceConsistency, CutsOneInAHundredOfStillEdges) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::distance_consistency_test

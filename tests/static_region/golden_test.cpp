@@ -13,7 +13,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 void add(const SE3& pose, StateHash& hash) {
@@ -199,4 +199,4 @@ TEST(MotionHints, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

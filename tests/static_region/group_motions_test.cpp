@@ -9,7 +9,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::group_motions_test {
 namespace {
 
 using namespace test;
@@ -126,4 +126,4 @@ TEST(GroupMotions, AgreementByHand) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::group_motions_test

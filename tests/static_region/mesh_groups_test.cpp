@@ -12,7 +12,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::mesh_groups_test {
 namespace {
 
 using namespace test;
@@ -163,4 +163,4 @@ TEST(MeshGroups, KeepsTheLargestGroups) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::mesh_groups_test

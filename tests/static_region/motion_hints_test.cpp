@@ -9,7 +9,7 @@
 #include "engine/geometry/se3.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::motion_hints_test {
 namespace {
 
 constexpr std::int64_t kStart_ns = 3'000'000'000;
@@ -338,4 +338,4 @@ TEST(MotionHints, WhatIsNoHintIsRefused) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::motion_hints_test

@@ -16,7 +16,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::paper_choice_test {
 namespace {
 
 using namespace test;
@@ -465,4 +465,4 @@ TEST(PaperChoice, DegenerateInputAndBudget) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::paper_choice_test

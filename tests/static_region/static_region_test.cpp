@@ -12,7 +12,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::static_region_test {
 namespace {
 
 using namespace test;
@@ -361,4 +361,4 @@ TEST(StaticRegion, IsDeterministic) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::static_region_test

@@ -10,7 +10,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::surface_shares_test {
 namespace {
 
 using namespace test;
@@ -221,4 +221,4 @@ TEST(SurfaceShares, AnySizeFits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::surface_shares_test

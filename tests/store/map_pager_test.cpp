@@ -13,7 +13,7 @@
 #include "tests/persist/map_rig.hpp"
 #include "tests/support/map_fault.hpp"
 
-namespace stillmesh {
+namespace stillmesh::map_pager_test {
 namespace {
 
 // A store in memory that answers at the next poll, unless it is told to fail.
@@ -427,4 +427,4 @@ TEST(MapPager, AStoreIsAMapToBeginIn) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::map_pager_test

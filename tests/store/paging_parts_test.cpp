@@ -20,7 +20,7 @@
 #include "tests/support/map_hash.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::paging_parts_test {
 namespace {
 
 constexpr std::uint32_t kFeatures = 40;
@@ -584,4 +584,4 @@ TEST(Paging, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::paging_parts_test

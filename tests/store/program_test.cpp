@@ -16,7 +16,7 @@
 #include "tests/support/answer.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::program_test {
 namespace {
 
 using test::Answer;
@@ -113,4 +113,4 @@ TEST_F(ProgramStore, RefusedBeforeAnythingStarts) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::program_test

@@ -12,7 +12,7 @@
 
 #include "tests/store/store_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::region_store_test {
 namespace {
 
 using test::MadeRegion;
@@ -491,4 +491,4 @@ TEST(RegionStore, ScratchLeavesNoTrace) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::region_store_test

@@ -5,7 +5,7 @@
 #include "engine/base/crc.hpp"
 #include "tests/store/store_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::store_service_test {
 namespace {
 
 // What an engine would do with a store: keeps and asks, the same in every run. What it was answered.
@@ -90,4 +90,4 @@ TEST(StoreService, AtOnceIsAlwaysTheSame) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::store_service_test

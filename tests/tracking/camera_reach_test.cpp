@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace stillmesh {
+namespace stillmesh::camera_reach_test {
 namespace {
 
 constexpr std::int64_t kFrame_ns = 33'333'333;
@@ -154,4 +154,4 @@ TEST(CameraReach, WithoutAVelocityItIsAtRest) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::camera_reach_test

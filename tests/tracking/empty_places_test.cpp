@@ -12,7 +12,7 @@
 #include "tests/support/memory.hpp"
 #include "tests/support/small_world.hpp"
 
-namespace stillmesh {
+namespace stillmesh::empty_places_test {
 namespace {
 
 constexpr std::uint32_t kWidth = 160;
@@ -246,4 +246,4 @@ TEST_F(EmptyPlace, TakesTurns) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::empty_places_test

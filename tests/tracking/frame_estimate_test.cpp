@@ -9,7 +9,7 @@
 #include "tests/support/frames.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::frame_estimate_test {
 namespace {
 
 constexpr Limits kLimits{320, 240, 4, 300, 12, 1500, 32};
@@ -173,4 +173,4 @@ TEST(FrameEstimator, NothingSeenIsNoEstimate) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_estimate_test

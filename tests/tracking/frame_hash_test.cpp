@@ -12,7 +12,7 @@
 #include "engine/static_region/static_region.hpp"
 #include "tests/support/small_world.hpp"
 
-namespace stillmesh {
+namespace stillmesh::frame_hash_test {
 namespace {
 
 // Three matches, one still, one moving and one of a point that has left the map; all that a frame adds to the hash.
@@ -134,4 +134,4 @@ TEST(FrameHash, GoesOnFromFrameToFrame) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_hash_test

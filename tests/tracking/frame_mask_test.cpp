@@ -8,7 +8,7 @@
 
 #include "engine/base/random.hpp"
 
-namespace stillmesh {
+namespace stillmesh::frame_mask_test {
 namespace {
 
 constexpr std::uint32_t kWidth = 64, kHeight = 48;
@@ -158,4 +158,4 @@ TEST(FrameMask, SumsOverMatches) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_mask_test

@@ -9,7 +9,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::frame_view_test {
 namespace {
 
 // Promise: every feature is shown where it is, with its group; as static where the pose was estimated from it, as
@@ -90,4 +90,4 @@ TEST(FrameView, ShowsTheMesh) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::frame_view_test

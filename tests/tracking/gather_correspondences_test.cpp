@@ -11,7 +11,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::gather_correspondences_test {
 namespace {
 
 constexpr std::int64_t kNow_ns = 100'000'000'000;
@@ -229,4 +229,4 @@ TEST_F(Gather, WithoutARegionAllVoteAlike) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::gather_correspondences_test

@@ -16,7 +16,7 @@
 #include "tests/engine/lost_rig.hpp"
 #include "tests/persist/map_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::golden_test {
 namespace {
 
 constexpr std::uint32_t kWidth = 160, kHeight = 120;
@@ -254,4 +254,4 @@ TEST(Tracking, GoldenBits) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::golden_test

@@ -11,7 +11,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::keyframe_average_test {
 namespace {
 
 // A keyframe that shows points, each as it was measured at first.
@@ -191,4 +191,4 @@ TEST_F(Looks, OfOneKeyframe) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::keyframe_average_test

@@ -14,7 +14,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::keyframe_inserter_test {
 namespace {
 
 constexpr std::int64_t kNow_ns = 100'000'000'000;
@@ -670,4 +670,4 @@ TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::keyframe_inserter_test

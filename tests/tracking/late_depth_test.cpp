@@ -9,7 +9,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::late_depth_test {
 namespace {
 
 // A wall that slopes along x, and features on it.
@@ -106,4 +106,4 @@ TEST_F(LateDepthOf, MatchesSayWhatStampsDoNot) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::late_depth_test

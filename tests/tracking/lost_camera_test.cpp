@@ -9,7 +9,7 @@
 #include "engine/engine_state.hpp"
 #include "tests/engine/lost_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::lost_camera_test {
 namespace {
 
 using test::home;
@@ -18,7 +18,7 @@ using test::Lost;
 // A camera without a vocabulary that has seen nothing for twelve frames: too long for its motion to foretell where it
 // is, and too short to be given up. A quarter of the matches with a keyframe is enough to propose a place.
 Parameters easily_proposed() {
-    Parameters out = test::configuration_of_test();
+    Parameters out = test::lost_parameters();
     out.recovery.inlier_share_min = 0.2;
     return out;
 }
@@ -34,7 +34,7 @@ Parameters& parameters_of(Lost& lost) {
 TEST(LostCamera, ARefusedPlaceLeavesNothingBehind) {
     for (const bool has_vocabulary : {false, true}) {
         for (const bool is_refused : {true, false}) {
-            Lost lost(has_vocabulary, 90, has_vocabulary ? test::configuration_of_test() : easily_proposed(),
+            Lost lost(has_vocabulary, 90, has_vocabulary ? test::lost_parameters() : easily_proposed(),
                       has_vocabulary ? 60 : kDarkFrames);
             // Whatever is empty of the map there is too much of it.
             if (is_refused) parameters_of(lost).recovery.empty_share_max = -1;
@@ -123,4 +123,4 @@ TEST(LostCamera, WhatWasTriedIsPutBackWhole) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::lost_camera_test

@@ -10,7 +10,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::measured_frame_test {
 namespace {
 
 class Measured : public testing::Test {
@@ -286,4 +286,4 @@ TEST_F(Measured, ColoursBecomeGrey) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::measured_frame_test

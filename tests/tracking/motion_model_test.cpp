@@ -8,7 +8,7 @@
 
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::motion_model_test {
 namespace {
 
 constexpr std::int64_t kStart_ns = 5'000'000'000;
@@ -200,4 +200,4 @@ TEST(MotionModel, BeginsAtRest) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::motion_model_test

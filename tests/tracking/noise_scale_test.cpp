@@ -10,7 +10,7 @@
 #include "tests/static_region/scenes.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::noise_scale_test {
 namespace {
 
 constexpr Limits kLimits = Limits::tiny();
@@ -280,4 +280,4 @@ TEST(NoiseScaleByGroup, BodiesAreNoNoise) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::noise_scale_test

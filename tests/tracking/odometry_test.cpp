@@ -7,7 +7,7 @@
 
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::odometry_test {
 namespace {
 
 SE3 pose_by_quaternion(const RigidTransform& transform) {
@@ -167,4 +167,4 @@ TEST(Odometry, AddsUpAndForgets) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::odometry_test

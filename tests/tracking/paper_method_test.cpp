@@ -18,7 +18,7 @@
 #include "tests/support/memory.hpp"
 #include "tests/support/small_world.hpp"
 
-namespace stillmesh {
+namespace stillmesh::paper_method_test {
 namespace {
 
 constexpr Limits kLimits{320, 240, 4, 300, 12, 1500, 32};
@@ -183,4 +183,4 @@ TEST(PaperMethod, ItsParametersAreOneSet) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::paper_method_test

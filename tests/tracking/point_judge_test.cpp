@@ -11,7 +11,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::point_judge_test {
 namespace {
 
 constexpr std::int64_t kNow_ns = 100'000'000'000;
@@ -392,4 +392,4 @@ TEST_F(Judge, SightsAreCounted) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::point_judge_test

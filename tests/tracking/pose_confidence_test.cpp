@@ -7,7 +7,7 @@
 
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::pose_confidence_test {
 namespace {
 
 constexpr std::int64_t kFrame_ns = 33'333'333;
@@ -203,4 +203,4 @@ TEST_F(Confidence, PredictionAddsItsDeviations) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::pose_confidence_test

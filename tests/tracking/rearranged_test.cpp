@@ -13,7 +13,7 @@
 #include "platform/linux/cpu_kernels.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::rearranged_test {
 namespace {
 
 constexpr std::uint32_t kLastStill = 60;              // both stand
@@ -219,4 +219,4 @@ TEST_P(Rearranged, MapForgetsOldPlacesAndLearnsNewOnes) {
 INSTANTIATE_TEST_SUITE_P(Seeds, Rearranged, ::testing::Values(1, 2, 3));
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::rearranged_test

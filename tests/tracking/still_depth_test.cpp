@@ -12,7 +12,7 @@
 #include "engine/base/random.hpp"
 #include "tests/support/small_world.hpp"
 
-namespace stillmesh {
+namespace stillmesh::still_depth_test {
 namespace {
 
 Limits limits_with_images() {
@@ -290,4 +290,4 @@ TEST(StillDepthModel, FloodsFromEachFeature) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::still_depth_test

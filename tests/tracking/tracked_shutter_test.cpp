@@ -9,7 +9,7 @@
 #include "tests/support/synthetic.hpp"
 #include "tests/tracking/shutter_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::tracked_shutter_test {
 namespace {
 
 using test::kPeriod_s;
@@ -214,4 +214,4 @@ TEST_F(Shutter, TheFirstKeyframeLearnsItsSpeedLater) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::tracked_shutter_test

@@ -8,7 +8,7 @@
 #include "tests/support/synthetic.hpp"
 #include "tests/tracking/shutter_rig.hpp"
 
-namespace stillmesh {
+namespace stillmesh::tracked_turn_test {
 namespace {
 
 using test::kPeriod_s;
@@ -158,4 +158,4 @@ TEST_F(Turn, TheReadoutIsFoundUnderATremblingHand) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::tracked_turn_test

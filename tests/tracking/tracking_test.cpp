@@ -16,7 +16,7 @@
 #include "tests/support/frames.hpp"
 #include "tests/support/memory.hpp"
 
-namespace stillmesh {
+namespace stillmesh::tracking_test {
 namespace {
 
 using test::DrawnScene;
@@ -735,4 +735,4 @@ TEST(Tracking, AHintContradictsInTheBeginningAlone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::tracking_test

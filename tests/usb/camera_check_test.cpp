@@ -14,7 +14,7 @@
 #include "platform/cli/cameras_command.hpp"
 #include "tests/usb/scripted_usb_link.hpp"
 
-namespace stillmesh {
+namespace stillmesh::camera_check_test {
 namespace {
 
 [[nodiscard]] CameraSurroundings everything_installed() {
@@ -442,4 +442,4 @@ TEST(SupportedCameras, RulesFileIsTheTables) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::camera_check_test

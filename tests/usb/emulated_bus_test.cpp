@@ -26,7 +26,7 @@
 #include "tests/openni2/rig.hpp"
 #endif
 
-namespace stillmesh {
+namespace stillmesh::emulated_bus_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -515,7 +515,7 @@ TEST_F(EmulatedBusTest, TheProgram) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::emulated_bus_test
 
 // umockdev works by standing before the C library: start again with it there.
 int main(int argc, char** argv) {

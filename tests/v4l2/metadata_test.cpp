@@ -10,7 +10,7 @@
 #include "hal/v4l2/v4l2_camera.hpp"
 #include "tests/v4l2/emulated_device.hpp"
 
-namespace stillmesh {
+namespace stillmesh::metadata_test {
 namespace {
 
 using test::EmulatedDevice;
@@ -249,4 +249,4 @@ TEST(V4l2Metadata, WithoutItTheDriversStampsServe) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::metadata_test

@@ -5,7 +5,7 @@
 
 #include "hal/v4l2/realsense_metadata.hpp"
 
-namespace stillmesh {
+namespace stillmesh::payload_header_test {
 namespace {
 
 // What uvcvideo makes of a header for the metadata node: the host's time and the frame number of the bus before it; of
@@ -62,4 +62,4 @@ TEST(PayloadHeader, OfTheStandardAlone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::payload_header_test

@@ -12,7 +12,7 @@
 #include <random>
 #include <vector>
 
-namespace stillmesh::v4l2 {
+namespace stillmesh::v4l2::pixel_formats_test {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -136,4 +136,4 @@ TEST(PixelFormats, Jpeg) {
 #endif
 
 }  // namespace
-}  // namespace stillmesh::v4l2
+}  // namespace stillmesh::v4l2::pixel_formats_test

@@ -11,7 +11,7 @@
 #include "hal/v4l2/v4l2_camera.hpp"
 #include "tests/v4l2/emulated_device.hpp"
 
-namespace stillmesh {
+namespace stillmesh::random_lives_test {
 namespace {
 
 using test::EmulatedDevice;
@@ -201,4 +201,4 @@ TEST(V4l2Lives, AThousand) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::random_lives_test

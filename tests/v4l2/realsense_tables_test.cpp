@@ -8,7 +8,7 @@
 
 #include "tests/v4l2/realsense_bytes.hpp"
 
-namespace stillmesh::v4l2 {
+namespace stillmesh::v4l2::realsense_tables_test {
 namespace {
 
 using test::Bytes;
@@ -277,4 +277,4 @@ TEST(RealSenseTables, Nominal) {
 }
 
 }  // namespace
-}  // namespace stillmesh::v4l2
+}  // namespace stillmesh::v4l2::realsense_tables_test

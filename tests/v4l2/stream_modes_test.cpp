@@ -10,7 +10,7 @@
 #include "hal/v4l2/sysfs_nodes.hpp"
 #include "tests/v4l2/emulated_device.hpp"
 
-namespace stillmesh::v4l2 {
+namespace stillmesh::v4l2::stream_modes_test {
 namespace {
 
 [[nodiscard]] Mode mode(std::uint32_t code, std::uint32_t width, std::uint32_t height, std::uint32_t rate) {
@@ -130,4 +130,4 @@ TEST(SysfsNodes, ReadsTheTree) {
 }
 
 }  // namespace
-}  // namespace stillmesh::v4l2
+}  // namespace stillmesh::v4l2::stream_modes_test

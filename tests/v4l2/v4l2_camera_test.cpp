@@ -17,7 +17,7 @@
 #include "hal/v4l2/survey.hpp"
 #include "tests/v4l2/emulated_device.hpp"
 
-namespace stillmesh {
+namespace stillmesh::v4l2_camera_test {
 namespace {
 
 using test::EmulatedDevice;
@@ -663,4 +663,4 @@ TEST(V4l2Survey, SaysWhatIsThere) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::v4l2_camera_test

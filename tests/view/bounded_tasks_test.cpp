@@ -6,7 +6,7 @@
 
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::bounded_tasks_test {
 namespace {
 
 // Promise: at most so many tasks run at a time, all of them run, and none is lost at the end.
@@ -53,4 +53,4 @@ TEST(BoundedTasks, AddingWaitsForRoom) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::bounded_tasks_test

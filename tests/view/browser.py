@@ -60,6 +60,31 @@ def keys_move_the_map(browser):
         browser.has_no_complaint()
 
 
+def a_finger_scrolls_and_turns(browser):
+    """On a phone a finger that goes up over the map scrolls the page and leaves the map as it lies; one that goes sideways turns
+    it and leaves the page; two that part come closer."""
+    def drag(*ways):
+        where = "const r = at('map').getBoundingClientRect(); return [r.left + r.width / 2, r.top + r.height / 2]"
+        x, y = browser.script(where)
+        browser.touch([[(x + dx * step / 8, y + dy * step / 8) for dx, dy in ways] for step in range(9)])
+        time.sleep(0.3)
+        return browser.script("return [scrollY, map.turn.azimuth, map.turn.height, map.turn.distance]")
+    with Run(PROGRAM, *SCENE) as run:
+        browser.open(f"http://127.0.0.1:{run.port}/", 390, 844, "light")
+        browser.devtools("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+        browser.becomes("Number(document.getElementById('map').dataset.points) > 100")
+        browser.script("at('map').scrollIntoView({block: 'center'}); map.follow = false; map.come(1)")
+        lies = browser.script("return [scrollY, map.turn.azimuth, map.turn.height, map.turn.distance]")
+        scrolled = drag((0, -120))
+        assert scrolled[0] > lies[0] + 60 and scrolled[1:] == lies[1:], (lies, scrolled)
+        turned = drag((100, 0))
+        assert turned[0] == scrolled[0] and turned[1] != scrolled[1] and turned[3] == scrolled[3], (scrolled, turned)
+        near = drag((-60, -60), (60, 60))
+        assert near[0] == turned[0] and near[3] < turned[3], (turned, near)
+        browser.devtools("Emulation.setTouchEmulationEnabled", {"enabled": False})
+        browser.has_no_complaint()
+
+
 def the_graph_is_drawn(browser):
     """Keyframes that see the same points are joined by lines, which their box switches off. A loop, told by a message of ours, is
     some pixels wide, from near and from far, and is counted in the legend; there is none before."""
@@ -241,5 +266,5 @@ def files_are_taken_home(browser):
         assert browser.script(hidden) == [True, True, True]
 
 
-keep_promises((it_shows_the_run, keys_move_the_map, the_graph_is_drawn, it_comes_back, every_state_is_said,
+keep_promises((it_shows_the_run, keys_move_the_map, a_finger_scrolls_and_turns, the_graph_is_drawn, it_comes_back, every_state_is_said,
                it_says_that_it_waits, who_has_the_token_steers, the_map_is_steered_by_keyboard, files_are_taken_home))

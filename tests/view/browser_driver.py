@@ -70,6 +70,12 @@ class Browser:
                 self.devtools("Input.dispatchKeyEvent", {"type": kind, "key": key, "code": key,
                                                          "windowsVirtualKeyCode": CODES.get(key, 0)})
 
+    def touch(self, steps):
+        """Fingers: at each step where each of them is, in pixels of the view."""
+        for kind, fingers in [("touchStart", steps[0]), *(("touchMove", step) for step in steps[1:]), ("touchEnd", [])]:
+            self.devtools("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [
+                {"x": x, "y": y, "id": number} for number, (x, y) in enumerate(fingers)]})
+
     def point(self, element, x, y, *kinds):
         """The mouse at shares x and y of an element: mouseMoved, mousePressed, mouseReleased."""
         find = f"document.querySelector('{element}')"

@@ -9,7 +9,7 @@
 
 #include "tests/support/heap_calls.hpp"
 
-namespace stillmesh {
+namespace stillmesh::live_view_test {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -239,4 +239,4 @@ TEST(LiveView, WithoutAFeedThereIsNone) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::live_view_test

@@ -4,7 +4,7 @@
 
 #include "platform/view/view_module.hpp"
 
-namespace stillmesh {
+namespace stillmesh::view_absent_test {
 namespace {
 
 // Promise: where the server is not beside the program (as it is not beside this test), that is said, with where it was
@@ -20,4 +20,4 @@ TEST(ViewAbsent, SaysWhatToInstall) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::view_absent_test

@@ -10,7 +10,7 @@
 #include "platform/cli/view_of_run.hpp"
 #include "platform/view/view_message.hpp"
 
-namespace stillmesh {
+namespace stillmesh::view_commands_test {
 namespace {
 
 // Promise: the commands there are, and nothing that only looks like one.
@@ -239,4 +239,4 @@ TEST(ViewOfRun, TheTokenIsNotKept) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::view_commands_test

@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-namespace stillmesh {
+namespace stillmesh::view_feed_test {
 namespace {
 
 constexpr std::int64_t kMillisecond_ns = 1'000'000;
@@ -195,4 +195,4 @@ TEST(ViewFeed, GapsStay) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::view_feed_test

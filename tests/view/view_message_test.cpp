@@ -9,7 +9,7 @@
 
 #include "platform/report/picture_writer.hpp"
 
-namespace stillmesh {
+namespace stillmesh::view_message_test {
 namespace {
 
 [[nodiscard]] std::size_t bytes_in(const nlohmann::json& base64) {
@@ -142,4 +142,4 @@ TEST(ViewMessage, NewsOfAnySentence) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::view_message_test

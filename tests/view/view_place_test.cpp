@@ -5,7 +5,7 @@
 
 #include <string>
 
-namespace stillmesh {
+namespace stillmesh::view_place_test {
 namespace {
 
 // Promise: a port alone is this machine's; an address may stand before it; anything else is refused with a sentence.
@@ -51,4 +51,4 @@ TEST(ViewPlace, ARequestNamesThisMachine) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::view_place_test

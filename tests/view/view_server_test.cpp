@@ -12,7 +12,7 @@
 #include "platform/linux/process.hpp"
 #include "tests/support/program.hpp"
 
-namespace stillmesh {
+namespace stillmesh::view_server_test {
 namespace {
 
 [[nodiscard]] int port_of(const ViewServer& server) {
@@ -99,4 +99,4 @@ TEST(ViewServer, EndsWithWhoeverHangsOnIt) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::view_server_test

@@ -10,7 +10,7 @@
 #include "engine/features/hamming.hpp"
 #include "engine/place/vocabulary.hpp"
 
-namespace stillmesh {
+namespace stillmesh::trainer_test {
 namespace {
 
 Descriptor random_descriptor(Random& random) {
@@ -152,4 +152,4 @@ TEST(Trainer, RefusesOrGrows) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::trainer_test

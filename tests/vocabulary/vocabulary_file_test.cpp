@@ -10,7 +10,7 @@
 #include "engine/limits.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace stillmesh {
+namespace stillmesh::vocabulary_file_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -77,4 +77,4 @@ TEST_F(VocabularyFileTest, OpensOrSaysWhy) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::vocabulary_file_test

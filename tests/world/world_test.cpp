@@ -8,7 +8,7 @@
 #include "tests/support/small_world.hpp"
 #include "tests/support/synthetic.hpp"
 
-namespace stillmesh {
+namespace stillmesh::world_test {
 namespace {
 
 void expect_same(const SE3& a, const SE3& b, double tolerance = 1e-9) {
@@ -166,4 +166,4 @@ TEST(World, FewKeyframesHoldNoLoop) {
 }
 
 }  // namespace
-}  // namespace stillmesh
+}  // namespace stillmesh::world_test

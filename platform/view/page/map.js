@@ -352,6 +352,8 @@ class MapView extends Drawing {
       if (index >= 0) this.onPick(index);
     });
     canvas.addEventListener('pointercancel', (e) => fingers.delete(e.pointerId));
+    // One finger up or down scrolls the page (view.css); two are the map's.
+    canvas.addEventListener('touchstart', (e) => { if (e.touches.length > 1) e.preventDefault(); }, { passive: false });
     canvas.addEventListener('contextmenu', (e) => e.preventDefault());
     canvas.addEventListener('wheel', (e) => {
       e.preventDefault();

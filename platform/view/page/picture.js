@@ -97,22 +97,16 @@ function drawFeatures(context, features, scale, unit) {
     context.fillStyle = STATIC_COLOUR;
     context.fill(still);
   }
-  if (at('show-moving').checked) {
+  const outline = (path, width, colour) => {
     context.lineWidth = 3.4 * unit;
     context.strokeStyle = '#000000c0';
-    context.stroke(moving);
-    context.lineWidth = 1.8 * unit;
-    context.strokeStyle = MOVING_COLOUR;
-    context.stroke(moving);
-  }
-  if (at('show-rival').checked) {
-    context.lineWidth = 3.4 * unit;
-    context.strokeStyle = '#000000c0';
-    context.stroke(rival);
-    context.lineWidth = 1.5 * unit;
-    context.strokeStyle = RIVAL_COLOUR;
-    context.stroke(rival);
-  }
+    context.stroke(path);
+    context.lineWidth = width * unit;
+    context.strokeStyle = colour;
+    context.stroke(path);
+  };
+  if (at('show-moving').checked) outline(moving, 1.8, MOVING_COLOUR);
+  if (at('show-rival').checked) outline(rival, 1.5, RIVAL_COLOUR);
   setText('n-rival', String(rivals));
   ['neither', 'static', 'moving'].forEach((name, i) => setText('n-' + name, String(counts[i])));
 }
