@@ -8,7 +8,7 @@
 namespace stillmesh {
 namespace {
 
-constexpr double kGravity_m_s2 = 9.81, kGravityWithin_m_s2 = 0.5;
+constexpr double kGravityWithin_m_s2 = 0.5;
 constexpr std::int64_t kGapMax_ns = 250'000'000;  // between frames
 constexpr double kPart_s = 1.0;
 

@@ -15,7 +15,9 @@
 
 namespace stillmesh {
 
-// In the camera's axes, at rest 9.8 upwards.
+inline constexpr double kGravity_m_s2 = 9.81;
+
+// In the camera's axes, at rest gravity's upwards.
 struct Acceleration {
     std::int64_t time_ns = 0;
     Triple m_s2{};

@@ -11,7 +11,6 @@ SimulatedAccelerometer::SimulatedAccelerometer(std::uint64_t seed) : random_(see
 }
 
 bool SimulatedAccelerometer::step(const TrajectoryPose& truth) {
-    constexpr double kGravity_m_s2 = 9.81;
     const TrajectoryPose before = before_, at = last_;
     before_ = last_;
     last_ = truth;
