@@ -67,7 +67,7 @@ std::uint32_t MapPager::piece() noexcept {
 
 std::uint64_t MapPager::state_hash() const noexcept {
     StateHash hash = state_.hash;
-    hash.add(returns_.queries());
+    hash.add(state_.world->statistics.store.asked);
     hash.add(state_.world->statistics.store.kept);
     hash.add(state_.world->statistics.store.refused);
     hash.add(state_.world->statistics.store.returned);

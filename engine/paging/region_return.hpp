@@ -44,7 +44,6 @@ public:
         return !is_waiting_ && state_->world->clock.frame >= next_return_frame_;
     }
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
-    [[nodiscard]] std::uint64_t queries() const noexcept { return question_; }
 
 private:
     // A point of the region at hand.
@@ -80,7 +79,7 @@ private:
     Handle<Keyframe> keyframe_;  // that came back
     Stage stage_ = Stage::kIdle;
     std::uint32_t cursor_ = 0;
-    std::uint64_t question_ = 0;          // the last number
+    std::uint64_t question_ = 0;          // the last number; goes on after a reset, whose answers may still come
     std::uint64_t queried_frame_ = 0;     // when
     std::uint64_t queried_keyframe_ = 0;  // keyframes made before have been queried
     std::uint64_t answered_id_ = 0;

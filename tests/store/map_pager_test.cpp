@@ -399,6 +399,18 @@ TEST(MapPager, OneRegionIsAMapToBeginIn) {
     EXPECT_EQ(without->step_store(1000), Progress::kIdle);
 }
 
+// Promise: with a store, too, an engine that was reset is as a new one, bit by bit.
+TEST(MapPager, AResetEngineIsAsANewOne) {
+    const Limits limits = small(true);
+    MemoryStore store;
+    Rig used(limits, configuration_of(limits), &store);
+    EXPECT_GT(used.run().statistics.store.asked, 0U);
+    used->reset();
+    MemoryStore same = store;
+    Rig fresh(limits, configuration_of(limits), &same);
+    EXPECT_EQ(used.run().hashes, fresh.run().hashes);
+}
+
 // Promise: an engine that begins with a store that holds regions finds the camera among them, in their world, and its
 // keyframes get names of their own; step_store() has given the store all that was in memory before.
 TEST(MapPager, AStoreIsAMapToBeginIn) {
