@@ -322,7 +322,9 @@ class MapView extends Drawing {
     };
     canvas.addEventListener('pointerdown', (e) => {
       canvas.setPointerCapture(e.pointerId);
-      fingers.set(e.pointerId, { x: e.clientX, y: e.clientY, button: e.button, way: 0 });
+      fingers.set(e.pointerId, {
+        x: e.clientX, y: e.clientY, button: e.button, way: 0, turns: e.pointerType === 'touch' ? null : true,
+      });
     });
     canvas.addEventListener('pointermove', (e) => {
       const finger = fingers.get(e.pointerId);
@@ -333,6 +335,9 @@ class MapView extends Drawing {
       finger.way += Math.hypot(e.clientX - finger.x, e.clientY - finger.y);
       finger.x = e.clientX;
       finger.y = e.clientY;
+      // A finger that begins up or down scrolls the page, and turns nothing.
+      if (finger.turns === null && finger.way > 8) finger.turns = Math.abs(dx) > Math.abs(dy);
+      if (!before && !finger.turns) return;
       if (before) {
         const after = spread();
         this.move((after.x - before.x) / canvas.clientHeight, (after.y - before.y) / canvas.clientHeight);
