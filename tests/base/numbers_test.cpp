@@ -28,7 +28,7 @@ std::int32_t clamp_like_the_book(double value, std::int32_t low, std::int32_t hi
 // Promise: rounding and flooring agree with the C library wherever that is defined, and are clamped elsewhere.
 TEST(Numbers, AgreeWithTheLibrary) {
     Random random(1);
-    for (int i = 0; i < 2'000'000; ++i) {
+    for (int i = 0; i < 500'000; ++i) {
         double value = 0;
         switch (i % 4) {
             case 0: value = random.uniform(-1000, 1000); break;
