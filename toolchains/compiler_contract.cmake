@@ -22,7 +22,7 @@ if(STILLMESH_SANITIZE)  # enough to name file and line of what is found, and com
 endif()
 # For the folder at hand, of which nothing counts in a frame's time (arguments, tables, tests): two thirds of the compiling.
 function(stillmesh_compile_quickly)
-    add_compile_options($<$<CONFIG:Release>:-O1>)
+    add_compile_options($<$<CONFIG:Release>:$<IF:$<BOOL:${STILLMESH_HURRY}>,-Og,-O1>>)
 endfunction()
 
 add_library(stillmesh_contract INTERFACE)
