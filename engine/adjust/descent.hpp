@@ -19,6 +19,9 @@ inline constexpr double kPivotHuge = 1e150;
 inline constexpr double kStepMax_m = 1e6;
 inline constexpr double kStepMax_rad = 1.0;
 
+[[nodiscard]] inline double squared_norm(const double (&v)[3]) noexcept {
+    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+}
 [[nodiscard]] inline bool is_sane_step(double metres2) noexcept {
     return metres2 <= kStepMax_m * kStepMax_m;  // not NaN either
 }

@@ -302,14 +302,14 @@ void GlobalAdjustment::move_point(Point& p) noexcept {
     // What the point would gain alone, -g V^-1 g, is in the reduced model's constant.
     double alone[3] = {g[0], g[1], g[2]};
     forward(p.factor, alone);
-    descent_.predicted += alone[0] * alone[0] + alone[1] * alone[1] + alone[2] * alone[2];
+    descent_.predicted += squared_norm(alone);
     each_moving(p, [&](const Keyframe& keyframe, const Derivatives& d) {
         const auto change = d.along(keyframe.solution);
         d.pull_point(change.x, change.y, change.z, g);
     });
     forward(p.factor, g);
     backward(p.factor, g);
-    if (!is_sane_step(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])) return;
+    if (!is_sane_step(squared_norm(g))) return;
     for (int k = 0; k < 3; ++k) {
         p.world[1 - current_][k] -= g[k];
         descent_.predicted += p.damping[k] * g[k] * g[k];

@@ -419,7 +419,7 @@ std::uint32_t LocalAdjustment::evaluate_point(Point& p) noexcept {
         }
         forward(p.factor, g);
         backward(p.factor, g);
-        const bool is_sane = is_sane_step(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+        const bool is_sane = is_sane_step(squared_norm(g));
         for (int k = 0; k < 3; ++k) {
             const double step = is_sane ? -g[k] : 0.0;
             candidate[k] = world[k] + step;

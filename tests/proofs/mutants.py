@@ -8,8 +8,8 @@ A mutant is one source of the engine with one change: a sign or a comparison tur
 or turned, least for most. It is compiled alone, beside the build folder and with that folder's own command (and checks of
 indices, libstdc++'s and the compiler's: who reads past an end dies), and linked before the engine's library: nothing that was
 built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room run, those of one number over all
-first, and if they notice nothing the number over the whole engine in tests/tracking, and the golden runs and stories of the
-program, one after another until one notices (recordings: STILLMESH_TEST_DATA; what the stories show is rendered once). Caught
+first, and if they notice nothing the number over the whole engine in tests/tracking, what tests/engine promises of its
+interface, and the golden runs and stories of the program, one after another until one notices (recordings: STILLMESH_TEST_DATA; what the stories show is rendered once). Caught
 is what fails, dies, or needs more than ten times as long as without; what the compiler
 refuses is no mutant and another is drawn.
 
@@ -206,7 +206,8 @@ def steps_of(room, is_golden):
     names = sorted((*golden.RUNS, *golden.SEQUENCES), key=lambda name: name == "loop_closed")
     units = [(test + of, test) for of in (" numbers", "") for test in tests_of(room)]
     whole = [WHOLE] if room != "tracking" else []
-    return units + [step for step in (*whole, *((f"golden {name}", "stillmesh") for name in names)) if is_golden]
+    interface = [("test_engine", "test_engine")] if "test_engine" not in tests_of(room) else []
+    return units + [step for step in (*whole, *interface, *((f"golden {name}", "stillmesh") for name in names)) if is_golden]
 
 
 def command_of(build, name, program):
