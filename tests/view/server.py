@@ -30,7 +30,7 @@ def page_is_served_whole():
             assert headers["Access-Control-Allow-Origin"] is None
         assert not re.search(rb"<script>|<style>| on[a-z]+=| style=|https?://", page), "inline, or from elsewhere"
         for wrong in ("/index.html", "/view", "/view.js/", "//view.js", "/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd",
-                      "/stream/x", "/" + "a" * 4000, "/?x"):
+                      "/stream/x", "/" + "a" * 4000, "/viewXjs", "/posesXcsv", "/trajectory%2Ftxt", "/?x"):
             status, _, body = run.get(wrong)
             assert status == (200 if wrong == "/?x" else 404), (wrong, status)
             assert b"root:" not in body

@@ -231,6 +231,9 @@ def files_are_taken_home():
                     assert body == kept.read(), path
                 assert run.get(path + "?file=/etc/passwd", headers=token)[2] == body
                 assert run.get(path, method="HEAD", headers=token)[0] == 200
+                for near in (path.replace(".", "x"), path.replace(".", "%2F"), path.upper(), path + "/"):  # nor under another name
+                    assert run.get(near)[0] == 404, near
+            time.sleep(1.1)  # for the rate
             assert run.get("/../office.yaml", headers=token)[0] in (400, 404)
             run.process.terminate()
             assert run.wait() == 143, run.lines
