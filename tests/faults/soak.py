@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Promise: however long the program runs, with every kind of fault in its pictures and with the service's own arguments, its
-memory stays what it was after the first tenth, a frame takes what it took then, and the same pictures give the same state.
+memory stays what it was after the first tenth, a frame takes what it took in the second, and the same pictures give the same
+state.
 
   soak.py PROGRAM [--frames N] [--again N] [--width 160|640] [--inject SEED] [--scene NAME[:SEED]] [--json FILE]
 
 A recording of 300 frames is shown forwards and backwards as often as it takes, under new times, with truth left out. Two programs
-run side by side: one over all N frames, one over the first AGAIN (all, if not given), and each line of their state hashes is
-compared. Memory is what is resident without files; the time of a frame is the processor time of the program, over that of a
-fixed piece of work done beside it in the same moments, since machines have their moods. A line for each fiftieth of the run.
+run side by side: one over all N frames, one over the first AGAIN (all, if not given), and their state hashes are compared,
+window by window, a fiftieth of N each. Memory is what is resident without files; the time of a frame is the processor time of
+the program, over that of a fixed piece of work done beside it in the same moments, since machines have their moods.
 """
 import argparse
 import hashlib
@@ -43,8 +44,7 @@ def show_again_and_again(folder, frames):
         with open(folder / f"{name}.txt", "w", encoding="ascii") as out:
             for i, shown in zip(range(frames + frames // 4 + FRAMES_SHOWN), forwards_and_backwards()):
                 out.write(f"{1 + i / 30:.6f} {files[shown]}\n")
-    for name in ("groundtruth.txt", "dynamic_masks.txt"):
-        (folder / name).unlink(missing_ok=True)
+    (folder / "groundtruth.txt").unlink()
 
 
 def service_arguments(folder):
@@ -66,38 +66,41 @@ def fixed_work_s():
 
 
 class Program(threading.Thread):
-    """One run, watched from beside: its state hashes through a pipe, and memory and time at the end of each window."""
+    """One run, watched from beside: its state hashes through a pipe, and memory and time at the end of each window. What it says
+    goes to files, so that it waits for nobody at its end."""
 
     def __init__(self, folder, command, window):
         super().__init__()
         folder.mkdir()
-        self.window, self.said = window, ""
+        self.window, self.folder = window, folder
         self.rows, self.digests, self.seen = [], [], 0
-        self.pipe = folder / "hashes"
-        os.mkfifo(self.pipe)
-        command = [*command, "--state-hashes", str(self.pipe), *service_arguments(folder)]
-        self.log = open(folder / "said", "w+", encoding="utf-8")
-        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self.log, text=True,
-                                        start_new_session=True)  # a Ctrl-C is passed on once
+        self.hashes, far_end = os.pipe()  # ends with the program, whether it opened it or was refused
+        command = [*command, "--state-hashes", f"/dev/fd/{far_end}", *service_arguments(folder)]
+        with open(folder / "summary", "wb") as summary, open(folder / "said", "wb") as said:
+            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=summary, stderr=said, pass_fds=[far_end],
+                                            start_new_session=True)  # a Ctrl-C is passed on once
+        os.close(far_end)
         self.start()
 
     def run(self):
         digest, before_s = hashlib.sha256(), 0.0
-        with open(self.pipe, "rb") as lines:
+        with open(self.hashes, "rb") as lines:
             for line in lines:
                 digest.update(line)
                 self.seen += 1
-                if self.seen % self.window == 0:
-                    self.digests.append(digest.hexdigest())
-                    memory_kb, spent_s = self.memory_kb(), self.spent_s()
+                if self.seen % self.window:
+                    continue
+                self.digests.append(digest.hexdigest())
+                memory_kb, spent_s = self.memory_kb(), self.spent_s()
+                if memory_kb is not None:
                     self.rows.append((self.seen, memory_kb, 1e3 * (spent_s - before_s) / self.window, fixed_work_s()))
-                    before_s = spent_s
-        self.said = self.process.stdout.read()
+                before_s = spent_s
         self.process.wait()
 
     def memory_kb(self):
+        """None: it has just ended."""
         lines = pathlib.Path(f"/proc/{self.process.pid}/status").read_text().splitlines()
-        return next((int(line.split()[1]) for line in lines if line.startswith("RssAnon:")), 0)
+        return next((int(line.split()[1]) for line in lines if line.startswith("RssAnon:")), None)
 
     def spent_s(self):
         words = pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
@@ -107,9 +110,9 @@ class Program(threading.Thread):
         """Waits; the summary."""
         self.join()
         if self.process.returncode not in (0, 1, 130, 143):
-            self.log.seek(0)
-            sys.exit(f"soak: the program ended with {self.process.returncode}: {self.log.read()[-2000:]}")
-        return json.loads(self.said)
+            said = (self.folder / "said").read_text(errors="replace")
+            sys.exit(f"soak: the program ended with {self.process.returncode}: {said[-2000:]}")
+        return json.loads((self.folder / "summary").read_text())
 
 
 def watch(runs):
@@ -147,7 +150,7 @@ def main():
         command = [program, "run", "--replay", str(recording), "--limits", "pocket", "--json"]
         command += ["--inject", str(options.inject)] if options.inject is not None else []
         again = min(options.again or options.frames, options.frames)
-        again = max(again - again % window, window)  # both are summed up at the same frames
+        again = min(again + window, options.frames)  # faults leave some out, and a window that is not full does not count
         runs = [Program(folder / name, [*command, "--frames", str(frames)], window)
                 for name, frames in (("all", options.frames), ("again", again))]
         watch(runs)

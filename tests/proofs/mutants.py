@@ -9,9 +9,9 @@ or turned, least for most. It is compiled alone, beside the build folder and wit
 indices, libstdc++'s and the compiler's: who reads past an end dies), and linked before the engine's library: nothing that was
 built is touched, so mutants are tried side by side (--jobs). Then the unit tests of its room run, those of one number over all
 first, and if they notice nothing the number over the whole engine in tests/tracking, what tests/engine promises of its
-interface, and the golden runs and stories of the program, one after another until one notices (recordings: STILLMESH_TEST_DATA; what the stories show is rendered once). Caught
-is what fails, dies, or needs more than ten times as long as without; what the compiler
-refuses is no mutant and another is drawn.
+interface, and the golden runs and stories of the program, one after another until one notices (recordings:
+STILLMESH_TEST_DATA; what the stories show is rendered once). Caught is what fails, dies, or needs more than ten times as
+long as without; what the compiler refuses is no mutant and another is drawn.
 
 No mutants, since no test of results can tell them from the engine, by rule and not by list:
   memory  fetching ahead, and room that is reserved: lines with `prefetch`, `kAhead`, `arena` or `create(`
