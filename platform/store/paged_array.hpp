@@ -11,9 +11,16 @@
 #include <cstddef>
 #include <cstring>
 #include <string>
+#include <string_view>
 #include <type_traits>
 
 namespace stillmesh {
+
+// The name that the file has for a moment on file systems that know none without: killed in that moment, it stays.
+inline constexpr std::string_view kPagesName = "stillmesh-index.";
+inline bool is_name_of_pages(std::string_view name) {
+    return name.starts_with(kPagesName) && name.size() == kPagesName.size() + 6;
+}
 
 template <typename T>
 class PagedArray {
@@ -34,7 +41,7 @@ public:
         }
         descriptor_ = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
         if (descriptor_ >= 0) return 0;
-        std::string name = folder + "/index.XXXXXX";  // file systems without O_TMPFILE
+        std::string name = folder + "/" + std::string(kPagesName) + "XXXXXX";  // file systems without O_TMPFILE
         descriptor_ = ::mkostemp(name.data(), O_CLOEXEC);
         if (descriptor_ < 0) return errno;
         static_cast<void>(::unlink(name.c_str()));

@@ -171,6 +171,7 @@ bool RegionStore::open_segments(std::string& message) {
         return false;
     }
     std::vector<std::uint64_t> numbers;
+    std::vector<std::string> left;  // by an index whose name could not be taken away
     bool is_strange = false;
     int error = 0;
     for (;;) {
@@ -182,8 +183,13 @@ bool RegionStore::open_segments(std::string& message) {
         }
         const std::string name = found->d_name;
         const std::uint64_t number = number_of(name);
-        if (number != 0) numbers.push_back(number);
-        is_strange = is_strange || (number == 0 && name != "." && name != ".." && name != "lock");
+        if (number != 0) {
+            numbers.push_back(number);
+        } else if (is_name_of_pages(name)) {
+            left.push_back(options_.folder + "/" + name);
+        } else {
+            is_strange = is_strange || (name != "." && name != ".." && name != "lock");
+        }
     }
     static_cast<void>(::closedir(folder));
     if (error != 0) {
@@ -194,6 +200,9 @@ bool RegionStore::open_segments(std::string& message) {
         message = options_.folder + ": holds other files and no map store; choose another place for it.";
         if (!options_.is_scratch) static_cast<void>(::unlink((options_.folder + "/lock").c_str()));
         return false;
+    }
+    if (!options_.is_scratch) {
+        for (const std::string& file : left) static_cast<void>(::unlink(file.c_str()));
     }
     std::sort(numbers.begin(), numbers.end());
     for (const std::uint64_t number : numbers) {

@@ -379,6 +379,28 @@ TEST(RegionStore, ASegmentThatWasNeverBegun) {
     }
 }
 
+// Promise: killed while its index had a name for a moment (file systems without files that have none), a folder is a store
+// all the same, and the next opening takes the file away; a folder of other files keeps them.
+TEST(RegionStore, TakesAwayWhatAnIndexLeft) {
+    const test::TemporaryFolder folder;
+    const RegionStoreOptions options = test::options_in(folder.path() + "/store");
+    const std::string left = options.folder + "/stillmesh-index.a1B2c3";
+    std::filesystem::create_directory(options.folder);
+    for (const std::uint64_t regions : {0U, 1U}) {
+        test::write_file(left, {});
+        RegionStore store;
+        open(store, options);
+        EXPECT_EQ(store.counts().regions, regions);
+        EXPECT_FALSE(std::filesystem::exists(left));
+        ASSERT_TRUE(store.keep(test::made_region(regions + 1, regions + 1).given()));
+    }
+    test::write_file(folder.path() + "/stillmesh-index.a1B2c3", {});
+    RegionStore store;
+    std::string message;
+    EXPECT_FALSE(store.open(test::options_in(folder.path()), message));
+    EXPECT_TRUE(std::filesystem::exists(folder.path() + "/stillmesh-index.a1B2c3"));
+}
+
 // Promise: what is no store, another's store, or a store in use is refused with one sentence that names it, and nothing
 // is changed.
 TEST(RegionStore, RefusesWithASentence) {
