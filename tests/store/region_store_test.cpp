@@ -379,8 +379,8 @@ TEST(RegionStore, ASegmentThatWasNeverBegun) {
     }
 }
 
-// Promise: killed while its index had a name for a moment (file systems without files that have none), a folder is a store
-// all the same, and the next opening takes the file away; a folder of other files keeps them.
+// Promise: killed while its index had a name for a moment (file systems without files that have none), a folder is a
+// store all the same, and the next opening takes the file away; a folder of other files keeps them.
 TEST(RegionStore, TakesAwayWhatAnIndexLeft) {
     const test::TemporaryFolder folder;
     const RegionStoreOptions options = test::options_in(folder.path() + "/store");
