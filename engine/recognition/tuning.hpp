@@ -15,7 +15,7 @@ namespace stillmesh {
     KEY(recovery, double, inlier_share_min, 0.5, 0.0, 2.0, "", "of the matches that must agree; above 1 nothing is recovered") \
     KEY(recovery, double, reach_m, 0.1, 0.0, 1000.0, "m", "how far a camera gets at once") \
     KEY(recovery, double, reach_rad, 0.2, 0.0, 10.0, "rad", "how far a camera turns at once") \
-    KEY(recovery, double, empty_share_max, 0.35, 0.0, 1.0, "", "of those whose place is seen to be empty")
+    KEY(recovery, double, empty_share_max, 0.5, 0.0, 1.0, "", "of the cells of the picture in which the map is seen to be empty")
 struct RecoveryTuning { STILLMESH_TUNING_recovery(STILLMESH_FIELD) };
 struct RecoveryParameters : RecoveryKeys, RecoveryTuning {};
 

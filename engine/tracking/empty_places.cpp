@@ -8,13 +8,13 @@
 namespace stillmesh {
 
 EmptyPlaces::Seen EmptyPlaces::examine(const MapPoint& point, const MeasuredFrame& measured,
-                                       const SE3& camera_from_world, double noise_depth) const noexcept {
+                                       const SE3& camera_from_world, double noise_depth,
+                                       Vector2& pixel) const noexcept {
     const EmptinessParameters& p = parameters_->emptiness;
     const DepthParameters& depth = parameters_->depth;
     const Frame& frame = measured.frame();
     const CameraModel& camera = measured.camera();
     const Vector3 q = camera_from_world * vector_of(point.world);
-    Vector2 pixel;
     if (q.z() > depth.z_max_m || !project(camera, q, depth.z_min_m, pixel)) return Seen::kNothing;
     const auto reach_px = static_cast<std::int32_t>(p.reach_px);
     const auto width = static_cast<std::int32_t>(camera.width);
@@ -56,7 +56,8 @@ void EmptyPlaces::note_empty(const MeasuredFrame& measured, const SE3& world_fro
             if (!point.is_suspect) point.empty_views = 0;
             continue;
         }
-        const Seen seen = examine(point, measured, camera_from_world, noise_depth);
+        Vector2 pixel;
+        const Seen seen = examine(point, measured, camera_from_world, noise_depth, pixel);
         if (seen == Seen::kEmpty) {
             if (++point.empty_views < p.views) continue;
             map.release_point(map.points().handle_of(slot));
@@ -70,7 +71,9 @@ void EmptyPlaces::note_empty(const MeasuredFrame& measured, const SE3& world_fro
 EmptyPlaces::Agreement EmptyPlaces::agreement(const MeasuredFrame& measured, const SE3& world_from_camera,
                                               double noise_depth, const World& world) const noexcept {
     Agreement out;
+    std::int16_t more_there[kAgreementRows * kAgreementColumns] = {};  // points that are there less those that are not
     const Map& map = world.map;
+    const CameraModel& camera = measured.camera();
     const std::span<const std::uint32_t> slots = world.local_map.points();
     const SE3 camera_from_world = world_from_camera.inverse();
     const std::size_t step = std::max<std::size_t>(1, slots.size() / kAgreementPlaces);
@@ -78,9 +81,18 @@ EmptyPlaces::Agreement EmptyPlaces::agreement(const MeasuredFrame& measured, con
         if (!map.points().is_taken(slots[i])) continue;
         const MapPoint& point = map.points().at(slots[i]);
         if (point.is_suspect) continue;
-        const Seen seen = examine(point, measured, camera_from_world, noise_depth);
-        out.there += seen == Seen::kThere ? 1U : 0U;
-        out.empty += seen == Seen::kEmpty ? 1U : 0U;
+        Vector2 pixel;
+        const Seen seen = examine(point, measured, camera_from_world, noise_depth, pixel);
+        if (seen == Seen::kNothing) continue;
+        const auto column = static_cast<std::uint32_t>(pixel.x() * kAgreementColumns / camera.width);
+        const auto row = static_cast<std::uint32_t>(pixel.y() * kAgreementRows / camera.height);
+        std::int16_t& more = more_there[row * kAgreementColumns + column];
+        more = static_cast<std::int16_t>(more + (seen == Seen::kThere ? 1 : -1));
+        out.points_there += seen == Seen::kThere ? 1U : 0U;
+    }
+    for (const std::int16_t more : more_there) {
+        out.there += more > 0 ? 1U : 0U;
+        out.empty += more < 0 ? 1U : 0U;
     }
     return out;
 }

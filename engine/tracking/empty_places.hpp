@@ -23,8 +23,13 @@ public:
                     World& world) noexcept;
 
     static constexpr std::uint32_t kAgreementPlaces = 400;
+    static constexpr std::uint32_t kAgreementColumns = 16, kAgreementRows = 12;
+    // Of the static points of the map in view; hidden ones say nothing. A cell of the picture counts once, as most of
+    // its points say: of a body that sat at the table when the map was made and has gone, a printed shirt had half of
+    // the points in view and a quarter of the cells.
     struct Agreement {
-        std::uint32_t there = 0, empty = 0;  // static points of the map in view; hidden ones are neither
+        std::uint32_t points_there = 0;
+        std::uint32_t there = 0, empty = 0;  // cells
     };
     // Some kAgreementPlaces points, spread over the local map.
     [[nodiscard]] Agreement agreement(const MeasuredFrame& measured, const SE3& world_from_camera, double noise_depth,
@@ -32,8 +37,9 @@ public:
 
 private:
     enum class Seen : std::uint8_t { kNothing, kThere, kEmpty };
+    // `pixel`: where it is seen, unless that is nowhere.
     [[nodiscard]] Seen examine(const MapPoint& point, const MeasuredFrame& measured, const SE3& camera_from_world,
-                               double noise_depth) const noexcept;
+                               double noise_depth, Vector2& pixel) const noexcept;
 
     const Parameters* parameters_ = nullptr;  // outlives it
     std::uint32_t cursor_ = 0;                // in the local map's points

@@ -201,9 +201,9 @@ bool LostCamera::sees_through(const SE3& world_from_camera, double noise_depth) 
     world_->local_map.build(world_->map, world_from_camera);
     const EmptyPlaces::Agreement seen =
         empty_places_->agreement(estimator_->frame(), world_from_camera, noise_depth, *world_);
-    const RecoveryParameters& p = world_->parameters.recovery;
-    return seen.there < world_->parameters.pose.inliers_min ||
-           static_cast<double>(seen.empty) > p.empty_share_max * static_cast<double>(seen.there + seen.empty);
+    const double share_max = world_->parameters.recovery.empty_share_max;
+    return seen.points_there < world_->parameters.pose.inliers_min ||
+           static_cast<double>(seen.empty) > share_max * static_cast<double>(seen.there + seen.empty);
 }
 
 }  // namespace stillmesh

@@ -31,6 +31,11 @@ public:
             world_->local_map.add(taken.slot());
         }
     }
+    // So many points of something that stood before the wall and has gone, all in the middle of one cell.
+    void crowd(int points) {
+        for (int i = 0; i < points; ++i)
+            world_->local_map.add(world_.add_point(test::point_at_pixel(85, 65, 1)).slot());
+    }
     // The depth image: `left_m` in the left half, `right_m` in the right.
     [[nodiscard]] EmptyPlaces::Agreement seen(double left_m, double right_m, const SE3& camera = {}) {
         for (std::size_t i = 0; i < frame_.depth().size(); ++i) {
@@ -46,27 +51,41 @@ private:
 };
 
 // Promise: of the points in view that stand still, those whose depth is measured are there, those that the depth image
-// looks through are empty, and those behind somebody, without depth or outside the picture are neither.
+// looks through are empty, and those behind somebody, without depth or outside the picture are neither. The wall's 80
+// points lie in 10 by 8 of the 16 by 12 cells of the picture.
 TEST(EmptyPlaces, AgreementCountsWhatIsThereAndWhatIsLookedThrough) {
     Wall wall;
     const EmptyPlaces::Agreement all = wall.seen(2.0, 2.0);
-    EXPECT_EQ(all.there, 80U);
+    EXPECT_EQ(all.points_there, 80U);
+    const std::uint32_t cells = all.there;
+    EXPECT_GE(cells, 30U);
     EXPECT_EQ(all.empty, 0U);
     const EmptyPlaces::Agreement through = wall.seen(3.5, 3.5);
+    EXPECT_EQ(through.points_there, 0U);
     EXPECT_EQ(through.there, 0U);
-    EXPECT_EQ(through.empty, 80U);
+    EXPECT_EQ(through.empty, cells);
     const EmptyPlaces::Agreement half = wall.seen(2.0, 3.5);
-    EXPECT_EQ(half.there, 40U);
-    EXPECT_EQ(half.empty, 40U);
+    EXPECT_EQ(half.points_there, 40U);
+    EXPECT_EQ(half.there + half.empty, cells);
+    EXPECT_NEAR(half.there, cells / 2.0, 4);
     const EmptyPlaces::Agreement hidden = wall.seen(1.0, 0.0);
-    EXPECT_EQ(hidden.there, 0U);
-    EXPECT_EQ(hidden.empty, 0U);
+    EXPECT_EQ(hidden.points_there + hidden.there + hidden.empty, 0U);
     // A metre farther from the wall than it believes: everything is beyond the wall.
     const EmptyPlaces::Agreement wrong = wall.seen(2.0, 2.0, SE3{Matrix3::Identity(), Vector3(0, 0, 1)});
-    EXPECT_EQ(wrong.there, 0U);
+    EXPECT_EQ(wrong.points_there, 0U);
     EXPECT_GT(wrong.empty, 10U);
     const EmptyPlaces::Agreement away = wall.seen(2.0, 2.0, SE3{Matrix3::Identity(), Vector3(50, 0, 0)});
     EXPECT_EQ(away.there + away.empty, 0U);
+}
+
+// Promise: what has gone counts by the area that it covered, however many features it had.
+TEST(EmptyPlaces, AgreementGoesByArea) {
+    Wall wall;
+    const EmptyPlaces::Agreement before = wall.seen(2.0, 2.0);
+    wall.crowd(100);
+    const EmptyPlaces::Agreement seen = wall.seen(2.0, 2.0);
+    EXPECT_EQ(seen.empty, 1U);
+    EXPECT_GE(seen.there + 1, before.there);
 }
 
 // One point two metres ahead, and a frame whose depth around it a test paints.
