@@ -19,6 +19,7 @@ void CameraState::reset(const Parameters& configuration) noexcept {
     measured_time_ns = start_time_ns = 0;
     lost_frames = 0;
     is_choice_sure = true;
+    is_on_proven = false;
     is_placed = true;
 }
 
@@ -30,6 +31,7 @@ void CameraState::begin_at(const SE3* place, std::int64_t time_ns) noexcept {
     if (place != nullptr) odometry.jump(world_from_camera);
     measured_time_ns = start_time_ns = time_ns;
     is_choice_sure = true;
+    is_on_proven = false;
     lost_frames = 0;
 }
 
@@ -38,6 +40,7 @@ void CameraState::begin_in_map(std::int64_t time_ns, const Parameters& configura
     confidence.begin_in_map();
     measured_time_ns = start_time_ns = time_ns;
     is_choice_sure = true;
+    is_on_proven = false;
     is_placed = false;
     lost_frames = configuration.pose.lost_frames_max + 1;  // no motion is carried on into another map
 }

@@ -48,6 +48,7 @@ struct CameraState {
     std::int64_t start_time_ns = 0;     // from then on the past of points tells what moves
     std::uint32_t lost_frames = 0;      // since the last pose that was measured
     bool is_choice_sure = true;         // of the static region, in the last frame
+    bool is_on_proven = false;          // most of what the last pose stands on had stood still before
     bool is_placed = true;              // false: in a map that was loaded, and not found there yet
 };
 

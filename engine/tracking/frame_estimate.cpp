@@ -75,6 +75,11 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     if (shutter_->is_trembling() || late_.is_asked()) correct_coarsely(out);
     const RegionChoice choice = choose_region(out);
     if (!choice.is_valid || region_.chosen().size() < c.pose.inliers_min) return out;
+    const std::uint32_t proven = count_proven();
+    out.is_on_proven =
+        !c.region.is_paper() && proven >= c.region.proven_share * static_cast<double>(region_.chosen().size());
+    // What has stood still does not end from one frame to the next: more likely a body fills the picture.
+    if (camera.is_on_proven && proven < c.pose.inliers_min) return out;
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
     // While hints decide, how far off them a choice is is asked beside how much it explains.
@@ -84,6 +89,17 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
                                                   : UnsureReason::kNone;
     out.unsure = doubt_of(out);
     return out;
+}
+
+// Of what is chosen, so many have stood still in a frame before. A body that fills the picture has points that were new
+// a moment ago and have not: they follow from nothing, and agree with each other.
+std::uint32_t FrameEstimator::count_proven() const noexcept {
+    std::uint32_t proven = 0;
+    for (const std::uint16_t i : region_.chosen()) {
+        const MapPoint& point = world_->map.points().at(correspondences_[i].point_slot);
+        proven += point.weight_tenths > world_->parameters.weights.eligible ? 1U : 0U;
+    }
+    return proven;
 }
 
 // Not without depth, however many points agree: what moves is told from what stands by lengths, which need it. Among

@@ -28,6 +28,7 @@ struct Estimate {
     RegionContext expected;                        // around which the map was searched
     NoiseScale noise;                              // as the frame had to take it
     bool is_valid = false;                         // a pose was found, by at least inliers_min matches
+    bool is_on_proven = false;                     // most of what is chosen stood still in a frame before
     UnsureReason choice = UnsureReason::kUnclear;  // why it is not clear which region stands still
     UnsureReason unsure = UnsureReason::kUnclear;  // that, or too few matches say so
     [[nodiscard]] bool is_clear() const noexcept { return choice == UnsureReason::kNone; }
@@ -82,6 +83,7 @@ public:
     [[nodiscard]] std::int64_t time_ns() const noexcept { return time_ns_; }
 
 private:
+    [[nodiscard]] std::uint32_t count_proven() const noexcept;
     [[nodiscard]] UnsureReason doubt_of(const Estimate& estimate) const noexcept;
     void carry() noexcept;
     void correct_coarsely(const Estimate& estimate) noexcept;

@@ -60,6 +60,7 @@ public:
 private:
     void make_room(std::uint32_t points_wanted, std::uint64_t number, World& world) const noexcept;
     [[nodiscard]] bool is_suspicious(const Source& source, std::size_t feature) const noexcept;
+    [[nodiscard]] bool has_come(std::size_t feature) const noexcept;
     [[nodiscard]] bool lies_among_moving(const Source& source, std::size_t feature) const noexcept;
     void keep_depth(const Source& source, const DepthImages::Owner& owner, World& world) noexcept;
     void add_point(const Source& source, std::size_t feature, Handle<Keyframe> keyframe, std::uint32_t weight_tenths,

@@ -231,6 +231,7 @@ void Tracking::learn_camera() noexcept {
     camera_.lost_frames = 0;
     camera_.measured_time_ns = time_ns_;
     camera_.is_choice_sure = is_sure;
+    camera_.is_on_proven = estimate_.is_on_proven;
     NoiseScale& noise = camera_.noise;
     noise = estimate_.noise;
     if (is_sure) {

@@ -172,5 +172,49 @@ TEST(FrameEstimator, NothingSeenIsNoEstimate) {
     EXPECT_FALSE(none.is_sure());
 }
 
+// Promise: behind a pose that stood on points that had stood still before, one of new points alone is no estimate,
+// however many agree; a dozen that have stood still are enough. Where the pose before stood on new points, it may go on
+// so. Which of both a pose is follows from region.proven_share of its points; above 1, and by the paper's method, it is
+// never asked.
+TEST(FrameEstimator, ABodyIsNoPlace) {
+    // So many points of the map have stood still before, the others are new.
+    const auto estimate = [](EstimatorRig& rig, bool was_on_proven, std::uint32_t proven) {
+        Map& map = rig.world().map;
+        for (std::uint32_t slot = 0; slot < map.points().slots_count(); ++slot) {
+            if (!map.points().is_taken(slot)) continue;
+            MapPoint& point = map.points().at(slot);
+            point.is_suspect = false;
+            point.weight_tenths =
+                static_cast<std::uint8_t>(rig.world().parameters.weights.eligible + (proven > 0 ? 1 : 0));
+            if (proven > 0) --proven;
+        }
+        CameraState camera = rig.camera();
+        camera.is_on_proven = was_on_proven;
+        return rig.estimate(camera);
+    };
+    constexpr std::uint32_t kAll = 10'000;
+    EstimatorRig rig(fitting());
+    EXPECT_TRUE(rig.camera().is_on_proven) << "by the frames before";
+    EXPECT_FALSE(estimate(rig, true, 0).is_valid);
+    const Estimate anew = estimate(rig, false, 0);
+    EXPECT_TRUE(anew.is_valid);
+    EXPECT_FALSE(anew.is_on_proven);
+    const Estimate on = estimate(rig, true, kAll);
+    EXPECT_TRUE(on.is_valid && on.is_on_proven);
+    const auto chosen = static_cast<std::uint32_t>(rig.estimator().region().chosen().size());
+    for (const bool is_enough : {true, false}) {
+        rig.world().parameters.pose.inliers_min = is_enough ? 12 : chosen + 1;
+        EXPECT_EQ(estimate(rig, true, kAll).is_valid, is_enough);
+    }
+    rig.world().parameters.pose.inliers_min = 12;
+    rig.world().parameters.region.proven_share = 2;
+    EXPECT_FALSE(estimate(rig, false, kAll).is_on_proven) << "never asked";
+    Parameters paper = fitting();
+    paper.region.method = static_cast<std::uint32_t>(RegionMethod::kPaper);
+    EstimatorRig plain(paper);
+    EXPECT_FALSE(plain.camera().is_on_proven);
+    EXPECT_FALSE(estimate(plain, false, kAll).is_on_proven);
+}
+
 }  // namespace
 }  // namespace stillmesh::frame_estimate_test

@@ -669,5 +669,44 @@ TEST_F(Inserter, WhatCameIntoTheRoomIsSuspicious) {
     }
 }
 
+// Promise: what is new beside features that came, at their depth, belongs to the same body though nothing known stands
+// behind it; at another depth, or beside more that stands still, it does not.
+TEST_F(Inserter, WhatIsBesideWhatCameIsSuspicious) {
+    struct Story {
+        const char* name;
+        double beside_z_m;
+        int still;
+        bool is_suspect;
+    };
+    for (const Story& story : {Story{"the same body", 1.55, 0, true}, Story{"as many stand still", 1.55, 2, false},
+                               Story{"behind it", 2.6, 0, false}}) {
+        start(test::small_parameters());
+        for (int i = 0; i < 6; ++i) add(10 + 12 * static_cast<std::uint32_t>(i), 10, Shows::kStill, 3);
+        const std::size_t came = add(100, 80, Shows::kNew, 1.5), came_too = add(104, 80, Shows::kNew, 1.5);
+        const std::size_t beside = add(130, 80, Shows::kNew, story.beside_z_m);
+        for (int i = 0; i < story.still; ++i)
+            add(126 + 8 * static_cast<std::uint32_t>(i), 90, Shows::kStill, story.beside_z_m);
+        match();
+        const Handle<Keyframe> keyframe = world_->add_keyframe(pose_, 90);
+        Observation seen;
+        seen.point = world_->add_point(pose_ * test::point_at_pixel(102, 80, 3), test::descriptor_of(50));
+        (*world_)[seen.point].created_ns = kNow_ns - 10'000'000'000;
+        (*world_)[seen.point].agreed_travelled = 8;
+        seen.x = 102;
+        seen.y = 80;
+        seen.z_m = 3;
+        seen.var_z = 1e-4F;
+        map().add_observation(keyframe, seen);
+        (*world_)->local_map.build((*world_)->map, pose_);
+        insert();
+        for (const std::size_t i : {came, came_too}) {
+            ASSERT_NE(shown(i), nullptr);
+            EXPECT_TRUE(shown(i)->is_suspect) << story.name;
+        }
+        ASSERT_NE(shown(beside), nullptr);
+        EXPECT_EQ(shown(beside)->is_suspect, story.is_suspect) << story.name;
+    }
+}
+
 }  // namespace
 }  // namespace stillmesh::keyframe_inserter_test
