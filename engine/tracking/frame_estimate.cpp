@@ -79,7 +79,7 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     out.is_on_proven =
         !c.region.is_paper() && proven >= c.region.proven_share * static_cast<double>(region_.chosen().size());
     // What has stood still does not end from one frame to the next: more likely a body fills the picture.
-    if (camera.is_on_proven && proven < c.pose.inliers_min) return out;
+    if (out.expected.has_past && camera.is_on_proven && proven < c.pose.inliers_min) return out;
     out.fit = fit_pose(camera, out, choice);
     out.is_valid = out.fit.is_valid && out.fit.inliers >= c.pose.inliers_min;
     // While hints decide, how far off them a choice is is asked beside how much it explains.

@@ -58,6 +58,9 @@ const char* fault_sentence(FrameFault fault) {
             return "enough stands still here, but nothing of it is in the map that was read; is that the map of "
                    "another "
                    "place? Leave --map-in out, or begin a new map with --new-map-when-lost";
+        case FrameFault::kHidden:
+            return "most of what was seen when it was lost moved; wait until that has gone by, show the camera more of "
+                   "the room, or, if it was taken elsewhere, begin a new map with --new-map-when-lost";
         case FrameFault::kCamera: return "calibration and depth do not fit what is seen, as said before";
         case FrameFault::kNone: break;
     }

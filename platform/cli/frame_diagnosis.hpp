@@ -20,9 +20,10 @@ enum class FrameFault {
     kBothStuck,
     kElsewhere,  // the map does not hold this place
     kOtherMap,   // nor anything of it, and it is one that was read
+    kHidden,     // most of what was seen when it was lost moved
     kCamera,     // calibration or depth cannot be right, which is said by itself
 };
-inline constexpr std::size_t kFrameFaults = 13;
+inline constexpr std::size_t kFrameFaults = 14;
 
 // What the engine uses of the depth.
 struct DepthRange {

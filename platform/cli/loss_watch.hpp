@@ -19,15 +19,16 @@ public:
 
     // `known`: what is wrong with the frame, if it is known. What was lost while a live camera itself was away does not
     // count.
-    void frame(const Frame& frame, PoseState state, FrameFault known) {
+    void frame(const Frame& frame, const SessionFrame& out, FrameFault known) {
         if (first_ns_ < 0) first_ns_ = last_measured_ns_ = last_ns_ = frame.time_ns;
         if (options_.is_live && frame.time_ns - last_ns_ > kGapNoted_ns) last_measured_ns_ += frame.time_ns - last_ns_;
         last_ns_ = frame.time_ns;
         fault_ = FrameFault::kNone;
-        if (state >= PoseState::kUnsure) {
+        if (out.state >= PoseState::kUnsure) {
             end_of_loss(frame.time_ns);
             last_measured_ns_ = frame.time_ns;
             was_measured_ = true;
+            is_hidden_ = out.dynamic_features > out.static_features;
             return;
         }
         ++lost_frames_;
@@ -37,8 +38,9 @@ public:
             session_.could_begin_here(frame).value_or(false)) {
             is_elsewhere_ = was_elsewhere_ = true;
         }
-        ++faults_[static_cast<std::size_t>(fault_)];
-        ++all_faults_[static_cast<std::size_t>(fault_)];
+        const FrameFault counted = fault_ == FrameFault::kNone && is_hidden_ ? FrameFault::kHidden : fault_;
+        ++faults_[static_cast<std::size_t>(counted)];
+        ++all_faults_[static_cast<std::size_t>(counted)];
         ++all_lost_frames_;
     }
     void finish() { end_of_loss(last_ns_); }
@@ -103,6 +105,7 @@ private:
     std::uint64_t all_lost_frames_ = 0;
     FrameFault fault_ = FrameFault::kNone;  // of the last frame
     bool was_measured_ = false;             // ever
+    bool is_hidden_ = false;                // most of what the last measured frame matched moved
     bool is_elsewhere_ = false, was_elsewhere_ = false;
     std::int64_t longest_ns_ = 0, longest_begin_ns_ = 0;
     std::uint64_t longest_frames_ = 0;

@@ -199,7 +199,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
             say(poses.no_pose(record.frames_total, frame.time_ns, "old pictures"));
             view.no_pose({record.frames_total, maps.count(), begin_ns, 0}, frame, "old pictures");
             record.add({frame.time_ns, 0, 0, 0, 0, PoseState::kNone}, false);
-            loss.frame(frame, PoseState::kNone, streams.fault());
+            loss.frame(frame, out, streams.fault());
             progress.frame(record.frames_total, PoseState::kNone, begin_ns);
             continue;
         }
@@ -245,7 +245,7 @@ int run_loop(DepthCamera& camera, const std::function<std::string()>& camera_mes
         record.state_hash = out.state_hash;
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
                     out.dynamic_features, out.state, out.unsure});
-        loss.frame(frame, out.state, watch.fault());
+        loss.frame(frame, out, watch.fault());
         if (const std::string done = control.carry_out(session); !done.empty()) tell(done);
         const bool is_wished = control.takes_reset();
         const bool is_lost_long = options.new_map_after_ns > 0 && loss.lost_ns() >= options.new_map_after_ns;

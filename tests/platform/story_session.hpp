@@ -21,6 +21,7 @@ public:
     std::vector<TrackedEdge> edges;
     std::vector<TrackedFeature> points;
     bool would_begin_here = false;
+    bool is_moving = false;  // most of what is matched
     int maps_begun = 0;
 
     std::optional<bool> could_begin_here(const Frame&) override { return would_begin_here; }
@@ -39,7 +40,7 @@ public:
                                    0};
         out.features = 900;
         out.static_features = static_cast<std::uint16_t>(400 + 100 * (index % 3));
-        out.dynamic_features = static_cast<std::uint16_t>(5 * (index % 50));
+        out.dynamic_features = static_cast<std::uint16_t>(is_moving ? 800 : 5 * (index % 50));
         out.state_hash = 0x1000 + index;
         return Status::kOk;
     }
