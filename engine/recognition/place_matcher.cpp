@@ -154,7 +154,7 @@ Correspondence PlaceMatcher::pair_of(std::size_t feature, const MapPoint& point,
     c.p_world = c.p_anchor = vector_of(point.world);
     c.map_var_z = point.var_z * noise.depth;
     c.map_var_lateral = point.var_lateral * noise.pixel;
-    c.distance_bits = claims_[feature].distance_bits;
+    c.distance_bits = static_cast<std::uint16_t>(claims_[feature].distance_bits);
     return c;
 }
 

@@ -3,9 +3,12 @@
 #include <algorithm>
 
 #include "engine/pose/agreeing.hpp"
+#include "engine/pose/residual.hpp"
 
 namespace stillmesh {
 namespace {
+
+constexpr std::size_t kPosePoints = 3;  // that fix a pose
 
 bool is_same_motion(const SE3& a, const SE3& b, const RegionParameters& region) noexcept {
     const SE3 off = a.inverse() * b;
@@ -40,6 +43,66 @@ double share_in_view_of(const RegionInput& input, const Hypotheses& hypotheses, 
     return all > 0 ? explained / all : 0.0;
 }
 
+// The surface that only one of two motions explains, of either.
+struct Apart {
+    double first = 0;
+    double second = 0;
+};
+
+Apart surfaces_apart(const RegionInput& input, const Hypotheses& hypotheses, std::size_t first,
+                     std::size_t second) noexcept {
+    Apart apart;
+    for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
+        const bool is_first = hypotheses.explains(first, k);
+        const bool is_second = hypotheses.explains(second, k);
+        if (is_first && !is_second) apart.first += surface_of(input.correspondences[k]);
+        if (!is_first && is_second) apart.second += surface_of(input.correspondences[k]);
+    }
+    return apart;
+}
+
+// What contradicts `one`: another motion, that alone explains more than noise as far as it is plausible.
+bool is_rival(const RegionInput& input, const Hypotheses& hypotheses, std::size_t other, std::size_t one,
+              Apart& apart) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    const Hypothesis& ours = hypotheses.all()[one];
+    const Hypothesis& theirs = hypotheses.all()[other];
+    if (other == one || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) return false;
+    apart = surfaces_apart(input, hypotheses, one, other);
+    apart.second *= std::min(theirs.plausibility / ours.plausibility, 1.0);
+    double all = 0;
+    for (const Correspondence& c : input.correspondences) all += surface_of(c);
+    return apart.second >= region.rival_area_min * all;
+}
+
+// So many of the matches that `one` explains and `other` does not, drift allowed for, have stood still for so long.
+std::size_t count_stood(const RegionInput& input, const Hypotheses& hypotheses, std::size_t one, std::size_t other,
+                        std::uint32_t tenths) noexcept {
+    const SE3 camera_from_world = hypotheses.all()[other].world_from_camera.inverse();
+    const double chi2_max = input.configuration.region.point_chi2_max;
+    std::size_t count = 0;
+    for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
+        const Correspondence& c = input.correspondences[k];
+        if (c.stood_tenths < tenths || !(c.weight > 0)) continue;
+        if (!hypotheses.explains(one, k) || hypotheses.explains(other, k)) continue;
+        if (chi2_with_drift(c, camera_from_world) > chi2_max) ++count;
+    }
+    return count;
+}
+
+// Of two bodies with a past, `other` has points that were there before all that is seen of `one`.
+bool is_elder(const RegionInput& input, const Hypotheses& hypotheses, std::size_t other, std::size_t one) noexcept {
+    const std::uint32_t wanted = input.configuration.region.elder_points;
+    const auto proven = static_cast<std::uint32_t>(10.0 * input.configuration.weights.proven_s);
+    if (count_stood(input, hypotheses, one, other, proven) < wanted) return false;
+    if (count_stood(input, hypotheses, other, one, proven) < wanted) return false;
+    std::uint32_t oldest = 0;  // for so long at least, as many as are wanted; found bit by bit
+    for (std::uint32_t bit = 0x8000; bit > 0; bit >>= 1U) {
+        if (count_stood(input, hypotheses, other, one, oldest | bit) >= wanted) oldest |= bit;
+    }
+    return count_stood(input, hypotheses, one, other, oldest) < kPosePoints;
+}
+
 }  // namespace
 
 std::size_t best_of(const Hypotheses& hypotheses) noexcept {
@@ -60,26 +123,21 @@ std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, s
     return largest;
 }
 
-Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
-    const RegionParameters& region = input.configuration.region;
-    const Hypothesis& ours = hypotheses.all()[best];
-    double area_all = 0;
-    for (const Correspondence& c : input.correspondences) area_all += surface_of(c);
-    Rival rival;
+std::size_t elder_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
+    if (input.configuration.region.elder_points == 0) return best;
+    Apart apart;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
-        const Hypothesis& theirs = hypotheses.all()[i];
-        if (i == best || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) continue;
-        double only_ours = 0;
-        double only_theirs = 0;
-        for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
-            const bool is_ours = hypotheses.explains(best, k);
-            const bool is_theirs = hypotheses.explains(i, k);
-            if (is_ours && !is_theirs) only_ours += surface_of(input.correspondences[k]);
-            if (!is_ours && is_theirs) only_theirs += surface_of(input.correspondences[k]);
-        }
-        only_theirs *= std::min(theirs.plausibility / ours.plausibility, 1.0);
-        if (only_theirs < region.rival_area_min * area_all) continue;  // noise
-        const double margin = (only_ours - only_theirs) / (only_ours + only_theirs);
+        if (is_rival(input, hypotheses, i, best, apart) && is_elder(input, hypotheses, i, best)) return i;
+    }
+    return best;
+}
+
+Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
+    Rival rival;
+    Apart apart;
+    for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
+        if (!is_rival(input, hypotheses, i, best, apart)) continue;
+        const double margin = (apart.first - apart.second) / (apart.first + apart.second);
         if (!(margin < rival.margin)) continue;
         rival.margin = margin;
         rival.hypothesis = i;
@@ -95,7 +153,7 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
     choice.iterations = hypotheses.iterations();
     chosen.clear();
     if (hypotheses.all().empty()) return choice;
-    const std::size_t best = largest_of(input, hypotheses, best_of(hypotheses));
+    const std::size_t best = elder_of(input, hypotheses, largest_of(input, hypotheses, best_of(hypotheses)));
     choice.world_from_camera = hypotheses.all()[best].world_from_camera;
     choice.score = hypotheses.all()[best].score;
     choice.plausibility = hypotheses.all()[best].plausibility;
@@ -112,7 +170,7 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
         if (hypotheses.motions().agreement_of(input.groups.group_of(i)) > 0) chosen[kept++] = i;
     }
     chosen.set_size(kept);
-    choice.is_valid = kept >= 3;
+    choice.is_valid = kept >= kPosePoints;
     return choice;
 }
 

@@ -36,6 +36,11 @@ struct RegionChoice {
 // Nothing but its size tells the room from a body then, and hypotheses of one body differ by noise.
 [[nodiscard]] std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
 
+// Where two bodies have points with a past, and the best one's contradicts another of which region.elder_points points
+// were there before all but two of its own: that one, however small. (A lift's doors stand still for three seconds
+// while they are shut; the cabin stood before.) Else the best.
+[[nodiscard]] std::size_t elder_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
+
 // Against every other motion: of the surface that only one of both explains, what the best one does minus what the
 // other one does, as far as that is plausible; the rival is the one with the least of it, ties by the first.
 [[nodiscard]] Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;

@@ -244,6 +244,50 @@ TEST(Choice, TheLargerSurfaceBeforeThereIsAPast) {
     EXPECT_GT(captured, 15U) << "the scene tells nothing";
 }
 
+// Promise: of two bodies with a past the choice falls on the one of which a dozen points were there before all but two
+// of the other's own, however much larger that is; without such a dozen, where the other has points as old, where
+// either has no past, and with the rule switched off, the larger one is chosen.
+TEST(Choice, TheElderBody) {
+    const struct {
+        std::uint16_t old_room, old_body, room_tenths, body_tenths;  // so many of each are older than these: 6 s
+        std::uint32_t elder_points;
+        bool is_room;
+        const char* why;
+    } cases[] = {
+        {60, 0, 30, 30, 12, true, "the room was there before"},
+        {0, 0, 30, 30, 12, false, "both are as old"},
+        {14, 0, 20, 30, 12, true, "a dozen, or two more for what noise takes"},
+        {11, 0, 20, 30, 12, false, "not a dozen"},
+        {60, 2, 30, 30, 12, true, "two fix no pose"},
+        {60, 3, 30, 30, 12, false, "three do"},
+        {60, 0, 30, 6, 12, false, "the body has no past"},
+        {60, 0, 30, 7, 12, true, "it just has"},
+        {0, 0, 6, 5, 12, false, "neither has one"},
+        {60, 0, 30, 30, 0, false, "switched off"},
+        {60, 0, 30, 30, 61, false, "more are wanted"},
+    };
+    for (const auto& c : cases) {
+        for (std::uint64_t seed = 0; seed < 10; ++seed) {
+            Random random(seed);
+            Rig rig(60, 330, moved(0.05), random);
+            std::uint16_t seen[2] = {0, 0};
+            for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
+                const bool is_body = rig.scene.body[i] == 1;
+                Correspondence& match = rig.scene.correspondences[i];
+                const bool is_old = seen[is_body ? 1 : 0]++ < (is_body ? c.old_body : c.old_room);
+                match.stood_tenths = is_old ? 60 : is_body ? c.body_tenths : c.room_tenths;
+                match.weight = is_body ? 1 : 0.2;
+            }
+            rig.context = context_at(moved(0.025) * rig.pose);  // nothing else tells them apart
+            rig.configuration.region.elder_points = c.elder_points;
+            rig.propose(random);
+            const RegionChoice choice = choose_best(rig.input(), *rig.hypotheses, *rig.chosen);
+            const SE3 wanted = c.is_room ? rig.pose : moved(0.05) * rig.pose;
+            EXPECT_LT(metres_between(choice.world_from_camera, wanted), 0.02) << c.why << ", seed " << seed;
+        }
+    }
+}
+
 // Promise: of hypotheses of one body none is preferred for its surface: more than half of what it explains has to be
 // explained by it alone.
 TEST(Choice, OneBodyIsNotAnother) {

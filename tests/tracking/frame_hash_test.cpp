@@ -28,7 +28,7 @@ public:
             Correspondence c;
             c.feature = n;
             c.point_slot = points[n].slot();
-            c.distance_bits = 10 + n;
+            c.distance_bits = static_cast<std::uint16_t>(10 + n);
             c.p_camera = frame_.measured[n].point();
             c.normalised = frame_.measured[n].normalised;
             c.p_world = c.p_anchor = c.p_camera + Vector3(0, 0, n == 1 ? 1 : 0);

@@ -92,6 +92,20 @@ TEST_F(Gather, OneForEachMatch) {
     }
 }
 
+// Promise: each says in tenths of a second, not rounded up, how long its point has been there; from the future: not
+// yet, and longer than can be told: as long as can.
+TEST_F(Gather, HowLongItStood) {
+    const struct {
+        std::int64_t ns;
+        std::uint16_t tenths;
+    } ages[] = {{0, 0},        {kSecond / 10 - 1, 0},   {kSecond / 10, 1},         {kSecond * 7 / 2, 35},
+                {-kSecond, 0}, {kSecond * 6553, 65530}, {kSecond * 100'000, 65535}};
+    for (const auto& age : ages) add().created_ns = kNow_ns - age.ns;
+    const auto& all = gather();
+    ASSERT_EQ(all.size(), std::size(ages));
+    for (std::size_t i = 0; i < all.size(); ++i) EXPECT_EQ(all[i].stood_tenths, ages[i].tenths) << ages[i].ns;
+}
+
 // Promise: measured and map variances are the model's times the noise of the frame, across the ray by that of pixels,
 // along it by that of depth; what a turn shifts the depth image against the picture by is added to the measured depth.
 TEST_F(Gather, VariancesFollowTheNoise) {
