@@ -26,6 +26,7 @@ namespace stillmesh {
     KEY(region, double, prior_sigmas, 5.0, 0.1, 100.0, "", "off the expected motion, where that weight is half, and a score too") \
     KEY(region, double, reach, 0.075, 0.0, 1.0, "", "of the picture's width: so far around it a match stands for its surface before points have a past; 0: for the square of its distance") \
     KEY(region, double, proven_share, 0.5, 0.0, 2.0, "", "of what a pose stands on, that stood still before: the next one does not stand on new points alone; above 1: never asked") \
+    KEY(region, double, proven_left, 0.2, 0.0, 2.0, "", "and so much of the next one is enough where it is less than a dozen points, and no frame between was lost") \
     KEY(region, std::uint32_t, elder_points, 12, 0.0, 1000.0, "", "of a rival that were there before all that the best motion explains alone: it is chosen; 0: never") \
     KEY(region, double, rival_area_min, 0.05, 0.0, 1.0, "", "share of the area only a rival explains; less is noise") \
     KEY(region, double, wide_factor, 2.0, 0.1, 100.0, "", "chi2 threshold at a point's anchor, and where the pose is not measured yet, times")

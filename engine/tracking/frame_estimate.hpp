@@ -84,6 +84,7 @@ public:
 
 private:
     [[nodiscard]] std::uint32_t count_proven() const noexcept;
+    [[nodiscard]] bool leaves_proven(const CameraState& camera, std::uint32_t proven) const noexcept;
     [[nodiscard]] UnsureReason doubt_of(const Estimate& estimate) const noexcept;
     void carry() noexcept;
     void correct_coarsely(const Estimate& estimate) noexcept;

@@ -173,7 +173,8 @@ TEST(FrameEstimator, NothingSeenIsNoEstimate) {
 }
 
 // Promise: behind a pose that stood on points that had stood still before, one of new points alone is no estimate,
-// however many agree; a dozen that have stood still are enough. Where the pose before stood on new points, it may go on
+// however many agree; a dozen that have stood still are enough, and so are fewer that are region.proven_left of all,
+// unless a frame was lost between. Where the pose before stood on new points, it may go on
 // so, and so may any until points have had time to prove themselves. Which of both a pose is follows from
 // region.proven_share of its points; above 1, and by the paper's method, it is never asked.
 TEST(FrameEstimator, ABodyIsNoPlace) {
@@ -207,6 +208,24 @@ TEST(FrameEstimator, ABodyIsNoPlace) {
         EXPECT_EQ(estimate(rig, true, kAll).is_valid, is_enough);
     }
     rig.world().parameters.pose.inliers_min = 12;
+    const struct {
+        double left;
+        std::uint32_t lost_frames;
+        bool is_valid;
+    } few[] = {{0.5, 0, false}, {0.01, 0, true}, {0.01, 1, false}};
+    for (const auto& f : few) {
+        static_cast<void>(estimate(rig, false, 0));  // none is proven
+        for (std::size_t i = 0; i < 8; ++i) {
+            const std::uint16_t which = rig.estimator().region().chosen()[i];
+            MapPoint& point = rig.world().map.points().at(rig.estimator().correspondences()[which].point_slot);
+            point.weight_tenths = static_cast<std::uint8_t>(rig.world().parameters.weights.eligible + 1);
+        }
+        rig.world().parameters.region.proven_left = f.left;
+        CameraState camera = rig.camera();
+        camera.is_on_proven = true;
+        camera.lost_frames = f.lost_frames;
+        EXPECT_EQ(rig.estimate(camera).is_valid, f.is_valid) << f.left << ", " << f.lost_frames;
+    }
     rig.world().parameters.weights.proven_s = 1e3;
     EXPECT_TRUE(estimate(rig, true, 0).is_valid) << "nothing has a past";
     rig.world().parameters.region.proven_share = 2;
