@@ -28,7 +28,7 @@ struct Correspondence {
     double extent = 1;                // of the surface that it stands for, in squares of its distance
     double weight = 1;                // what the past says: 0 moves, 1 is known to stand still
     std::uint16_t distance_bits = 0;  // Hamming
-    std::uint16_t stood_tenths = 0;   // s / 10 since its point was made, or has a vote again; at most kStoodMax
+    std::uint16_t stood_tenths = 0;   // s / 10 that its point has had a vote; at most kStoodMax
     bool has_depth = false;
     bool is_dynamic = false;  // lost its weight in earlier frames
     bool is_moving = false;   // by this frame: for statistics and pictures

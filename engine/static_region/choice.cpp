@@ -43,36 +43,33 @@ double share_in_view_of(const RegionInput& input, const Hypotheses& hypotheses, 
     return all > 0 ? explained / all : 0.0;
 }
 
-// The surface that only one of two motions explains, of either.
-struct Apart {
-    double first = 0;
-    double second = 0;
+// What two motions disagree about: the surface that one of them alone explains, and the other alone, as far as it is
+// plausible. They are rivals if the other's is more than noise.
+struct Contradiction {
+    double ours = 0;
+    double theirs = 0;
+    bool is_one = false;
 };
 
-Apart surfaces_apart(const RegionInput& input, const Hypotheses& hypotheses, std::size_t first,
-                     std::size_t second) noexcept {
-    Apart apart;
-    for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
-        const bool is_first = hypotheses.explains(first, k);
-        const bool is_second = hypotheses.explains(second, k);
-        if (is_first && !is_second) apart.first += surface_of(input.correspondences[k]);
-        if (!is_first && is_second) apart.second += surface_of(input.correspondences[k]);
-    }
-    return apart;
-}
-
-// What contradicts `one`: another motion, that alone explains more than noise as far as it is plausible.
-bool is_rival(const RegionInput& input, const Hypotheses& hypotheses, std::size_t other, std::size_t one,
-              Apart& apart) noexcept {
+Contradiction contradiction_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t one,
+                               std::size_t other) noexcept {
     const RegionParameters& region = input.configuration.region;
     const Hypothesis& ours = hypotheses.all()[one];
     const Hypothesis& theirs = hypotheses.all()[other];
-    if (other == one || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) return false;
-    apart = surfaces_apart(input, hypotheses, one, other);
-    apart.second *= std::min(theirs.plausibility / ours.plausibility, 1.0);
+    Contradiction out;
+    if (other == one || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) return out;
     double all = 0;
-    for (const Correspondence& c : input.correspondences) all += surface_of(c);
-    return apart.second >= region.rival_area_min * all;
+    for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
+        const bool is_ours = hypotheses.explains(one, k);
+        const bool is_theirs = hypotheses.explains(other, k);
+        const double surface = surface_of(input.correspondences[k]);
+        all += surface;
+        if (is_ours && !is_theirs) out.ours += surface;
+        if (!is_ours && is_theirs) out.theirs += surface;
+    }
+    out.theirs *= std::min(theirs.plausibility / ours.plausibility, 1.0);
+    out.is_one = out.theirs >= region.rival_area_min * all;
+    return out;
 }
 
 // So many of the matches that `one` explains and `other` does not, drift allowed for, have stood still for so long.
@@ -125,19 +122,18 @@ std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, s
 
 std::size_t elder_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
     if (input.configuration.region.elder_points == 0) return best;
-    Apart apart;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
-        if (is_rival(input, hypotheses, i, best, apart) && is_elder(input, hypotheses, i, best)) return i;
+        if (contradiction_of(input, hypotheses, best, i).is_one && is_elder(input, hypotheses, i, best)) return i;
     }
     return best;
 }
 
 Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
     Rival rival;
-    Apart apart;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
-        if (!is_rival(input, hypotheses, i, best, apart)) continue;
-        const double margin = (apart.first - apart.second) / (apart.first + apart.second);
+        const Contradiction contradiction = contradiction_of(input, hypotheses, best, i);
+        if (!contradiction.is_one) continue;
+        const double margin = (contradiction.ours - contradiction.theirs) / (contradiction.ours + contradiction.theirs);
         if (!(margin < rival.margin)) continue;
         rival.margin = margin;
         rival.hypothesis = i;

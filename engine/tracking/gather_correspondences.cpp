@@ -42,8 +42,6 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
         c.anchor_var_z = point.anchor_var_z * noise.depth + drift * drift;
         c.anchor_var_lateral = point.anchor_var_lateral * noise.pixel + drift * drift;
         c.distance_bits = static_cast<std::uint16_t>(matcher.claim(i).distance_bits);
-        const double stood_s = seconds_between(point.created_ns, time_ns);
-        c.stood_tenths = static_cast<std::uint16_t>(std::clamp(10.0 * stood_s, 0.0, Correspondence::kStoodMax));
         c.is_dynamic = !is_plain && point.is_suspect;
         if (is_plain) {
             c.weight = 1.0;
@@ -54,6 +52,8 @@ void gather_correspondences(const MapMatcher& matcher, const MeasuredFrame& fram
         } else if (c.is_dynamic) {
             c.weight = 0.0;
         } else {
+            const double stood_s = seconds_between(point.created_ns, time_ns);
+            c.stood_tenths = static_cast<std::uint16_t>(std::clamp(10.0 * stood_s, 0.0, Correspondence::kStoodMax));
             const double age = std::min(stood_s / weights.proven_s, 1.0);
             const double weight = static_cast<double>(point.weight_tenths) / static_cast<double>(weights.max);
             c.weight = (weights.unproven + (1.0 - weights.unproven) * age * age) * weight;

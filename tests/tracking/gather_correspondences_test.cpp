@@ -92,8 +92,9 @@ TEST_F(Gather, OneForEachMatch) {
     }
 }
 
-// Promise: each says in tenths of a second, not rounded up, how long its point has been there; from the future: not
-// yet, and longer than can be told: as long as can.
+// Promise: each says in tenths of a second, not rounded up, how long its point has had a vote; from the future: not
+// yet, and longer than can be told: as long as can. What lost its vote has stood for no time, and so has all while the
+// static region is switched off.
 TEST_F(Gather, HowLongItStood) {
     const struct {
         std::int64_t ns;
@@ -104,6 +105,11 @@ TEST_F(Gather, HowLongItStood) {
     const auto& all = gather();
     ASSERT_EQ(all.size(), std::size(ages));
     for (std::size_t i = 0; i < all.size(); ++i) EXPECT_EQ(all[i].stood_tenths, ages[i].tenths) << ages[i].ns;
+    (*world_)[points_[3]].is_suspect = true;
+    EXPECT_EQ(gather().at(3).stood_tenths, 0);
+    EXPECT_EQ(gather().at(2).stood_tenths, 1);
+    (*world_)->parameters.region.is_enabled = false;
+    for (const Correspondence& c : gather()) EXPECT_EQ(c.stood_tenths, 0);
 }
 
 // Promise: measured and map variances are the model's times the noise of the frame, across the ray by that of pixels,
