@@ -85,7 +85,7 @@ Status Ros2Camera::begin() {
     }
     info_.depth_units_per_m = session.slot->depth->units_per_m;
     info_.frames_per_s = 1e6 / static_cast<double>(session.period_us);
-    return place_depth(lock, until);
+    return place_depth(lock, std::chrono::steady_clock::now() + std::chrono::milliseconds(options_.open_max_ms));
 }
 
 // As for bags: images of one frame are of one view; else two cameras that see the same picture are; else the transform
@@ -106,6 +106,10 @@ Status Ros2Camera::place_depth(std::unique_lock<std::mutex>& lock, std::chrono::
     const bool is_asked = session.readers[Session::kDepthLens] > 0;
     if (is_asked) session.changed.wait_until(lock, until, [&] { return session.has_depth_lens; });
     const CameraModel& model = session.depth_lens.model;
+    // Of a topic that nobody publishes silence is an answer.
+    if (is_asked && !session.has_depth_lens && session.is_matched(Session::kDepthLens)) {
+        return refuse(Status::kUnavailable, "nothing comes on " + lens + ", which says how depth lies to colour");
+    }
     if (!session.has_depth_lens || !is_of_depth(model)) {
         if (depth != colour) {
             return refuse(Status::kInvalid, options_.depth + " is " + size_text(depth) + ", " + options_.colour +

@@ -48,6 +48,7 @@ struct DriverOptions {
     const char* depth_frame = kDepthFrame;
     bool has_depth_info = true;
     const char* frames = "/tf_static";
+    int images_before_depth_info = 0;
 };
 
 class Driver {
@@ -99,9 +100,9 @@ private:
                               {}};
             depth.data.resize(2 * step.size());
             std::memcpy(depth.data.data(), step.data(), depth.data.size());
-            const bool is_sent = colour_.write(colour) && depth_.write(depth) &&
-                                 info_.write(info_of(kColourLens, header)) &&
-                                 depth_info_.write(rectified_info_of(options.depth, of_depth));
+            const bool is_sent =
+                colour_.write(colour) && depth_.write(depth) && info_.write(info_of(kColourLens, header)) &&
+                (i < options.images_before_depth_info || depth_info_.write(rectified_info_of(options.depth, of_depth)));
             static_cast<void>(is_sent);
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
         }
@@ -175,6 +176,18 @@ TEST(Ros2DepthPlace, IsLookedForAtTheSameSize) {
         const bool is_same_view = depth.width == 80;
         expect_registered(camera, depth, {{0, 0, 0, 1}, {is_same_view ? 0 : 0.1, 0, is_same_view ? 0 : -0.002}});
     }
+}
+
+// Promise: a CameraInfo of depth that somebody publishes is waited for, however late its first message comes: depth is
+// not taken for colour's view meanwhile.
+TEST(Ros2DepthPlace, ALateCameraInfoIsWaitedFor) {
+    const CameraModel depth = lens(160, 120, 110);
+    const Driver driver({.depth = depth, .images_before_depth_info = 100});
+    Ros2Options quick = unaligned();
+    quick.open_max_ms = 700;
+    Ros2Camera camera(quick);
+    ASSERT_EQ(open_patiently(camera), Status::kOk) << camera.message();
+    expect_registered(camera, depth, {{0, 0, 0, 1}, {0.1, 0, -0.002}});
 }
 
 // Promise: images of one frame are of one view, whatever else is published, and so are those of one camera; where no
