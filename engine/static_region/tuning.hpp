@@ -32,6 +32,8 @@ namespace stillmesh {
     KEY(region, double, wide_factor, 2.0, 0.1, 100.0, "", "chi2 threshold at a point's anchor, and where the pose is not measured yet, times")
 struct RegionTuning { STILLMESH_TUNING_region(STILLMESH_FIELD) };
 struct RegionParameters : RegionKeys, RegionTuning {
+    // Beyond noise and beyond what threshold and drift leave open: it has moved.
+    [[nodiscard]] constexpr double far_chi2() const noexcept { return wide_factor * wide_factor * point_chi2_max; }
     [[nodiscard]] constexpr bool is_paper() const noexcept {
         return is_enabled && method == static_cast<std::uint32_t>(RegionMethod::kPaper);
     }

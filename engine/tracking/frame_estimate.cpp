@@ -286,8 +286,8 @@ void FrameEstimator::complete(const CameraState& camera, Estimate& estimate) noe
     if (camera.lost_frames == 0) carry_rows(camera, camera.world_from_camera().inverse() * found);
     gather(estimate.noise.factors(), estimate.expected);
     weigh_by_agreement();
-    choose_agreeing(correspondences_.span(), found, c.region.wide_factor * c.region.point_chi2_max,
-                    c.region.wide_factor * (c.region.wide_factor * c.region.point_chi2_max), chosen_);
+    choose_agreeing(correspondences_.span(), found, c.region.wide_factor * c.region.point_chi2_max, c.region.far_chi2(),
+                    chosen_);
     const MotionPrior prior = prior_of(estimate.expected);
     const bool is_held = has_prior(camera, estimate.expected, found);
     const PoseFit refined = optimise(chosen_.span(), found, is_held ? &prior : nullptr);
@@ -303,8 +303,7 @@ void FrameEstimator::take_matches(const NoiseFactors& noise, const RegionContext
 
 std::uint32_t FrameEstimator::mark_moving(const SE3& world_from_camera) noexcept {
     const SE3 camera_from_world = world_from_camera.inverse();
-    const RegionParameters& region = world_->parameters.region;
-    const double far_chi2 = region.wide_factor * region.wide_factor * region.point_chi2_max;
+    const double far_chi2 = world_->parameters.region.far_chi2();
     for (Correspondence& c : correspondences_) {
         c.is_moving = (c.is_dynamic && chi2_of_anchor(c, camera_from_world) > far_chi2) ||
                       region_.agreement_of(groups_[c.feature]) < 0.5;

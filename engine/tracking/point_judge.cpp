@@ -80,7 +80,8 @@ void PointJudge::judge(std::span<const Correspondence> correspondences, const Wi
             }
             verdicts_[c.feature] = Verdict::kStill;
         } else {
-            verdicts_[c.feature] = Verdict::kMoving;
+            const bool is_seen_to_move = !c.is_dynamic || chi2_anchor > region.far_chi2();
+            verdicts_[c.feature] = is_seen_to_move ? Verdict::kMoving : Verdict::kUnclear;
         }
         if (may_learn && point.is_suspect) follow(c, posed, point);
     }

@@ -16,7 +16,8 @@
 
 namespace stillmesh {
 
-enum class Verdict : std::uint8_t { kNone = 0, kStill = 1, kMoving = 2 };
+// kUnclear: it has no weight, and is not far from where it was first seen.
+enum class Verdict : std::uint8_t { kNone = 0, kStill = 1, kMoving = 2, kUnclear = 3 };
 
 // A frame whose pose is known.
 struct PosedFrame {

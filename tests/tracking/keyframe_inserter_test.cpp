@@ -21,7 +21,7 @@ constexpr std::int64_t kNow_ns = 100'000'000'000;
 constexpr std::uint64_t kNumber = 200;
 
 // What a feature of the frame shows.
-enum class Shows : std::uint8_t { kNew, kNewWithoutDepth, kStill, kMoving, kSuspect };
+enum class Shows : std::uint8_t { kNew, kNewWithoutDepth, kStill, kMoving, kSuspect, kMovingSuspect };
 
 class Inserter : public testing::Test {
 protected:
@@ -56,8 +56,8 @@ protected:
         MapPoint& point = (*world_)[points_[n]];
         point.distance_m = static_cast<float>(z_m);
         point.anchor_ns = point.created_ns = kNow_ns - 10'000'000'000;
-        point.is_suspect = shows == Shows::kSuspect;
-        if (shows == Shows::kMoving) point.anchor[0] += 0.5;
+        point.is_suspect = shows == Shows::kSuspect || shows == Shows::kMovingSuspect;
+        if (shows == Shows::kMoving || shows == Shows::kMovingSuspect) point.anchor[0] += 0.5;
         return n;
     }
     // The n-th of places that are far from each other.
@@ -381,14 +381,17 @@ TEST_F(Inserter, KeepsWhatItSeesOnceASecond) {
 }
 
 // Promise: a new feature with more moving than still ones near it, at its depth, begins without a weight and renews
-// nothing; neighbours without depth or at another depth say nothing, and a tie is no suspicion.
+// nothing; neighbours without depth or at another depth say nothing, and neither do those that have no weight and are
+// where they were first seen; a tie is no suspicion.
 TEST_F(Inserter, NewAmongMovingIsSuspicious) {
     struct Case {
-        std::uint32_t moving, still, behind, blind;
+        std::uint32_t moving, still, behind, blind, suspects;
         bool is_suspicious;
     };
-    const Case cases[] = {{0, 0, 0, 0, false}, {1, 0, 0, 0, true},  {1, 1, 0, 0, false}, {2, 1, 0, 0, true},
-                          {0, 0, 3, 0, false}, {1, 1, 3, 0, false}, {0, 0, 0, 3, false}, {0, 1, 0, 0, false}};
+    const Case cases[] = {{0, 0, 0, 0, 0, false}, {1, 0, 0, 0, 0, true},  {1, 1, 0, 0, 0, false},
+                          {2, 1, 0, 0, 0, true},  {0, 0, 3, 0, 0, false}, {1, 1, 3, 0, 0, false},
+                          {0, 0, 0, 3, 0, false}, {0, 1, 0, 0, 0, false}, {0, 0, 0, 0, 4, false},
+                          {1, 1, 0, 0, 4, false}, {1, 0, 0, 0, 4, true}};
     for (const Case& c : cases) {
         for (const bool is_region_enabled : {true, false}) {
             Parameters parameters = test::small_parameters();
@@ -402,8 +405,10 @@ TEST_F(Inserter, NewAmongMovingIsSuspicious) {
                 ++n;
                 return added;
             };
-            for (std::uint32_t k = 0; k < c.moving; ++k) beside(k % 2 == 0 ? Shows::kMoving : Shows::kSuspect, 2.1);
+            for (std::uint32_t k = 0; k < c.moving; ++k)
+                beside(k % 2 == 0 ? Shows::kMoving : Shows::kMovingSuspect, 2.1);
             for (std::uint32_t k = 0; k < c.still; ++k) beside(Shows::kStill, 1.9);
+            for (std::uint32_t k = 0; k < c.suspects; ++k) beside(Shows::kSuspect, 2.1);
             for (std::uint32_t k = 0; k < c.behind; ++k) beside(Shows::kMoving, 3.5);
             for (std::uint32_t k = 0; k < c.blind; ++k) {
                 const std::size_t blind = beside(Shows::kMoving, 2.1);
@@ -418,7 +423,8 @@ TEST_F(Inserter, NewAmongMovingIsSuspicious) {
                 EXPECT_EQ(shown(i)->weight_tenths, 10);
                 continue;
             }
-            EXPECT_EQ(shown(i)->weight_tenths, c.is_suspicious ? 7 : 10) << c.moving << ' ' << c.still;
+            EXPECT_EQ(shown(i)->weight_tenths, c.is_suspicious ? 7 : 10)
+                << c.moving << ' ' << c.still << ' ' << c.suspects;
             EXPECT_EQ(shown(i)->is_suspect, c.is_suspicious);
             EXPECT_NEAR(share, c.is_suspicious ? 0 : 1.0 / (1.0 + c.still), 1e-12);
         }

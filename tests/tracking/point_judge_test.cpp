@@ -213,6 +213,27 @@ TEST_F(Judge, OneBadFrameIsNotMotion) {
     }
 }
 
+// Promise: what has no weight is seen to move beyond region.wide_factor squared times point_chi2_max off its anchor,
+// exactly; nearer than that it is not clear.
+TEST_F(Judge, SuspectsMoveBeyondTheThreshold) {
+    for (const double factor : {1.5, 2.0}) {
+        Parameters parameters = test::small_parameters();
+        parameters.region.wide_factor = factor;
+        start(parameters);
+        for (const double share : {0.0, 0.999, 1.001}) {
+            const std::size_t i = add();
+            const Vector3 ray = pose_.rotation * seen(i).point() / 2.0;
+            const double far_chi2 = factor * factor * parameters.region.point_chi2_max;
+            correspondences_[i].p_anchor += ray * off_of_chi2(share * far_chi2);
+            correspondences_[i].is_dynamic = true;
+        }
+        EXPECT_EQ(judge(), 3U);
+        EXPECT_EQ(verdict(0), Verdict::kUnclear);
+        EXPECT_EQ(verdict(1), Verdict::kUnclear);
+        EXPECT_EQ(verdict(2), Verdict::kMoving);
+    }
+}
+
 // Promise: a point without a weight earns it back when it has stood at its anchor for more than proven_s and its weight
 // has come up to the threshold; it then counts as new. Off its anchor it loses weight; too soon, neither.
 TEST_F(Judge, StandingStillEarnsTheVoteBack) {
@@ -233,7 +254,8 @@ TEST_F(Judge, StandingStillEarnsTheVoteBack) {
         point(weak).weight_tenths = 8;
         EXPECT_EQ(judge(), 6U) << "it counts from the next frame on";
         EXPECT_TRUE(still().empty());
-        for (const std::size_t i : {soon, late, weak, off, off_soon}) EXPECT_EQ(verdict(i), Verdict::kMoving);
+        for (const std::size_t i : {soon, late, weak, a_little_off}) EXPECT_EQ(verdict(i), Verdict::kUnclear);
+        for (const std::size_t i : {off, off_soon}) EXPECT_EQ(verdict(i), Verdict::kMoving);
         EXPECT_EQ(point(soon).weight_tenths, 9);
         EXPECT_TRUE(point(soon).is_suspect);
         EXPECT_EQ(point(late).weight_tenths, 10);
