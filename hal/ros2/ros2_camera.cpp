@@ -108,7 +108,7 @@ Status Ros2Camera::place_depth(std::unique_lock<std::mutex>& lock, std::chrono::
     const CameraModel& model = session.depth_lens.model;
     // Of a topic that nobody publishes silence is an answer.
     if (is_asked && !session.has_depth_lens && session.is_matched(Session::kDepthLens)) {
-        return refuse(Status::kUnavailable, "nothing comes on " + lens + ", which says how depth lies to colour");
+        return refuse(Status::kUnavailable, "nothing comes on " + lens + ", which says what camera depth is of");
     }
     if (!session.has_depth_lens || !is_of_depth(model)) {
         if (depth != colour) {

@@ -182,10 +182,14 @@ TEST(Ros2DepthPlace, IsLookedForAtTheSameSize) {
 // not taken for colour's view meanwhile.
 TEST(Ros2DepthPlace, ALateCameraInfoIsWaitedFor) {
     const CameraModel depth = lens(160, 120, 110);
-    const Driver driver({.depth = depth, .images_before_depth_info = 100});
+    const Driver driver({.depth = depth, .images_before_depth_info = 300});
     Ros2Options quick = unaligned();
     quick.open_max_ms = 700;
     Ros2Camera camera(quick);
+    const std::string words = "nothing comes on /camera/depth/camera_info, which says what camera depth is of";
+    EXPECT_TRUE(within(kPatience_ms, [&] {
+        return camera.open() == Status::kUnavailable && camera.message().find(words) != std::string::npos;
+    })) << camera.message();
     ASSERT_EQ(open_patiently(camera), Status::kOk) << camera.message();
     expect_registered(camera, depth, {{0, 0, 0, 1}, {0.1, 0, -0.002}});
 }
