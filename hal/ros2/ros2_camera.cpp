@@ -111,7 +111,7 @@ Status Ros2Camera::place_depth(std::unique_lock<std::mutex>& lock, std::chrono::
         return refuse(Status::kUnavailable, "nothing comes on " + lens + ", which says what camera depth is of");
     }
     if (!session.has_depth_lens || !is_of_depth(model)) {
-        if (depth != colour) {
+        if (depth != colour || session.has_depth_lens) {
             return refuse(Status::kInvalid, options_.depth + " is " + size_text(depth) + ", " + options_.colour +
                                                 " is " + size_text(colour) +
                                                 (is_asked ? ", and no " + lens + " is of it: " : ": ") + kRemedy);

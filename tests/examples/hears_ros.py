@@ -13,6 +13,9 @@ import subprocess
 import sys
 import tempfile
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from ros_domain import own_domain  # noqa: E402
+
 FRAMES = 150
 LINE = re.compile(r"^(\d+\.\d{9}): (-?\d+\.\d\d) m ahead, (-?\d+\.\d\d) m to the left, \+- (\d+\.\d{3}) m$")
 ROUNDED_M = 0.0051
@@ -40,7 +43,7 @@ def main():
     parser.add_argument("--listener", required=True, action="append", nargs="+")
     parser.add_argument("--stillmesh", required=True)
     arguments = parser.parse_args()
-    environment = dict(os.environ, ROS_DOMAIN_ID=str(1 + os.getpid() % 100), CYCLONEDDS_URI=LOOPBACK)
+    environment = dict(os.environ, ROS_DOMAIN_ID=own_domain(), CYCLONEDDS_URI=LOOPBACK)
     with tempfile.TemporaryDirectory() as work, contextlib.ExitStack() as stack:
         listeners = [stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment))
                      for command in arguments.listener]

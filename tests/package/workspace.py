@@ -19,6 +19,9 @@ import tempfile
 import time
 import types
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from ros_domain import own_domain  # noqa: E402
+
 SYSTEM = "/usr/bin:/bin:/usr/sbin:/sbin"  # Debian's Python, which colcon and ament are installed for
 BUILD_S, WAIT_S = 3600, 120
 
@@ -70,7 +73,7 @@ def command_of(launch_file, prefix, given):
 
 def starts_and_waits(command, folder):
     """The command runs until it is told to end, and says what images it waits for."""
-    environment = {"PATH": SYSTEM, "HOME": folder, "ROS_LOCALHOST_ONLY": "1", "ROS_DOMAIN_ID": str(10 + os.getpid() % 90)}
+    environment = {"PATH": SYSTEM, "HOME": folder, "ROS_LOCALHOST_ONLY": "1", "ROS_DOMAIN_ID": own_domain()}
     with open(f"{folder}/said", "w+", encoding="utf-8") as said:
         process = subprocess.Popen(command, cwd=folder, env=environment, stdout=said, stderr=said)
         try:

@@ -49,6 +49,7 @@ struct DriverOptions {
     bool has_depth_info = true;
     const char* frames = "/tf_static";
     int images_before_depth_info = 0;
+    CameraModel told_of_depth = depth;
 };
 
 class Driver {
@@ -100,9 +101,10 @@ private:
                               {}};
             depth.data.resize(2 * step.size());
             std::memcpy(depth.data.data(), step.data(), depth.data.size());
-            const bool is_sent =
-                colour_.write(colour) && depth_.write(depth) && info_.write(info_of(kColourLens, header)) &&
-                (i < options.images_before_depth_info || depth_info_.write(rectified_info_of(options.depth, of_depth)));
+            const bool is_sent = colour_.write(colour) && depth_.write(depth) &&
+                                 info_.write(info_of(kColourLens, header)) &&
+                                 (i < options.images_before_depth_info ||
+                                  depth_info_.write(rectified_info_of(options.told_of_depth, of_depth)));
             static_cast<void>(is_sent);
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
         }
@@ -214,7 +216,8 @@ TEST(Ros2DepthPlace, AlignedDepthStaysAsItIs) {
     }
 }
 
-// Promise: where nothing tells, one sentence says which topic is missing and what to do.
+// Promise: where nothing tells, or a CameraInfo of images of another size does, one sentence says which topic is
+// missing and what to do.
 TEST(Ros2DepthPlace, SaysWhatIsMissing) {
     struct Case {
         DriverOptions driver;
@@ -228,6 +231,10 @@ TEST(Ros2DepthPlace, SaysWhatIsMissing) {
                           Case{{.depth = lens(212, 120, 110), .has_depth_info = false},
                                Status::kInvalid,
                                "is 212x120, /camera/color/image_raw is 160x120, and no /camera/depth/camera_info is of "
+                               "it: give the topic of depth that is aligned"},
+                          Case{{.depth = lens(160, 120, 110), .told_of_depth = lens(212, 120, 110)},
+                               Status::kInvalid,
+                               "is 160x120, /camera/color/image_raw is 160x120, and no /camera/depth/camera_info is of "
                                "it: give the topic of depth that is aligned"}}) {
         const Driver driver(c.driver);
         Ros2Options quick = unaligned();
