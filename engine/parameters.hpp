@@ -36,6 +36,7 @@ struct Parameters {
     PredictionParameters prediction;
     HintParameters hint;
     MaskParameters mask;
+    AttentionParameters attention;
     RecoveryParameters recovery;
     EmptinessParameters emptiness;
     KeyframeParameters keyframes;
@@ -57,7 +58,8 @@ constexpr void visit_all_parameters(Parameters& c, Visitor&& v) {
     STILLMESH_TUNING_matching(STILLMESH_VISIT) STILLMESH_TUNING_region(STILLMESH_VISIT)
     STILLMESH_TUNING_weights(STILLMESH_VISIT) STILLMESH_TUNING_noise(STILLMESH_VISIT)
     STILLMESH_TUNING_prediction(STILLMESH_VISIT) STILLMESH_TUNING_hint(STILLMESH_VISIT)
-    STILLMESH_TUNING_mask(STILLMESH_VISIT) STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
+    STILLMESH_TUNING_mask(STILLMESH_VISIT) STILLMESH_TUNING_attention(STILLMESH_VISIT)
+    STILLMESH_TUNING_emptiness(STILLMESH_VISIT)
     STILLMESH_TUNING_keyframes(STILLMESH_VISIT) STILLMESH_TUNING_recovery(STILLMESH_VISIT)
     STILLMESH_TUNING_mapping(STILLMESH_VISIT) STILLMESH_TUNING_map(STILLMESH_VISIT)
     STILLMESH_TUNING_local_map(STILLMESH_VISIT) STILLMESH_TUNING_loop(STILLMESH_VISIT)

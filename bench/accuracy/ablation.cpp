@@ -21,6 +21,7 @@ constexpr std::array kRules = {
     Rule{"the expected motion is scored", "5", "region.prior_weight=0"},
     Rule{"and what is far off it is implausible", "5", "region.prior_sigmas=100"},
     Rule{"without a past the larger surface wins", "5", "region.reach=0"},
+    Rule{"fewer features where bodies move", "1", "attention.is_used=0"},
     Rule{"more noise is tried", "1", "noise.tries=0"},
     Rule{"noise is learnt from each group first", "1", "noise.young_frames=0"},
     Rule{"depth slips while the camera turns", "1", "prediction.slip_share=0"},

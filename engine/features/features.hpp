@@ -7,6 +7,7 @@
 #include "engine/base/check.hpp"
 #include "engine/base/fixed_vector.hpp"
 #include "engine/base/status.hpp"
+#include "engine/features/moving_cells.hpp"
 #include "engine/frame/image_view.hpp"
 
 namespace stillmesh {
@@ -56,6 +57,10 @@ public:
         static_cast<void>(features);
         check_failed("FeatureExtractor::extract not implemented", __FILE__, __LINE__);
     }
+
+    // Where bodies move in the pictures that follow, until it is said anew; before that nowhere. An extractor may give
+    // fewer features there.
+    virtual void set_moving(const MovingCells& moving) noexcept { static_cast<void>(moving); }
 
 protected:
     ~FeatureExtractor() = default;

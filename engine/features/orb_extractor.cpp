@@ -186,6 +186,7 @@ void OrbExtractor::find_corners(std::uint32_t level) noexcept {
     }
     found.count = end - found.begin;
     put_strong_first(level, image.width);
+    put_moving_last(level);
 }
 
 // Room is short (noise, or worse): raises the least score until at least half of the level's corners are gone. Where
@@ -230,6 +231,27 @@ void OrbExtractor::put_strong_first(std::uint32_t level, std::uint32_t width) no
     found.strong = strong;
 }
 
+// Of the strong corners those where bodies move come last.
+void OrbExtractor::put_moving_last(std::uint32_t level) noexcept {
+    if (moving_.is_empty()) return;
+    constexpr std::uint32_t kShift = 20;
+    const GreyView image = pyramid_.level(level);
+    const std::uint32_t per_column = (MovingCells::kSide << kShift) / image.width;  // cells to a pixel, rounded down
+    const std::uint32_t per_row = (MovingCells::kSide << kShift) / image.height;
+    LevelCorners& found = level_corners_[level];
+    const std::span<std::uint32_t> corners = corners_.subspan(found.begin, found.strong);
+    std::uint32_t still = 0;
+    for (const std::uint32_t corner : corners) {
+        const bool moves = moving_.holds((corner & kCoordinateMask) * per_column >> kShift,
+                                         (corner >> kCoordinateBits & kCoordinateMask) * per_row >> kShift);
+        corners[still] = corner;
+        sorted_[found.moving] = corner;
+        still += moves ? 0 : 1;
+        found.moving += moves ? 1 : 0;
+    }
+    std::memcpy(corners.data() + still, sorted_.data(), found.moving * sizeof(std::uint32_t));
+}
+
 // How many features each level gives: in proportion to its side, so that each scale of the world is served alike; what
 // a level lacks the others give, first of their strong corners, then of the weak ones.
 void OrbExtractor::share_out(std::uint32_t total) noexcept {
@@ -265,6 +287,7 @@ void OrbExtractor::share_out(std::uint32_t total) noexcept {
 std::uint32_t OrbExtractor::spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept {
     const std::uint32_t count = static_cast<std::uint32_t>(corners.size());
     if (count <= wanted) return count;
+    if (wanted == 0) return 0;
     // Sorted by place (22 bits, above 10 bits of score and strength), in two passes of 11 bits.
     constexpr std::uint32_t kPlaceShift = 32 - 2 * kCoordinateBits;
     constexpr std::uint32_t kScoreMask = kScores - 1;
@@ -378,8 +401,14 @@ void OrbExtractor::select(std::uint32_t level) noexcept {
     const std::span<std::uint32_t> corners = corners_.subspan(found.begin, found.count);
     rate(image, corners.first(found.strong));
     if (found.wanted <= found.strong) {
-        const std::uint32_t taken = spread(corners.first(found.strong), found.wanted);
-        STILLMESH_CHECK(taken == found.wanted);
+        const std::uint32_t still = found.strong - found.moving;
+        const std::uint32_t lacking = found.wanted > still ? found.wanted - still : 0;
+        const std::uint32_t allowed = minimum(found.moving, found.wanted * options_.moving_permille / 1000);
+        const std::uint32_t from_moving = allowed > lacking ? allowed : lacking;
+        const std::uint32_t taken = spread(corners.first(still), found.wanted - from_moving);
+        const std::uint32_t moving = spread(corners.subspan(still, found.moving), from_moving);
+        STILLMESH_CHECK(taken + moving == found.wanted);
+        std::memmove(corners.data() + taken, corners.data() + still, moving * sizeof(std::uint32_t));
     } else {
         rate(image, corners.subspan(found.strong));
         const std::uint32_t taken = spread(corners.subspan(found.strong), found.wanted - found.strong);

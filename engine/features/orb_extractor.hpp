@@ -26,6 +26,8 @@ struct OrbOptions {
     // Thousandths of the features that are given out by place alone, the others by quality; 1000 is as even as can be,
     // 0 takes the best wherever they are.
     std::uint32_t even_permille = 250;
+    // Thousandths of a level's features that lie where bodies move, at most; more only where other corners lack.
+    std::uint32_t moving_permille = 250;
 };
 
 // What a configuration asks for.
@@ -55,6 +57,7 @@ public:
     void create(Arena& arena, const Limits& limits, const OrbOptions& options, const Kernels& kernels) noexcept;
 
     [[nodiscard]] Status extract(const GreyView& image, FeatureSet& features) noexcept override;
+    void set_moving(const MovingCells& moving) noexcept override { moving_ = moving; }
 
     // Of the last image.
     [[nodiscard]] const Pyramid& pyramid() const noexcept { return pyramid_; }
@@ -91,6 +94,7 @@ private:
     struct LevelCorners {
         std::uint32_t begin = 0;   // in corners_
         std::uint32_t strong = 0;  // that many first ones: those that the threshold of their cell lets through
+        std::uint32_t moving = 0;  // of those the last ones: where bodies move
         std::uint32_t count = 0;   // all
         std::uint32_t wanted = 0;  // how many become features
     };
@@ -98,6 +102,7 @@ private:
     void find_corners(std::uint32_t level) noexcept;
     void thin_out(std::uint32_t begin, std::uint32_t& end, std::uint32_t& score_min) noexcept;
     void put_strong_first(std::uint32_t level, std::uint32_t width) noexcept;
+    void put_moving_last(std::uint32_t level) noexcept;
     void share_out(std::uint32_t total) noexcept;
     [[nodiscard]] std::uint32_t spread(std::span<std::uint32_t> corners, std::uint32_t wanted) noexcept;
     void rate(const GreyView& image, std::span<std::uint32_t> corners) noexcept;
@@ -106,6 +111,7 @@ private:
     void describe(std::uint32_t level, FeatureSet& features) noexcept;
 
     OrbOptions options_;
+    MovingCells moving_;
     const Kernels* kernels_ = nullptr;
     Pyramid pyramid_;
     std::uint32_t levels_ = 0;

@@ -46,7 +46,12 @@ public:
     void create(Arena& arena, const Limits& limits, const Parameters& configuration, const CameraModel& camera,
                 const Kernels& kernels, FeatureExtractor* extractor) noexcept;
     // No features.
-    void clear() noexcept { features_.clear(); }
+    void clear() noexcept {
+        features_.clear();
+        set_moving({});
+    }
+    // Where bodies move in the pictures that follow.
+    void set_moving(const MovingCells& moving) noexcept { extractor_->set_moving(moving); }
 
     // The picture in grey: borrowed from the frame, or made here and valid until the next.
     [[nodiscard]] GreyView grey_of(const Frame& frame) noexcept;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/base/time.hpp"
+#include "engine/tracking/attention.hpp"
 #include "engine/tracking/frame_hash.hpp"
 #include "engine/tracking/late_depth.hpp"
 
@@ -283,6 +284,11 @@ void Tracking::learn_points() noexcept {
     statistics_.matches = static_cast<std::uint32_t>(matches.size());
     statistics_.static_matches = static_cast<std::uint32_t>(still.size());
     statistics_.dynamic_matches = estimator_.mark_moving(found);
+    const AttentionParameters& attention = world_->parameters.attention;
+    if (attention.is_used && is_sure && !is_young()) {
+        measured_.set_moving(
+            moving_cells(world_->camera, measured_.keypoints(), matches, still.span(), attention.moving_per_still));
+    }
     if (!world_->parameters.mapping.is_enabled) return;
     // What the local map is chosen by: the keyframes that observe the points that the pose was estimated from.
     LocalMap& local_map = world_->local_map;
@@ -315,6 +321,7 @@ void Tracking::make_keyframe() noexcept {
 // Nothing was measured: what is shown of this frame says so, and for some frames the motion is carried on.
 void Tracking::lose() noexcept {
     estimator_.forget();
+    measured_.set_moving({});  // what is followed may be a body itself
     const bool is_predicted = lost_.lose(camera_);
     camera_.motion.move_to(is_predicted ? expected_.world_from_camera_predicted : world_from_camera());
     give_out(is_predicted ? PoseState::kPredicted : PoseState::kNone, Matrix6::Zero());

@@ -85,6 +85,12 @@ struct HintParameters { STILLMESH_TUNING_hint(STILLMESH_FIELD) };
     KEY(mask, double, share_max, 0.5, 0.0, 1.0, "", "of the area in view, and of what is known to stand still; a mask that covers more is wrong")
 struct MaskParameters { STILLMESH_TUNING_mask(STILLMESH_FIELD) };
 
+// Fewer features where bodies move (attention.hpp).
+#define STILLMESH_TUNING_attention(KEY) \
+    KEY(attention, bool, is_used, true, 0.0, 1.0, "", "fewer features where bodies move") \
+    KEY(attention, std::uint32_t, moving_per_still, 4, 0.0, 1000.0, "", "matches of a cell in which bodies move")
+struct AttentionParameters { STILLMESH_TUNING_attention(STILLMESH_FIELD) };
+
 // Points whose place is seen to be empty.
 #define STILLMESH_TUNING_emptiness(KEY) \
     KEY(emptiness, std::uint32_t, places_per_frame, 400, 0.0, 10000.0, "", "places looked at for emptiness") \

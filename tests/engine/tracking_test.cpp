@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "engine/features/own_extractor.hpp"
 #include "tests/engine/engine_rig.hpp"
 
 namespace stillmesh::tracking_test {
@@ -516,6 +517,52 @@ TEST(Engine, ObserverSeesEveryStage) {
     watch.begun.clear();
     ASSERT_EQ(engine->submit(at_time(sequence.frames[0], sequence.frames[9].time_ns + 1)), Status::kOk);
     EXPECT_TRUE(watch.begun.empty());
+}
+
+// The engine's own, with a look at what it is told of bodies that move.
+class Told final : public FeatureExtractor {
+public:
+    MovingCells moving;
+    explicit Told(const Limits& limits)
+        : memory_(own_extractor_bytes(limits)),
+          own_(create_own_extractor(memory_.span(), limits, fitting(limits).features, cpu_kernels()).value()) {}
+    [[nodiscard]] Status extract(const GreyView& image, FeatureSet& features) noexcept override {
+        return own_.extractor->extract(image, features);
+    }
+    void set_moving(const MovingCells& cells) noexcept override {
+        moving = cells;
+        own_.extractor->set_moving(cells);
+    }
+
+private:
+    test::Memory memory_;
+    OwnExtractor own_;
+};
+
+// Promise: an extractor is told where bodies move, from the second second on; in a still room nothing does; a camera
+// that is lost has no say.
+TEST(Engine, LooksLessWhereBodiesMove) {
+    for (const bool walk : {true, false}) {
+        const Sequence sequence = test::rendered(walk ? "walking_xyz" : "static_xyz", 60, 320, 240);
+        Told told(Limits::pocket());
+        const EngineRig engine(Limits::pocket(), sequence.camera, fitting(Limits::pocket()), cpu_kernels(), 0, &told);
+        std::uint32_t frames = 0;
+        for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+            ASSERT_EQ(engine->submit(sequence.frames[i].frame()), Status::kOk);
+            if (i < 25) {
+                EXPECT_TRUE(told.moving.is_empty()) << i;
+            }
+            frames += told.moving.is_empty() ? 0U : 1U;
+        }
+        if (walk) {
+            EXPECT_GT(frames, 25U);
+        } else {
+            EXPECT_LT(frames, 5U);
+        }
+        const KeptFrame black = flat(sequence.frames.back(), 0, 0);
+        ASSERT_EQ(engine->submit(at_time(black, black.time_ns + kFrameGap_ns)), Status::kOk);
+        EXPECT_TRUE(told.moving.is_empty());
+    }
 }
 
 // An extractor of others: wrong in every way a foreign library can be.

@@ -183,6 +183,60 @@ TEST(OrbExtractor, spread_over_the_image) {
     EXPECT_LT(3 * empty[1], 2 * empty[0]);
 }
 
+std::size_t on_the_left(const FeatureSet& features) {
+    std::size_t count = 0;
+    for (const Keypoint& k : features.keypoints.span()) count += k.x < 320 ? 1U : 0U;
+    return count;
+}
+MovingCells left_half() {
+    MovingCells cells;
+    for (std::uint32_t row = 0; row < MovingCells::kSide; ++row) {
+        for (std::uint32_t column = 0; column < MovingCells::kSide / 2; ++column) cells.add(column, row);
+    }
+    return cells;
+}
+
+// Promise: where bodies move lies a quarter of the features, none is lost by that, and nothing of it stays.
+TEST(OrbExtractor, FewWhereBodiesMove) {
+    Image image(640, 480);
+    fill_leaves(image, 1);
+    Rig rig(Limits::room(), cpu_kernels(), {.even_permille = 1000});
+    ASSERT_EQ(rig.extractor.extract(image.view(), rig.features), Status::kOk);
+    const std::uint64_t before = digest(rig.features);
+    EXPECT_NEAR(static_cast<double>(on_the_left(rig.features)), 500, 50);
+    rig.extractor.set_moving(left_half());
+    ASSERT_EQ(rig.extractor.extract(image.view(), rig.features), Status::kOk);
+    EXPECT_EQ(rig.features.size(), 1000U);
+    EXPECT_NEAR(static_cast<double>(on_the_left(rig.features)), 250, 15);  // corners are placed after they are chosen
+    rig.extractor.set_moving({});
+    ASSERT_EQ(rig.extractor.extract(image.view(), rig.features), Status::kOk);
+    EXPECT_EQ(digest(rig.features), before);
+}
+
+// Promise: where nothing but what moves has corners it has all features, and of the few corners elsewhere none is left
+// out.
+TEST(OrbExtractor, BodiesFillUp) {
+    Image image(640, 480);
+    fill_leaves(image, 1);
+    for (std::uint32_t y = 0; y < 480; ++y) {
+        for (std::uint32_t x = 330; x < 640; ++x) image.row(y)[x] = 100;
+    }
+    for (const std::uint32_t y : {120U, 240U, 360U}) {
+        for (std::uint32_t v = 0; v < 12; ++v) {
+            for (std::uint32_t u = 0; u < 12; ++u) image.row(y + v)[480 + u] = 220;
+        }
+    }
+    Rig rig(Limits::room(), cpu_kernels(), {.even_permille = 1000});
+    const auto right = [&rig] { return rig.features.size() - on_the_left(rig.features); };
+    ASSERT_EQ(rig.extractor.extract(image.view(), rig.features), Status::kOk);
+    const std::size_t before = right();
+    EXPECT_GT(before, 0U);
+    rig.extractor.set_moving(left_half());
+    ASSERT_EQ(rig.extractor.extract(image.view(), rig.features), Status::kOk);
+    EXPECT_EQ(rig.features.size(), 1000U);
+    EXPECT_GE(right(), before);
+}
+
 // Promise: a corner is found at the same place of the full image on whatever level. The four corners of a square with
 // soft edges: each has its own bias inwards, their mean has none, to a fifth of a pixel of the level.
 TEST(OrbExtractor, no_bias_between_levels) {
