@@ -7,6 +7,7 @@
 #include "engine/base/crc.hpp"
 #include "engine/base/hash.hpp"
 #include "engine/base/random.hpp"
+#include "engine/features/moving_cells.hpp"
 #include "engine/features/orb_extractor.hpp"
 #include "engine/features/orb_pattern.hpp"
 #include "engine/features/own_extractor.hpp"
