@@ -223,7 +223,7 @@ void whole_way(bool has_wheels, bool is_told = false, bool has_accelerometer = f
     }
     Program run(STILLMESH_PROGRAM, "",
                 std::string("run --camera ros2 --wait --limits pocket --publish ros2") +
-                    (has_accelerometer ? " --frames 110 --level gravity --accelerometer ros2:/camera/accel/sample"
+                    (has_accelerometer ? " --frames 150 --level gravity --accelerometer ros2:/camera/accel/sample"
                                        : " --frames 60") +
                     (has_wheels ? " --odometry ros2" : "") + (is_told ? " --base-from-camera tf_static" : ""),
                 scratch);
