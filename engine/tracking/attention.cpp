@@ -46,7 +46,7 @@ MovingCells moving_cells(const CameraModel& camera, std::span<const Keypoint> ke
         const std::uint32_t column = cell_of(keypoint.x, camera.width);
         return seen[(cell_of(keypoint.y, camera.height) + 1) * kRow + column + 1];
     };
-    for (const Correspondence& match : matches) cell(match).moving += match.is_moving ? 1U : 0U;
+    for (const Correspondence& match : matches) cell(match).moving += match.is_moving && match.is_dynamic ? 1U : 0U;
     for (const std::uint16_t i : still) ++cell(matches[i]).still;
     MovingCells cells;
     for (std::uint32_t row = 0; row < kSide; ++row) {

@@ -22,7 +22,7 @@ struct Matches {
         keypoint.y = static_cast<float>(y);
         Correspondence match;
         match.feature = static_cast<std::uint32_t>(keypoints.size());
-        match.is_moving = is_moving;
+        match.is_moving = match.is_dynamic = is_moving;
         keypoints.push_back(keypoint);
         all.push_back(match);
     }
@@ -49,6 +49,8 @@ TEST(MovingCells, AreWhereAllThatIsMatchedMoves) {
     EXPECT_FALSE(matches.cells(4).holds(5, 7));
     matches.add(160, 120, true, false);  // beyond the picture: its last cell
     EXPECT_TRUE(matches.cells(4).holds(15, 15));
+    matches.all.back().is_dynamic = false;  // it has a vote still
+    EXPECT_FALSE(matches.cells(4).holds(15, 15));
 }
 
 // Promise: as by asking every match of every cell.
