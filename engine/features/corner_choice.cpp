@@ -90,7 +90,7 @@ void OrbExtractor::select(std::uint32_t level) noexcept {
         const std::uint32_t still = found.strong - found.moving;
         const std::uint32_t lacking = found.wanted > still ? found.wanted - still : 0;
         const std::uint32_t allowed = std::min(found.moving, found.wanted * options_.moving_permille / 1000);
-        const std::uint32_t from_moving = allowed > lacking ? allowed : lacking;
+        const std::uint32_t from_moving = std::max(allowed, lacking);
         const std::uint32_t taken = spread(corners.first(still), found.wanted - from_moving);
         const std::uint32_t moving = spread(corners.subspan(still, found.moving), from_moving);
         STILLMESH_CHECK(taken + moving == found.wanted);

@@ -33,6 +33,7 @@ void MeasuredFrame::create(Arena& arena, const Limits& limits, const Parameters&
     depth_ = configuration.depth;
     mask_.create(configuration.mask);
     pixel_noise_.create(configuration, camera);
+    set_moving({});  // an extractor of the program's may have served another engine
 }
 
 GreyView MeasuredFrame::grey_of(const Frame& frame) noexcept {

@@ -540,11 +540,12 @@ private:
 };
 
 // Promise: an extractor is told where bodies move, from the second second on; in a still room nothing does; a camera
-// that is lost has no say.
+// that is lost has no say, nor has an engine before.
 TEST(Engine, LooksLessWhereBodiesMove) {
     for (const bool walk : {true, false}) {
         const Sequence sequence = test::rendered(walk ? "walking_xyz" : "static_xyz", 60, 320, 240);
         Told told(Limits::pocket());
+        told.moving.add(3, 4);
         const EngineRig engine(Limits::pocket(), sequence.camera, fitting(Limits::pocket()), cpu_kernels(), 0, &told);
         std::uint32_t frames = 0;
         for (std::size_t i = 0; i < sequence.frames.size(); ++i) {

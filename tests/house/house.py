@@ -58,7 +58,7 @@ FUNCTION_LINES_MAX = 70
 FILE_LINES_MAX = 400
 PARAMETERS_MAX = 5
 EXCEPTIONS = pathlib.Path(__file__).with_name("exceptions.txt")
-EXCEPTIONS_MAX = 30
+EXCEPTIONS_MAX = 30  # lowered with every one that goes, never raised
 WRONG_ON_PURPOSE = ("tests/house/selftest.py", "tests/house/exceptions.txt")  # what names files that are not there
 
 
