@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -73,7 +74,9 @@ TEST(Pool, BehavesLikeAMapAndAQueue) {
                 }
             } else if (dice < 95U) {
                 if (!model.empty()) {
-                    const auto it = std::next(model.begin(), random.below(static_cast<std::uint32_t>(model.size())));
+                    const auto it =
+                        std::next(model.begin(),
+                                  static_cast<std::ptrdiff_t>(random.below(static_cast<std::uint32_t>(model.size()))));
                     const Handle<Thing> handle{it->first.first, it->first.second};
                     pool.release(handle);
                     free_slots.push_back(handle.slot());
@@ -132,7 +135,7 @@ TEST(Pool, FullChangesNothing) {
         EXPECT_EQ(pool.take().status(), Status::kFull);
         EXPECT_EQ(pool.refused(), attempt);
         EXPECT_EQ(pool.size(), 5U);
-        for (std::uint64_t i = 0; i < 5; ++i) EXPECT_EQ(pool.find(handles[i])->value, i);
+        for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(pool.find(handles[i])->value, i);
     }
     pool.release(handles[2]);
     EXPECT_EQ(pool.take().value().slot(), 2U);

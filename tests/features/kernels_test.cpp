@@ -36,7 +36,8 @@ TEST(Kernels, grey) {
     all.push_back(&plain_kernels());
     for (const Kernels* kernels : all) {
         for (std::uint32_t width = 1; width < 200; width += width < 70 ? 1 : 13) {
-            const std::vector<std::uint8_t> exact(colour.begin(), colour.begin() + 3 * width);
+            const std::vector<std::uint8_t> exact(colour.begin(),
+                                                  colour.begin() + static_cast<std::ptrdiff_t>(3 * width));
             std::vector<std::uint8_t> rgb(width + kKernelSlackBytes);
             std::vector<std::uint8_t> bgr(width + kKernelSlackBytes);
             kernels->grey_from_rgb(exact.data(), width, rgb.data());

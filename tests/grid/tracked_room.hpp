@@ -39,6 +39,9 @@ public:
         options.scene = scene;
         options.seed = seed;
         options.frames = part.frames;
+        // A quarter of the pixels: depth images that a map keeps are smaller still.
+        options.width = 320;
+        options.height = 240;
         SimulatedCamera camera(options);
         EXPECT_EQ(camera.open(), Status::kOk);
         camera.seek(part.first);

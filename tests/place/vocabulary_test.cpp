@@ -231,7 +231,7 @@ TEST(Vocabulary, WhatIsOpenedCanBeWalked) {
     const test::RandomTree shape{3, 3, 30, 9};
     const ByteVector whole = test::vocabulary_bytes(shape);
     const std::size_t block_bytes = Vocabulary::block_bytes(shape.branching);
-    const std::size_t blocks_end = kVocabularyHeaderBytes + block_bytes * get(whole, 36, 4);
+    const std::size_t blocks_end = kVocabularyHeaderBytes + block_bytes * static_cast<std::size_t>(get(whole, 36, 4));
     Random random(3);
     std::uint32_t opened = 0;
     std::uint32_t refused_links = 0;

@@ -74,7 +74,7 @@ def others_are_refused():
 
 def stream_tells_the_run():
     """Who comes late is told the path and what keyframes saw, then frames that go up, and the end."""
-    with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "200") as run:
+    with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "110") as run:
         time.sleep(1)
         stream = Stream(run)
         frames, points, path, ends = [], 0, 0, 0
@@ -118,7 +118,7 @@ def at_most_eight_look_on():
 
 def nobody_is_waited_for():
     """Clients that never read, or never say what they want, hold nobody up: others are served, and the run ends."""
-    with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "250") as run:
+    with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "120") as run:
         silent = []
         for request in [b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n"] * 4 + [b"GET / HT"] * 4 + [b""] * 20:
             client = socket.create_connection(("127.0.0.1", run.port), timeout=WAIT_S)
@@ -138,7 +138,7 @@ def nobody_is_waited_for():
 def the_run_is_the_same():
     """With somebody who looks on, every frame has the state hash that it has without --view."""
     with tempfile.TemporaryDirectory() as folder:
-        common = ("--simulate", "walking_xyz:1", "--frames", "150", "--state-hashes")
+        common = ("--simulate", "walking_xyz:1", "--frames", "70", "--state-hashes")
         subprocess.run([PROGRAM, "run", *common, f"{folder}/alone"], check=True, capture_output=True, timeout=WAIT_S * 4)
         frames = 0
         for _ in range(5):  # on a busy machine a run may be over before somebody looks
