@@ -9,6 +9,7 @@
 //   accuracy --dirt shake=1,rolling=1 --scenes walking_xyz   the scenes with these
 //   accuracy --hints wheels,slip --scenes trolley_first   further engines that are told how the camera moved
 //   accuracy --masks right,inverted --scenes walking_xyz   further engines that are given a detector's masks
+//   accuracy --vocabulary default --scenes walking_loop   a further engine that closes loops, as the program does
 //   accuracy --recording DIR                       a TUM folder with groundtruth.txt; masks/ are used when there
 //   accuracy --gate static,walking                 exit 1 with the names of what misses its bar, or had no run
 //   accuracy --scenes all --test-data --variant alone:mapping.is_enabled=false --gate   all bars, and all they need
@@ -31,6 +32,7 @@
 #include "bench/accuracy/workers.hpp"
 #include "hal/simulated/simulated_camera.hpp"
 #include "platform/linux/text_output.hpp"
+#include "platform/vocabulary/vocabulary_file.hpp"
 
 namespace stillmesh::accuracy {
 namespace {
@@ -43,7 +45,7 @@ int refuse(const std::string& sentence) {
 }
 
 struct Arguments {
-    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate, dirt, hints, masks;
+    std::string scenes = "all", seeds = "1-10", region = "both", method = "ours", json, gate, dirt, hints, masks, words;
     std::vector<std::string> recordings, settings, variants, results;
     std::uint32_t frames = 0;
     std::uint32_t jobs = std::max(1U, std::thread::hardware_concurrency());
@@ -51,6 +53,7 @@ struct Arguments {
     bool is_ablation = false;
     bool is_dirt_table = false;
     RunOptions run;
+    VocabularyFile vocabulary;
 };
 
 int find_test_data() {
@@ -102,7 +105,7 @@ int make_inputs(const Arguments& arguments, bool has_scenes, std::vector<Input>&
     return kDone;
 }
 
-int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
+int make_variants(Arguments& arguments, std::vector<Variant>& variants) {
     std::string message;
     Variant base{"on", Configuration::indoor()};
     const auto set = [&message](Variant& variant, const std::string& setting) {
@@ -141,6 +144,13 @@ int make_variants(const Arguments& arguments, std::vector<Variant>& variants) {
         variants.back().name = name;
         variants.back().masks = mask_kind(name);
         if (variants.back().masks == nullptr) return refuse(fmt::format("--masks: no kind '{}'.", name));
+    }
+    if (!arguments.words.empty()) {
+        if (!arguments.vocabulary.open(arguments.words, Limits::room().vocabulary_words_max, message))
+            return refuse(message);
+        variants.push_back(base);
+        variants.back().name = "words";
+        variants.back().vocabulary = arguments.vocabulary.bytes();
     }
     for (const std::string& text : arguments.variants) {
         const std::size_t colon = text.find(':');
@@ -203,6 +213,9 @@ int main(int argc, char** argv) {
     app.add_option(
         "--masks", arguments.masks,
         "KIND,...: for each one more engine on the same frames, given masks of moving bodies. " + mask_kinds_text());
+    app.add_option(
+        "--vocabulary", arguments.words,
+        "default, or a file: one more engine on the same frames that closes loops and finds a lost camera again");
     app.add_flag("--ablate", arguments.is_ablation, "one engine for each rule, without it: a table of what rules earn");
     auto* const dirt =
         app.add_option(

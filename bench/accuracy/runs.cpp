@@ -65,7 +65,8 @@ bool run(const Input& input, const std::vector<Variant>& variants, const RunOpti
         }
         Parameters configuration = variant.configuration;
         if (!variant.has_readout) configuration.camera.readout_s = source->readout_s();
-        const auto engine = create_engine(seat->block.bytes(), limits, configuration, source->model(), {cpu_kernels()});
+        const auto engine = create_engine(seat->block.bytes(), limits, configuration, source->model(),
+                                          {cpu_kernels(), nullptr, variant.vocabulary});
         if (!engine.is_ok()) {
             message = fmt::format("the engine refuses camera or configuration '{}': {}.", variant.name,
                                   status_name(engine.status()));

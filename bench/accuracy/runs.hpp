@@ -2,8 +2,10 @@
 // an engine per variant of the configuration.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -30,6 +32,8 @@ struct Variant {
     bool has_readout = false;         // camera.readout_s was set: what the camera knows of itself is not asked for
     const HintKind* hints = nullptr;  // that its engine is given
     const MaskKind* masks = nullptr;  // likewise
+    std::span<const std::byte> vocabulary =
+        {};  // outlives the run; without one no loop is closed, no place known again
 };
 
 struct Result {
