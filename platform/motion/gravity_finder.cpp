@@ -9,7 +9,7 @@ namespace stillmesh {
 namespace {
 
 constexpr double kGravityWithin_m_s2 = 0.5;
-constexpr std::int64_t kGapMax_ns = 250'000'000;  // between frames
+constexpr std::int64_t kGapMax_ns = 250'000'000;  // between frames with readings
 constexpr double kPart_s = 1.0;
 
 double dot(const Triple& a, const Triple& b) {
@@ -54,20 +54,18 @@ std::optional<Triple> GravityFinder::mean_between(const TrajectoryPose& from, co
 
 void GravityFinder::add(const TrajectoryPose& pose, const Quaternion& map_from_odom) {
     if (source_ == nullptr) return;
-    const std::optional<TrajectoryPose> last = last_;
-    last_ = pose;
-    const std::int64_t since_ns = last ? pose.time_ns - last->time_ns : 0;
+    const std::int64_t since_ns = last_ ? pose.time_ns - last_->time_ns : 0;
     if (since_ns <= 0 || since_ns > kGapMax_ns) {
         has_part_ = false;
+        last_ = pose;
         return;
     }
-    const std::optional<Triple> measured = mean_between(*last, pose);
-    if (!measured) {
-        has_part_ = false;
-        return;
-    }
+    const std::optional<Triple> measured = mean_between(*last_, pose);
+    if (!measured) return;  // lost, or rarer than frames: the next ones are of the time since the last
+    const TrajectoryPose last = *last_;
+    last_ = pose;
     const double seconds = static_cast<double>(since_ns) * 1e-9;
-    for (std::size_t i = 0; i < 3; ++i) speed_[i] = (pose.t[i] - last->t[i]) / seconds;
+    for (std::size_t i = 0; i < 3; ++i) speed_[i] = (pose.t[i] - last.t[i]) / seconds;
     if (!has_part_) {
         has_part_ = true;
         speed_begin_ = speed_;

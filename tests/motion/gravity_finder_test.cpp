@@ -73,6 +73,24 @@ TEST(GravityFinder, UpInAHand) {
     }
 }
 
+// Promise: readings that are lost or rarer than frames cost little: of half of them, any, up is known alike, of most of
+// the same time.
+TEST(GravityFinder, UpWhereReadingsAreLost) {
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+        Walk w = walk(seed, 8);
+        std::uint64_t state = seed;
+        std::erase_if(w.readings, [&](const Acceleration&) {
+            state = state * 6364136223846793005U + 1442695040888963407U;
+            return (state >> 33U) % 2 != 0;
+        });
+        const Gravity gravity = found(w);
+        ASSERT_TRUE(gravity.is_known) << gravity.why_not;
+        EXPECT_LT(degrees_between(gravity.up, w.up), 2 * gravity.doubt_rad * kDegrees) << seed;
+        EXPECT_LT(degrees_between(gravity.up, w.up), 2.0) << seed;
+        EXPECT_GT(gravity.seconds, 4.0) << seed;
+    }
+}
+
 // Promise: what cannot be told is unknown, with the reason: too short, no readings in time, other axes, other units, a
 // camera without poses.
 TEST(GravityFinder, UnknownWithAReason) {
