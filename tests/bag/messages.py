@@ -13,9 +13,9 @@ def png(width, height, depth, kind, rows):
 
 def grey_to(encoding, grey):
     """The bytes of an image whose luma, or each of whose colours, is `grey`; of RGB red is 3 more and blue 5 less."""
-    red, blue = bytes((g + 3) & 255 for g in grey), bytes((g - 5) & 255 for g in grey)
     if encoding == "mono8":
         return grey, 1
+    red, blue = (grey.translate(bytes((g + more) & 255 for g in range(256))) for more in (3, -5))
     if encoding in ("yuv422", "yuv422_yuy2"):
         out = bytearray(2 * len(grey))
         out[0 if encoding == "yuv422_yuy2" else 1::2] = grey

@@ -21,7 +21,7 @@ RENDERER = ROOT / "build/release/tests/board/workload_frames"
 VOCABULARY = ROOT / "vocabulary/default.voc"
 SETTINGS = {
     "amd64": (["qemu-x86_64", "-cpu", "Conroe"], "release"),
-    "arm64": (["qemu-aarch64", "-L", str(ROOT / "build/sysroot/arm64")], "arm64"),
+    "arm64": (["qemu-aarch64", "-cpu", "cortex-a72", "-L", str(ROOT / "build/sysroot/arm64")], "arm64"),
     "armhf": (["qemu-arm", "-L", str(ROOT / "build/sysroot/armhf")], "armhf"),
 }
 STAGES = {10: "prepare", 11: "features", 12: "matching", 13: "mesh", 14: "region", 15: "pose", 16: "local map",

@@ -222,8 +222,9 @@ def files_are_taken_home():
             while not all(os.path.exists(file) for file in files.values()):  # a grid wants to have seen a floor
                 assert time.monotonic() < end, run.lines
                 assert ask(run, "save_map") == 202
-                time.sleep(2)
-            time.sleep(3)  # for what was asked last
+                time.sleep(0.5)
+            assert ask(run, "pause") == 202
+            control_when(run, lambda c: c["paused"])  # and what was asked before is done
             for path, file in files.items():
                 status, headers, body = run.get(path, headers=token)
                 assert status == 200 and f"filename={path[1:]}" in headers["Content-Disposition"], (path, status)
