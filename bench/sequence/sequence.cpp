@@ -131,7 +131,7 @@ int measure(const std::string& folder, const SessionOptions& options) {
         if (out.state >= PoseState::kUnsure) record.estimate.push_back(out.world_from_camera);
         record.state_hash = out.state_hash;
         record.add({frame.time_ns, static_cast<float>(end_ns - begin_ns) * 1e-6F, out.features, out.static_features,
-                    out.dynamic_features, out.state});
+                    out.dynamic_features, out.state, out.unsure});
     }
     session->account(record);
     session.reset();
