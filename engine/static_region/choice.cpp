@@ -43,33 +43,40 @@ double share_in_view_of(const RegionInput& input, const Hypotheses& hypotheses, 
     return all > 0 ? explained / all : 0.0;
 }
 
-// What two motions disagree about: the surface that one of them alone explains, and the other alone, as far as it is
-// plausible. They are rivals if the other's is more than noise.
+// What two motions disagree about: the surface that one of them alone explains, and the other alone.
 struct Contradiction {
     double ours = 0;
     double theirs = 0;
-    bool is_one = false;
+    double all = 0;
+
+    // The other's counts as far as it is plausible, and is noise below a share of all: then 1.
+    [[nodiscard]] double margin(double plausibility, const RegionParameters& region) const noexcept {
+        const double rival = theirs * std::min(plausibility, 1.0);
+        return rival >= region.rival_area_min * all && rival > 0 ? (ours - rival) / (ours + rival) : 1.0;
+    }
 };
 
 Contradiction contradiction_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t one,
                                std::size_t other) noexcept {
-    const RegionParameters& region = input.configuration.region;
-    const Hypothesis& ours = hypotheses.all()[one];
-    const Hypothesis& theirs = hypotheses.all()[other];
     Contradiction out;
-    if (other == one || is_same_motion(ours.world_from_camera, theirs.world_from_camera, region)) return out;
-    double all = 0;
+    if (other == one || is_same_motion(hypotheses.all()[one].world_from_camera,
+                                       hypotheses.all()[other].world_from_camera, input.configuration.region)) {
+        return out;
+    }
     for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
         const bool is_ours = hypotheses.explains(one, k);
         const bool is_theirs = hypotheses.explains(other, k);
         const double surface = surface_of(input.correspondences[k]);
-        all += surface;
+        out.all += surface;
         if (is_ours && !is_theirs) out.ours += surface;
         if (!is_ours && is_theirs) out.theirs += surface;
     }
-    out.theirs *= std::min(theirs.plausibility / ours.plausibility, 1.0);
-    out.is_one = out.theirs >= region.rival_area_min * all;
     return out;
+}
+
+// Beside the best one's, how plausible another motion is.
+double relative_plausibility(const Hypotheses& hypotheses, std::size_t best, std::size_t other) noexcept {
+    return hypotheses.all()[other].plausibility / hypotheses.all()[best].plausibility;
 }
 
 // So many of the matches that `one` explains and `other` does not, drift allowed for, have stood still for so long.
@@ -123,7 +130,9 @@ std::size_t largest_of(const RegionInput& input, const Hypotheses& hypotheses, s
 std::size_t elder_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
     if (input.configuration.region.elder_points == 0) return best;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
-        if (contradiction_of(input, hypotheses, best, i).is_one && is_elder(input, hypotheses, i, best)) return i;
+        const double margin = contradiction_of(input, hypotheses, best, i)
+                                  .margin(relative_plausibility(hypotheses, best, i), input.configuration.region);
+        if (margin < 1 && is_elder(input, hypotheses, i, best)) return i;
     }
     return best;
 }
@@ -131,9 +140,8 @@ std::size_t elder_of(const RegionInput& input, const Hypotheses& hypotheses, std
 Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
     Rival rival;
     for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
-        const Contradiction contradiction = contradiction_of(input, hypotheses, best, i);
-        if (!contradiction.is_one) continue;
-        const double margin = (contradiction.ours - contradiction.theirs) / (contradiction.ours + contradiction.theirs);
+        const double margin = contradiction_of(input, hypotheses, best, i)
+                                  .margin(relative_plausibility(hypotheses, best, i), input.configuration.region);
         if (!(margin < rival.margin)) continue;
         rival.margin = margin;
         rival.hypothesis = i;
@@ -141,6 +149,26 @@ Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size
     rival.chosen_share = share_in_view_of(input, hypotheses, best);
     rival.share = share_in_view_of(input, hypotheses, rival.hypothesis);
     return rival;
+}
+
+Contest contest_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept {
+    const RegionParameters& region = input.configuration.region;
+    Contest contest;
+    double least = 1;
+    for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
+        const Contradiction contradiction = contradiction_of(input, hypotheses, best, i);
+        const double margin = contradiction.margin(1, region);
+        if (!(margin < least)) continue;
+        least = margin;
+        const Hypothesis& other = hypotheses.all()[i];
+        contest.hypothesis = i;
+        contest.world_from_camera = other.world_from_camera;
+        contest.is_carried_on = other.as_rival > other.plausibility;
+        contest.margin = contradiction.margin(
+            std::max(other.plausibility, other.as_rival) / hypotheses.all()[best].plausibility, region);
+    }
+    contest.is_tenable = contest.margin < region.contest_margin;
+    return contest;
 }
 
 RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
@@ -155,7 +183,13 @@ RegionChoice choose_best(const RegionInput& input, Hypotheses& hypotheses,
     choice.plausibility = hypotheses.all()[best].plausibility;
     choice.hypothesis = best;
     choice.rival = rival_of(input, hypotheses, best);
+    choice.contest = contest_of(input, hypotheses, best);
     choice.margin = choice.rival.margin;
+    if (choice.contest.is_tenable && choice.contest.margin < choice.rival.margin) {
+        choice.rival.hypothesis = choice.contest.hypothesis;
+        choice.rival.margin = choice.contest.margin;
+        choice.rival.share = share_in_view_of(input, hypotheses, choice.contest.hypothesis);
+    }
     choice.explained_share = hypotheses.explained_share(input.weighted);
     static_cast<void>(hypotheses.score(input, choice.world_from_camera));  // each group's agreement with it
     const RegionParameters& region = input.configuration.region;

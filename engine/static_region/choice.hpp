@@ -17,9 +17,19 @@ struct Rival {
     double chosen_share = 0;  // likewise; also without a rival
 };
 
+// The motion that contradicts the chosen one most by surface alone, whatever was expected: the one to carry on.
+struct Contest {
+    std::size_t hypothesis = Hypotheses::kNone;
+    SE3 world_from_camera;
+    double margin = 1;           // as a rival's; what goes on as the rival of the frames before is to be expected, too
+    bool is_carried_on = false;  // it does
+    bool is_tenable = false;     // the margin is below region.contest_margin: either may be the room's
+};
+
 struct RegionChoice {
     std::size_t hypothesis = Hypotheses::kNone;  // that is chosen
-    Rival rival;
+    Rival rival;  // or the contest's motion, where that one is the stronger
+    Contest contest;
     SE3 world_from_camera;         // of the chosen hypothesis
     double score = 0;              // of the choice, [0, 1]
     double plausibility = 1;       // of its motion; a factor of the score
@@ -44,6 +54,9 @@ struct RegionChoice {
 // Against every other motion: of the surface that only one of both explains, what the best one does minus what the
 // other one does, as far as that is plausible; the rival is the one with the least of it, ties by the first.
 [[nodiscard]] Rival rival_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
+
+// Likewise of the motion that contradicts the best one most, plausible or not.
+[[nodiscard]] Contest contest_of(const RegionInput& input, const Hypotheses& hypotheses, std::size_t best) noexcept;
 
 // `chosen`: the correspondences that agree with the choice, whose groups agree. Not valid, and nothing chosen: fewer
 // than three of them. The agreement of each group is with the choice afterwards.

@@ -17,11 +17,17 @@ double twice_area(const Mesh& mesh, const MeshTriangle& triangle) noexcept {
 }
 
 // The squared deviation of a pose from the one expected, translation and rotation in their sigmas.
-double deviation2(const RegionContext& context, const SE3& world_from_camera) noexcept {
-    const SE3 off = context.world_from_camera_predicted.inverse() * world_from_camera;
+double deviation2(const RegionContext& context, const SE3& expected, const SE3& world_from_camera) noexcept {
+    const SE3 off = expected.inverse() * world_from_camera;
     const double sigma_m = context.prediction_sigma_m / context.hint.sharpness_m;
     const double angle = rotation_angle(off.rotation) / context.prediction_sigma_rad * context.hint.sharpness_rad;
     return off.translation.squaredNorm() / (sigma_m * sigma_m) + angle * angle;
+}
+
+// No camera on a robot or in a hand jumps: a motion far off the one expected needs so many times the support.
+double support_needed(const RegionInput& input, const SE3& expected, const SE3& world_from_camera) noexcept {
+    const double sigmas = input.configuration.region.prior_sigmas;
+    return 1.0 + deviation2(input.context, expected, world_from_camera) / (sigmas * sigmas);
 }
 
 }  // namespace
@@ -128,13 +134,14 @@ Hypothesis Hypotheses::score(const RegionInput& input, const SE3& world_from_cam
         weight_sum += 1.0;
     }
     if (input.context.has_prediction) {
-        const double d2 = deviation2(input.context, world_from_camera);
-        score += region.prior_weight / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
+        out.plausibility =
+            1.0 / support_needed(input, input.context.world_from_camera_predicted, world_from_camera);
+        score += region.prior_weight * out.plausibility;
         weight_sum += region.prior_weight;
-        // No camera on a robot or in a hand jumps: a motion far off the prediction needs far more support.
-        out.plausibility = 1.0 / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
         score *= out.plausibility;
     }
+    if (input.context.has_rival)
+        out.as_rival = 1.0 / support_needed(input, input.context.world_from_camera_rival, world_from_camera);
     out.score = weight_sum > 0 ? score / weight_sum : 0.0;
     return out;
 }
@@ -155,8 +162,9 @@ double Hypotheses::surface_share(const RegionInput& input, const SE3& world_from
                             context.prediction_sigma_rad};
     const PoseFit held = optimise_pose(input.correspondences, input.scratch.span(), world_from_camera,
                                        region.point_chi2_max, input.configuration.pose.coarse_passes_max, &prior);
-    const double d2 = deviation2(context, held.is_valid ? held.world_from_camera : world_from_camera);
-    return surface.agreeing / surface.all / (1.0 + d2 / (region.prior_sigmas * region.prior_sigmas));
+    return surface.agreeing / surface.all /
+           support_needed(input, context.world_from_camera_predicted,
+                          held.is_valid ? held.world_from_camera : world_from_camera);
 }
 
 // Which correspondences agree with a pose, and how far each group does.

@@ -20,6 +20,7 @@ struct Hypothesis {
     double score = 0;         // Eq. 1 with weights, [0, 1]
     double plausibility = 1;  // of the motion, beside the expected one
     double surface = 0;       // share that it explains, before points have a past
+    double as_rival = 0;      // plausibility beside what is expected of the rival of the frames before; 0: there is none
 };
 
 // What a feature stands for in square metres, up to a factor, times its weight.

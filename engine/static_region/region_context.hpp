@@ -28,6 +28,9 @@ struct RegionContext {
     bool has_prediction = false;
     bool has_past = true;  // points have had time to prove that they stand still
     HintWeight hint;
+    // Where the motion that contradicted the chosen one in the frames before leads (engine/tracking/rival_motion.hpp).
+    SE3 world_from_camera_rival;
+    bool has_rival = false;
 };
 
 }  // namespace stillmesh

@@ -10,6 +10,7 @@ void CameraState::create(Arena& arena, const Limits& limits, const Parameters& c
 
 void CameraState::reset(const Parameters& configuration) noexcept {
     motion.reset();
+    rival.reset();
     reach.begin(SE3{}, 0);
     hints.reset();
     odometry.reset();
@@ -26,6 +27,7 @@ void CameraState::reset(const Parameters& configuration) noexcept {
 void CameraState::begin_at(const SE3* place, std::int64_t time_ns) noexcept {
     const SE3 world_from_camera = place != nullptr ? *place : SE3{};
     motion.begin_at(world_from_camera);
+    rival.reset();
     reach.begin(world_from_camera, time_ns);
     hints.begin(world_from_camera, time_ns);
     if (place != nullptr) odometry.jump(world_from_camera);
@@ -37,6 +39,7 @@ void CameraState::begin_at(const SE3* place, std::int64_t time_ns) noexcept {
 
 void CameraState::begin_in_map(std::int64_t time_ns, const Parameters& configuration) noexcept {
     motion.begin_after(time_ns);
+    rival.reset();
     confidence.begin_in_map();
     measured_time_ns = start_time_ns = time_ns;
     is_choice_sure = true;
@@ -57,12 +60,15 @@ RegionContext CameraState::expect(std::int64_t time_ns, double colour_depth_lag_
     out.inlier_ratio = inlier_ratio;
     out.has_prediction = true;
     out.travelled = odometry.travelled();
+    out.has_rival = rival.is_carried();
+    if (out.has_rival) out.world_from_camera_rival = rival.predict(time_ns, parameters);
     return out;
 }
 
 void CameraState::follow(const CameraMove& move) noexcept {
     if (!move.is_any) return;
     motion.follow(move.correction);
+    rival.follow(move.correction);
     reach.follow(move.correction);
     hints.follow(move.correction);
     if (move.has_jumped) odometry.jump(move.jump);

@@ -14,6 +14,7 @@
 #include "engine/tracking/noise_scale.hpp"
 #include "engine/tracking/odometry.hpp"
 #include "engine/tracking/pose_confidence.hpp"
+#include "engine/tracking/rival_motion.hpp"
 #include "engine/world/world.hpp"
 
 namespace stillmesh {
@@ -38,6 +39,7 @@ struct CameraState {
     [[nodiscard]] const SE3& world_from_camera() const noexcept { return motion.world_from_camera(); }
 
     MotionModel motion;
+    RivalMotion rival;  // of it
     CameraReach reach;
     MotionHints hints;
     Odometry odometry;

@@ -86,6 +86,7 @@ Estimate FrameEstimator::estimate(const CameraState& camera, const RegionContext
     out.choice = !(choice.margin >= 0)            ? UnsureReason::kRival
                  : !(score >= c.region.score_min) ? UnsureReason::kUnclear
                                                   : UnsureReason::kNone;
+    out.contest = choice.contest;
     out.unsure = doubt_of(out);
     return out;
 }
@@ -172,7 +173,7 @@ RegionChoice FrameEstimator::choose_region(Estimate& estimate) noexcept {
     statistics_->mesh_edges_kept = region_.kept_count();
     statistics_->groups = region_.groups_count();
     statistics_->region_score = choice.score;
-    statistics_->region_margin = choice.margin;
+    statistics_->region_margin = choice.rival.margin;
     statistics_->chosen_share = choice.rival.chosen_share;
     statistics_->rival_share = choice.rival.share;
     statistics_->pose_iterations = choice.iterations;

@@ -28,6 +28,7 @@ struct Estimate {
     RegionContext expected;                        // around which the map was searched
     NoiseScale noise;                              // as the frame had to take it
     bool is_valid = false;                         // a pose was found, by at least inliers_min matches
+    Contest contest;                               // what else may be the room's motion
     bool is_on_proven = false;                     // most of what is chosen stood still in a frame before
     UnsureReason choice = UnsureReason::kUnclear;  // why it is not clear which region stands still
     UnsureReason unsure = UnsureReason::kUnclear;  // that, or too few matches say so

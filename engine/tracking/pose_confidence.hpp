@@ -28,6 +28,9 @@ public:
     // (A sure one that far off is a jerk.)
     void doubt_jump(std::int64_t time_ns, const MotionPrior& expected, const SE3& world_from_camera) noexcept;
 
+    // A choice beside which another motion was tenable: the path is off by as much as they are apart if it was wrong.
+    void doubt_contest(std::int64_t time_ns, const SE3& chosen, const SE3& rival) noexcept;
+
     // A pose measured with this information (right increments): true, and covariance() is its; false when the
     // information is singular. motion_doubt() tells whether the last second's path can be trusted, or why not.
     [[nodiscard]] bool measured(std::int64_t time_ns, const SE3& world_from_camera,
@@ -47,6 +50,7 @@ private:
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
     double renewed_share_ = 0;
     std::int64_t jumped_ns_ = kNever;
+    std::int64_t contested_ns_ = kNever;
     UnsureReason motion_doubt_ = UnsureReason::kNone;
 };
 

@@ -225,7 +225,9 @@ void Tracking::learn_camera() noexcept {
                    world_->parameters.region.point_chi2_max,
                    is_sure && is_on_track && lost_.state(camera_) != LostCamera::State::kProbation);
     doubt_jump(found, is_sure);
+    if (estimate_.contest.is_tenable) camera_.confidence.doubt_contest(time_ns_, found, estimate_.contest.world_from_camera);
     learn_hints();
+    if (is_on_track) camera_.rival.learn(estimate_.contest, camera_.motion, time_ns_, world_->parameters.prediction);
     camera_.motion.move_to(found);
     if (is_sure) camera_.reach.note(camera_.motion, is_on_track, time_ns_);
     camera_.motion.set_has_velocity(is_on_track);  // the jump back of one that was lost is not a motion
@@ -321,6 +323,7 @@ void Tracking::make_keyframe() noexcept {
 // Nothing was measured: what is shown of this frame says so, and for some frames the motion is carried on.
 void Tracking::lose() noexcept {
     estimator_.forget();
+    camera_.rival.reset();
     measured_.set_moving({});  // what is followed may be a body itself
     const bool is_predicted = lost_.lose(camera_);
     camera_.motion.move_to(is_predicted ? expected_.world_from_camera_predicted : world_from_camera());
@@ -353,6 +356,7 @@ void Tracking::end_frame() noexcept {
     if (has_map_ && world_->clock.frame > 0)
         camera_.odometry.gather_drift(world_->pose.state, camera_.motion, time_ns_, world_->parameters);
     camera_.motion.end_frame(time_ns_);
+    camera_.rival.end_frame(time_ns_);
     world_->clock.time_ns = time_ns_;
     world_->noise = camera_.noise.factors();
     add_frame({time_ns_, world_from_camera(), world_->pose, statistics_, estimator_.correspondences(),

@@ -190,6 +190,101 @@ TEST(Choice, MarginAndRivalByBruteForce) {
     EXPECT_GT(with_rival, 5U);
 }
 
+// The body is near and has little surface: with as much of a say as the room, nearly.
+void fade_room(Scene& scene) {
+    for (std::size_t i = 0; i < scene.body.size(); ++i) {
+        if (scene.body[i] == 0) scene.correspondences[i].weight *= 0.3;
+    }
+}
+
+// Promise: what contradicts the best motion most by surface alone is the one to carry on, by brute force; its margin is
+// a rival's, and what goes where the rival before should is as much to be expected as what goes where the camera should.
+TEST(Choice, WhatIsCarriedOnByBruteForce) {
+    std::size_t carried = 0, tenable = 0, missed = 0;
+    for (std::uint64_t seed = 0; seed < 40; ++seed) {
+        Random random(seed);
+        // Far off what is expected of the camera, and half of the time where the rival of the frames before should be.
+        const SE3 motion = moved(random.uniform(0.1, 0.4));
+        Rig rig(150, 130, motion, random);
+        fade_room(rig.scene);
+        rig.context.has_rival = seed % 4 != 0;
+        rig.context.world_from_camera_rival = (seed % 2 == 0 ? motion : moved(3)) * rig.pose;
+        rig.propose(random);
+        const std::span<const Hypothesis> all = rig.hypotheses->all();
+        const std::size_t best = best_of(*rig.hypotheses);
+        double area_all = 0;
+        for (const Correspondence& c : rig.scene.correspondences)
+            area_all += c.weight * c.p_camera.z() * c.p_camera.z();
+        std::size_t most = Hypotheses::kNone;
+        double least = 1, margin = 1;
+        for (std::size_t h = 0; h < all.size(); ++h) {
+            if (metres_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005 &&
+                radians_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005) {
+                continue;
+            }
+            double only[2] = {0, 0};
+            for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
+                const Correspondence& c = rig.scene.correspondences[i];
+                const bool is_ours = rig.hypotheses->explains(best, i), is_theirs = rig.hypotheses->explains(h, i);
+                if (is_ours != is_theirs) only[is_theirs ? 1 : 0] += c.weight * c.p_camera.z() * c.p_camera.z();
+            }
+            const double by_surface = (only[0] - only[1]) / (only[0] + only[1]);
+            if (only[1] < 0.05 * area_all || !(by_surface < least)) continue;
+            least = by_surface;
+            most = h;
+            const SE3 off = rig.context.world_from_camera_rival.inverse() * all[h].world_from_camera;
+            const double d2 = off.translation.squaredNorm() / (0.02 * 0.02) +
+                              std::pow(so3_log(off.rotation).norm() / 0.02, 2);
+            const double as_rival = rig.context.has_rival ? 1 / (1 + d2 / 25) : 0;
+            only[1] *= std::min(1.0, std::max(all[h].plausibility, as_rival) / all[best].plausibility);
+            margin = only[1] < 0.05 * area_all ? 1 : (only[0] - only[1]) / (only[0] + only[1]);
+        }
+        const Contest found = contest_of(rig.input(), *rig.hypotheses, best);
+        ASSERT_EQ(found.hypothesis, most) << "seed " << seed;
+        EXPECT_NEAR(found.margin, margin, 1e-9) << "seed " << seed;
+        EXPECT_EQ(found.is_tenable, margin < rig.configuration.region.contest_margin);
+        rig.configuration.region.contest_margin = -1;
+        EXPECT_FALSE(contest_of(rig.input(), *rig.hypotheses, best).is_tenable);
+        if (most == Hypotheses::kNone) continue;
+        EXPECT_EQ(found.is_carried_on, rig.context.has_rival && seed % 2 == 0) << "seed " << seed;
+        EXPECT_EQ(metres_between(found.world_from_camera, all[most].world_from_camera), 0);
+        carried += found.is_carried_on ? 1U : 0U;
+        tenable += found.is_tenable ? 1U : 0U;
+        missed += !found.is_carried_on && found.margin == 1 ? 1U : 0U;
+    }
+    EXPECT_GT(carried, 3U);
+    EXPECT_GT(tenable, 3U);
+    EXPECT_GT(missed, 3U);  // which nothing but its own past makes a rival
+}
+
+// Promise: where the motion that is carried on is the stronger rival, it is the one that is told.
+TEST(Choice, TheStrongerRivalIsTold) {
+    std::size_t told = 0;
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        const SE3 motion = moved(random.uniform(0.2, 0.4));
+        Rig rig(150, 130, motion, random);
+        fade_room(rig.scene);
+        rig.context.has_rival = true;
+        rig.context.world_from_camera_rival = motion * rig.pose;
+        rig.propose(random);
+        const RegionChoice choice = choose_best(rig.input(), *rig.hypotheses, *rig.chosen);
+        const Rival expected = rival_of(rig.input(), *rig.hypotheses, choice.hypothesis);
+        EXPECT_EQ(choice.margin, expected.margin) << "which decides as before";
+        EXPECT_EQ(choice.rival.chosen_share, expected.chosen_share);
+        if (choice.contest.is_tenable && choice.contest.margin < expected.margin) {
+            EXPECT_EQ(choice.rival.hypothesis, choice.contest.hypothesis);
+            EXPECT_EQ(choice.rival.margin, choice.contest.margin);
+            EXPECT_GT(choice.rival.share, 0.05);
+            ++told;
+        } else {
+            EXPECT_EQ(choice.rival.hypothesis, expected.hypothesis);
+            EXPECT_EQ(choice.rival.share, expected.share);
+        }
+    }
+    EXPECT_GT(told, 3U);
+}
+
 // Promise: chosen is exactly what agrees with the choice, has a weight and belongs to no group that disagrees.
 TEST(Choice, ChosenIsWhatAgrees) {
     for (std::uint64_t seed = 0; seed < 20; ++seed) {

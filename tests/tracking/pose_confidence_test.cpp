@@ -190,6 +190,32 @@ TEST_F(Confidence, JumpsAreDoubtedBeyondWhatWasExpected) {
     }
 }
 
+// Promise: where another motion was tenable, the last second is doubted by how far both are apart, and for no longer.
+TEST_F(Confidence, AContestIsDoubtedByHowFarApartBothAre) {
+    Parameters parameters;
+    const SE3 chosen = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
+    parameters.pose.sure_sigma_m = 0.03;
+    const auto doubt_of = [&](double apart_m, double apart_rad) {
+        start(parameters);
+        SE3 off;
+        off.rotation = so3_exp(Vector3(0, 0.6 * apart_rad, 0.8 * apart_rad));
+        off.translation = Vector3(0.8 * apart_m, 0, -0.6 * apart_m);
+        confidence_.doubt_contest(kSecond, chosen, chosen * off);
+        EXPECT_TRUE(confidence_.measured(kSecond, chosen, information_of(1e-5, 1e-5)));
+        return confidence_.motion_doubt();
+    };
+    EXPECT_EQ(doubt_of(0.0299, 0.0299), UnsureReason::kNone);
+    EXPECT_EQ(doubt_of(0.0301, 0), UnsureReason::kRival);
+    EXPECT_EQ(doubt_of(0, 0.0301), UnsureReason::kRival);
+    EXPECT_TRUE(confidence_.measured(2 * kSecond - kFrame_ns, chosen, information_of(1e-5, 1e-5)));
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kRival);
+    EXPECT_TRUE(confidence_.measured(2 * kSecond + kFrame_ns, chosen, information_of(1e-5, 1e-5)));
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
+    EXPECT_EQ(doubt_of(0.0301, 0), UnsureReason::kRival);
+    confidence_.reset();
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
+}
+
 // Promise: a pose that was not measured is less sure by its deviations, for as many frames as passed, at least one, and
 // never surer again without a measurement.
 TEST_F(Confidence, PredictionAddsItsDeviations) {

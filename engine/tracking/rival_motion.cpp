@@ -1,0 +1,24 @@
+#include "engine/tracking/rival_motion.hpp"
+
+namespace stillmesh {
+
+SE3 RivalMotion::predict(std::int64_t time_ns, const PredictionParameters& parameters) const noexcept {
+    return motion_.predict(time_ns, parameters, 0, true).world_from_camera;
+}
+
+void RivalMotion::learn(const Contest& contest, const MotionModel& camera, std::int64_t time_ns,
+                        const PredictionParameters& parameters) noexcept {
+    const bool is_seen = contest.hypothesis != Hypotheses::kNone;
+    if (is_seen) {
+        if (!is_carried_ || !contest.is_carried_on) motion_ = camera;
+        motion_.move_to(contest.world_from_camera);
+        motion_.set_has_velocity(true);
+        is_carried_ = true;
+        unseen_ = 0;
+    } else if (is_carried_) {
+        motion_.move_to(predict(time_ns, parameters));
+        if (++unseen_ > kPatience) reset();
+    }
+}
+
+}  // namespace stillmesh
