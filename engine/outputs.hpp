@@ -26,7 +26,7 @@ enum class PoseState : std::uint8_t {
 // Why a pose that was measured is not `tracked`; the first of these that holds.
 enum class UnsureReason : std::uint8_t {
     kNone = 0,
-    kRival = 1,      // another motion explains what votes as well
+    kRival = 1,      // another motion explains what votes as well, or did for some frames within the last second
     kUnclear = 2,    // the motion chosen explains too little of it (region.score_min)
     kFewPoints = 3,  // too few points agree (twice pose.inliers_min)
     kNoDepth = 4,    // too few features have depth, which tells what moves from what stands

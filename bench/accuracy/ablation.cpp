@@ -17,6 +17,7 @@ constexpr std::array kRules = {
     Rule{"a group bears so much and no more", "5", "region.agreement_share=10"},
     Rule{"motions of what is left over", "5", "region.left_over_rounds=0"},
     Rule{"a rival needs some area", "5", "region.rival_area_min=0"},
+    Rule{"a rival is carried on", "5", "region.contest_margin=-1"},
     Rule{"a low score makes unsure", "5", "region.score_min=0"},
     Rule{"the expected motion is scored", "5", "region.prior_weight=0"},
     Rule{"and what is far off it is implausible", "5", "region.prior_sigmas=100"},

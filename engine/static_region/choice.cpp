@@ -60,7 +60,7 @@ Contradiction contradiction_of(const RegionInput& input, const Hypotheses& hypot
                                std::size_t other) noexcept {
     Contradiction out;
     if (other == one || is_same_motion(hypotheses.all()[one].world_from_camera,
-                                       hypotheses.all()[other].world_from_camera, input.configuration.region)) {
+                                       hypotheses.with_rival()[other].world_from_camera, input.configuration.region)) {
         return out;
     }
     for (std::size_t k = 0; k < input.correspondences.size(); ++k) {
@@ -155,19 +155,24 @@ Contest contest_of(const RegionInput& input, const Hypotheses& hypotheses, std::
     const RegionParameters& region = input.configuration.region;
     Contest contest;
     double least = 1;
-    for (std::size_t i = 0; i < hypotheses.all().size(); ++i) {
+    for (std::size_t i = 0; i < hypotheses.with_rival().size(); ++i) {
         const Contradiction contradiction = contradiction_of(input, hypotheses, best, i);
         const double margin = contradiction.margin(1, region);
         if (!(margin < least)) continue;
         least = margin;
-        const Hypothesis& other = hypotheses.all()[i];
+        const Hypothesis& other = hypotheses.with_rival()[i];
         contest.hypothesis = i;
         contest.world_from_camera = other.world_from_camera;
-        contest.is_carried_on = other.as_rival > other.plausibility;
-        contest.margin = contradiction.margin(
-            std::max(other.plausibility, other.as_rival) / hypotheses.all()[best].plausibility, region);
+        const double as_rival =
+            input.context.rival_frames > 0
+                ? 1.0 / support_needed(input, input.context.world_from_camera_rival, other.world_from_camera)
+                : 0.0;
+        contest.is_carried_on = as_rival > other.plausibility;
+        contest.margin =
+            contradiction.margin(std::max(other.plausibility, as_rival) / hypotheses.all()[best].plausibility, region);
     }
-    contest.is_tenable = contest.margin < region.contest_margin;
+    contest.is_tenable = contest.margin < region.contest_margin &&
+                         (contest.is_carried_on ? input.context.rival_frames : 0) + 1 >= region.contest_frames;
     return contest;
 }
 

@@ -23,12 +23,12 @@ struct Contest {
     SE3 world_from_camera;
     double margin = 1;           // as a rival's; what goes on as the rival of the frames before is to be expected, too
     bool is_carried_on = false;  // it does
-    bool is_tenable = false;     // the margin is below region.contest_margin: either may be the room's
+    bool is_tenable = false;     // either may be the room's: a small margin, and not for the first time
 };
 
 struct RegionChoice {
     std::size_t hypothesis = Hypotheses::kNone;  // that is chosen
-    Rival rival;  // or the contest's motion, where that one is the stronger
+    Rival rival;                                 // or the contest's motion, where that one is the stronger
     Contest contest;
     SE3 world_from_camera;         // of the chosen hypothesis
     double score = 0;              // of the choice, [0, 1]

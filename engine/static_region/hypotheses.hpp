@@ -20,7 +20,6 @@ struct Hypothesis {
     double score = 0;         // Eq. 1 with weights, [0, 1]
     double plausibility = 1;  // of the motion, beside the expected one
     double surface = 0;       // share that it explains, before points have a past
-    double as_rival = 0;      // plausibility beside what is expected of the rival of the frames before; 0: there is none
 };
 
 // What a feature stands for in square metres, up to a factor, times its weight.
@@ -32,10 +31,14 @@ struct Hypothesis {
     return c.extent * area_of(c);
 }
 
+// No camera on a robot or in a hand jumps: a motion far off the one expected needs so many times the support.
+[[nodiscard]] double support_needed(const RegionInput& input, const SE3& expected,
+                                    const SE3& world_from_camera) noexcept;
+
 class Hypotheses {
 public:
     static constexpr std::size_t kHypothesesMax = 14;
-    static constexpr std::size_t kNone = kHypothesesMax;  // explains nothing
+    static constexpr std::size_t kNone = kHypothesesMax + 1;  // explains nothing
 
     static constexpr void plan(ArenaPlan& arena, const Limits& limits) noexcept {
         const std::uint32_t n = limits.features_max;
@@ -51,7 +54,10 @@ public:
     // How well a pose explains the frame; the agreement of each group is with this pose afterwards.
     [[nodiscard]] Hypothesis score(const RegionInput& input, const SE3& world_from_camera) noexcept;
 
-    [[nodiscard]] std::span<const Hypothesis> all() const noexcept { return hypotheses_.span(); }
+    // One of them is chosen.
+    [[nodiscard]] std::span<const Hypothesis> all() const noexcept { return hypotheses_.span().first(proposed_); }
+    // Behind them the motion of the rival of the frames before, if there is one: it is held against the choice.
+    [[nodiscard]] std::span<const Hypothesis> with_rival() const noexcept { return hypotheses_.span(); }
     [[nodiscard]] bool explains(std::size_t hypothesis, std::size_t correspondence) const noexcept {
         return (explained_by_[correspondence] >> hypothesis & 1U) != 0;  // the bit of kNone is never set
     }
@@ -64,6 +70,7 @@ private:
     void propose_expected(const RegionInput& input) noexcept;
     void propose_over_all(const RegionInput& input, Random& random) noexcept;
     void propose_groups(const RegionInput& input) noexcept;
+    void add_rival(const RegionInput& input) noexcept;
     void propose_left_over(const RegionInput& input, Random& random) noexcept;
     void add(const RegionInput& input, const SE3& world_from_camera, double reach) noexcept;
     void judge(const RegionInput& input, const SE3& world_from_camera) noexcept;
@@ -76,7 +83,8 @@ private:
     [[nodiscard]] Share triangles_of(const RegionInput& input) const noexcept;
 
     GroupMotions motions_;
-    InlineVector<Hypothesis, kHypothesesMax> hypotheses_;
+    InlineVector<Hypothesis, kHypothesesMax + 1> hypotheses_;
+    std::size_t proposed_ = 0;
     std::span<std::uint8_t> is_inlier_;      // scratch, by correspondence
     std::span<std::uint16_t> explained_by_;  // by correspondence: a bit for each hypothesis it agrees with
     std::uint32_t iterations_ = 0;

@@ -30,7 +30,7 @@ struct RegionContext {
     HintWeight hint;
     // Where the motion that contradicted the chosen one in the frames before leads (engine/tracking/rival_motion.hpp).
     SE3 world_from_camera_rival;
-    bool has_rival = false;
+    std::uint32_t rival_frames = 0;  // that it has gone on for; 0: there was none
 };
 
 }  // namespace stillmesh

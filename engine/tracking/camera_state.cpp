@@ -60,8 +60,8 @@ RegionContext CameraState::expect(std::int64_t time_ns, double colour_depth_lag_
     out.inlier_ratio = inlier_ratio;
     out.has_prediction = true;
     out.travelled = odometry.travelled();
-    out.has_rival = rival.is_carried();
-    if (out.has_rival) out.world_from_camera_rival = rival.predict(time_ns, parameters);
+    out.rival_frames = rival.frames();
+    if (rival.is_carried()) out.world_from_camera_rival = rival.predict(time_ns, parameters);
     return out;
 }
 

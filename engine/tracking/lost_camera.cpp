@@ -133,7 +133,7 @@ bool LostCamera::try_place(const SE3& place, RegionContext expected, CameraState
     expected.prediction_sigma_m = world_->parameters.pose.sure_sigma_m;
     expected.prediction_sigma_rad = world_->parameters.pose.sure_sigma_m;
     expected.hint = HintWeight{};
-    expected.has_rival = false;
+    expected.rival_frames = 0;
     if (is_unexpected_) expected.travelled = 0;  // found in the map as it is: odometry has no say
     bool is_found = !sees_through(place, camera.noise.factors().depth);
     if (is_found) {

@@ -32,9 +32,8 @@ void PoseConfidence::doubt_jump(std::int64_t time_ns, const MotionPrior& expecte
 
 void PoseConfidence::doubt_contest(std::int64_t time_ns, const SE3& chosen, const SE3& rival) noexcept {
     const SE3 off = chosen.inverse() * rival;
-    const double angle = rotation_angle(off.rotation);
-    doubt_.add(time_ns, {off.translation.squaredNorm(), angle * angle});
-    contested_ns_ = time_ns;
+    const double sure = parameters_->pose.sure_sigma_m;
+    if (off.translation.squaredNorm() > sure * sure || rotation_angle(off.rotation) > sure) contested_ns_ = time_ns;
 }
 
 bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera, const Matrix6& information) noexcept {
@@ -55,10 +54,10 @@ bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera
     motion.rotation_rad2 += now.rotation_rad2;
     const double sure2 = parameters_->pose.sure_sigma_m * parameters_->pose.sure_sigma_m;
     const bool is_sure = motion.translation_m2 <= sure2 && motion.rotation_rad2 <= sure2;
-    motion_doubt_ = is_sure                                              ? UnsureReason::kNone
-                    : time_ns - contested_ns_ <= MotionDoubt::kWindow_ns ? UnsureReason::kRival
-                    : time_ns - jumped_ns_ <= MotionDoubt::kWindow_ns    ? UnsureReason::kJump
-                                                                         : UnsureReason::kRenewed;
+    motion_doubt_ = time_ns - contested_ns_ <= MotionDoubt::kWindow_ns ? UnsureReason::kRival
+                    : is_sure                                          ? UnsureReason::kNone
+                    : time_ns - jumped_ns_ <= MotionDoubt::kWindow_ns  ? UnsureReason::kJump
+                                                                       : UnsureReason::kRenewed;
     const Matrix6 to_camera = se3_adjoint(world_from_camera.inverse());
     half.noalias() = to_camera * map_covariance_;
     covariance_.noalias() = half * to_camera.transpose();

@@ -28,7 +28,8 @@ public:
     // (A sure one that far off is a jerk.)
     void doubt_jump(std::int64_t time_ns, const MotionPrior& expected, const SE3& world_from_camera) noexcept;
 
-    // A choice beside which another motion was tenable: the path is off by as much as they are apart if it was wrong.
+    // Beside the choice another motion was tenable. If the choice was wrong the path is off by what both are apart;
+    // where that is more than pose.sure_sigma_m the last second is not sure.
     void doubt_contest(std::int64_t time_ns, const SE3& chosen, const SE3& rival) noexcept;
 
     // A pose measured with this information (right increments): true, and covariance() is its; false when the

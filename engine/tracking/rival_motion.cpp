@@ -10,12 +10,15 @@ void RivalMotion::learn(const Contest& contest, const MotionModel& camera, std::
                         const PredictionParameters& parameters) noexcept {
     const bool is_seen = contest.hypothesis != Hypotheses::kNone;
     if (is_seen) {
-        if (!is_carried_ || !contest.is_carried_on) motion_ = camera;
+        if (!is_carried() || !contest.is_carried_on) {
+            motion_ = camera;
+            frames_ = 0;
+        }
+        ++frames_;
         motion_.move_to(contest.world_from_camera);
         motion_.set_has_velocity(true);
-        is_carried_ = true;
         unseen_ = 0;
-    } else if (is_carried_) {
+    } else if (is_carried()) {
         motion_.move_to(predict(time_ns, parameters));
         if (++unseen_ > kPatience) reset();
     }

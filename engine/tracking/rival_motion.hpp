@@ -15,7 +15,9 @@ class RivalMotion {
 public:
     void reset() noexcept { *this = RivalMotion{}; }
 
-    [[nodiscard]] bool is_carried() const noexcept { return is_carried_; }
+    [[nodiscard]] bool is_carried() const noexcept { return frames_ > 0; }
+    // In which it contradicted the choice.
+    [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }
     [[nodiscard]] SE3 predict(std::int64_t time_ns, const PredictionParameters& parameters) const noexcept;
 
     // What a frame showed: it goes on, another one parts from the camera's motion before this frame, or it is not seen;
@@ -31,8 +33,8 @@ private:
     static constexpr std::uint32_t kPatience = 5;
 
     MotionModel motion_;
+    std::uint32_t frames_ = 0;
     std::uint32_t unseen_ = 0;
-    bool is_carried_ = false;
 };
 
 }  // namespace stillmesh

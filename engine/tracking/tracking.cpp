@@ -225,7 +225,8 @@ void Tracking::learn_camera() noexcept {
                    world_->parameters.region.point_chi2_max,
                    is_sure && is_on_track && lost_.state(camera_) != LostCamera::State::kProbation);
     doubt_jump(found, is_sure);
-    if (estimate_.contest.is_tenable) camera_.confidence.doubt_contest(time_ns_, found, estimate_.contest.world_from_camera);
+    if (estimate_.contest.is_tenable)
+        camera_.confidence.doubt_contest(time_ns_, found, estimate_.contest.world_from_camera);
     learn_hints();
     if (is_on_track) camera_.rival.learn(estimate_.contest, camera_.motion, time_ns_, world_->parameters.prediction);
     camera_.motion.move_to(found);

@@ -190,8 +190,8 @@ TEST_F(Confidence, JumpsAreDoubtedBeyondWhatWasExpected) {
     }
 }
 
-// Promise: where another motion was tenable, the last second is doubted by how far both are apart, and for no longer.
-TEST_F(Confidence, AContestIsDoubtedByHowFarApartBothAre) {
+// Promise: where another motion was tenable, farther off than what is sure, the last second is doubted, and no longer.
+TEST_F(Confidence, AContestIsDoubtedForASecond) {
     Parameters parameters;
     const SE3 chosen = se3_exp((Vector6() << 1, 2, 3, 0.3, -0.1, 0.2).finished());
     parameters.pose.sure_sigma_m = 0.03;
@@ -210,6 +210,11 @@ TEST_F(Confidence, AContestIsDoubtedByHowFarApartBothAre) {
     EXPECT_TRUE(confidence_.measured(2 * kSecond - kFrame_ns, chosen, information_of(1e-5, 1e-5)));
     EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kRival);
     EXPECT_TRUE(confidence_.measured(2 * kSecond + kFrame_ns, chosen, information_of(1e-5, 1e-5)));
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
+    // Many of them that are near are no more than one.
+    for (int i = 0; i < 20; ++i)
+        confidence_.doubt_contest(3 * kSecond + i, chosen, chosen * se3_exp(Vector6::Constant(0.01)));
+    EXPECT_TRUE(confidence_.measured(3 * kSecond + 20, chosen, information_of(1e-5, 1e-5)));
     EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
     EXPECT_EQ(doubt_of(0.0301, 0), UnsureReason::kRival);
     confidence_.reset();
