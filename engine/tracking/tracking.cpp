@@ -155,7 +155,8 @@ bool Tracking::is_young() const noexcept {
 // Around what is expected. Hints are evidence among others: what the picture does not bear out with them is tried
 // without, so that wheels that slip cost no pose. In the beginning nothing else tells a body from the room: there a
 // pose that agrees with them is clear however little of the picture it explains (trolley_first:9, where 15 features of
-// the room are left, .033 to .019), and one that contradicts them is not sure.
+// the room are left, .033 to .019), and one that contradicts them is not sure. Nor is a rival tenable that contradicts
+// them where the choice agrees.
 void Tracking::estimate() noexcept {
     const HintParameters& p = world_->parameters.hint;
     estimate_ = estimator_.estimate(camera_, expected_);
@@ -168,8 +169,13 @@ void Tracking::estimate() noexcept {
         estimate_ = estimator_.estimate(camera_, own);
         if (!estimate_.is_sure() && is_valid_with_hints) estimate_ = estimator_.estimate(camera_, expected_);
     }
-    if (!is_young_now || !estimate_.is_valid) return;
+    if (!estimate_.is_valid) return;
     const double off = camera_.hints.sigmas_off(estimate_.fit.world_from_camera, p);
+    if (off <= p.agreement_sigmas &&
+        camera_.hints.sigmas_off(estimate_.contest.world_from_camera, p) > p.contradiction_sigmas) {
+        estimate_.contest.is_tenable = false;
+    }
+    if (!is_young_now) return;
     if (expected_.hint.is_whole && off <= p.agreement_sigmas) estimate_.choice = UnsureReason::kNone;
     if (off > p.contradiction_sigmas) estimate_.choice = estimate_.unsure = UnsureReason::kHint;
 }

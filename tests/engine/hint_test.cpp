@@ -55,13 +55,13 @@ Outcome run(const Sequence& sequence, Fault fault, std::size_t from = 0, std::si
 }
 
 // Promise: where a body fills the picture from the first frame, hints say what is the room: without them, and where the
-// larger surface has no say, it is followed and called tracked; with them the pose is right from the start, and as much
-// with deviations five times too small.
+// larger surface has no say, it is followed, and not called tracked while the room goes on beside it; with them the
+// pose is right from the start, and tracked, and as much with deviations five times too small.
 TEST(Hints, ABodyThatFillsThePictureIsNotTheRoom) {
     const Sequence trolley = test::rendered("trolley_first", 45, 320, 240, 5);
     const Outcome without = run(trolley, Fault::kNoHint, 0, 0, 0);
     EXPECT_GT(without.last_m, 0.2);
-    EXPECT_GT(without.tracked_wrong, 20U);
+    EXPECT_LE(without.tracked_wrong, 9U) << "frames: .3 s; what it is taken from goes on beside it";
     for (const Fault fault : {Fault::kNone, Fault::kTooSure}) {
         const Outcome with = run(trolley, fault);
         EXPECT_LT(with.worst_m, 0.03);
