@@ -30,7 +30,7 @@ namespace stillmesh {
     KEY(region, std::uint32_t, elder_points, 12, 0.0, 1000.0, "", "of a rival that were there before all that the best motion explains alone: it is chosen; 0: never") \
     KEY(region, double, rival_area_min, 0.05, 0.0, 1.0, "", "share of the area only a rival explains; less is noise") \
     KEY(region, double, contest_margin, 0.4, -1.0, 1.0, "", "a motion that goes on beside the chosen one and leaves less of a margin makes the last second unsure; -1: none does") \
-    KEY(region, std::uint32_t, contest_frames, 2, 1.0, 100.0, "frames", "that it has gone on for by then, beside a motion that leads there") \
+    KEY(region, std::uint32_t, contest_frames, 2, 1.0, 100.0, "frames", "with this one, that it has gone on for; before, it is none") \
     KEY(region, double, wide_factor, 2.0, 0.1, 100.0, "", "chi2 threshold at a point's anchor, and where the pose is not measured yet, times")
 struct RegionTuning { STILLMESH_TUNING_region(STILLMESH_FIELD) };
 struct RegionParameters : RegionKeys, RegionTuning {

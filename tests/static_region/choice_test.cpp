@@ -135,6 +135,25 @@ TEST(Hypotheses, EveryMotionIsProposed) {
     }
 }
 
+bool is_same(const Hypothesis& a, const Hypothesis& b) {
+    return metres_between(a.world_from_camera, b.world_from_camera) < 0.005 &&
+           radians_between(a.world_from_camera, b.world_from_camera) < 0.005;
+}
+
+// The area that one motion alone explains, and another alone.
+struct Only {
+    double ours = 0, theirs = 0;
+};
+Only only_of(Rig& rig, std::size_t one, std::size_t other) {
+    Only out;
+    for (std::size_t i = 0; i < rig.scene.correspondences.size(); ++i) {
+        const Correspondence& c = rig.scene.correspondences[i];
+        const bool is_ours = rig.hypotheses->explains(one, i), is_theirs = rig.hypotheses->explains(other, i);
+        if (is_ours != is_theirs) (is_theirs ? out.theirs : out.ours) += c.weight * c.p_camera.z() * c.p_camera.z();
+    }
+    return out;
+}
+
 // Promise: the best hypothesis has the highest score; its margin over each other motion is, of the area that only one
 // of both explains, what the best does minus what the other does, the other's share counting by its plausibility. The
 // rival that is told is the one with the least margin, and the shares are what each of both explains of the surface in
@@ -163,20 +182,12 @@ TEST(Choice, MarginAndRivalByBruteForce) {
         for (const Correspondence& c : rig.scene.correspondences)
             area_all += c.weight * c.p_camera.z() * c.p_camera.z();
         for (std::size_t h = 0; h < all.size(); ++h) {
-            if (metres_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005 &&
-                radians_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005) {
-                continue;
-            }
-            double only[2] = {0, 0};
-            for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
-                const Correspondence& c = rig.scene.correspondences[i];
-                const bool is_ours = rig.hypotheses->explains(best, i), is_theirs = rig.hypotheses->explains(h, i);
-                if (is_ours != is_theirs) only[is_theirs ? 1 : 0] += c.weight * c.p_camera.z() * c.p_camera.z();
-            }
-            only[1] *= std::min(all[h].plausibility / all[best].plausibility, 1.0);
-            if (only[1] < 0.05 * area_all) continue;
+            if (is_same(all[h], all[best])) continue;
+            Only only = only_of(rig, best, h);
+            only.theirs *= std::min(all[h].plausibility / all[best].plausibility, 1.0);
+            if (only.theirs < 0.05 * area_all) continue;
             ++rivals;
-            const double over_this = (only[0] - only[1]) / (only[0] + only[1]);
+            const double over_this = (only.ours - only.theirs) / (only.ours + only.theirs);
             if (over_this < margin) rival = h;
             margin = std::min(margin, over_this);
         }
@@ -219,26 +230,18 @@ TEST(Choice, WhatIsCarriedOnByBruteForce) {
         std::size_t most = Hypotheses::kNone;
         double least = 1, margin = 1;
         for (std::size_t h = 0; h < all.size(); ++h) {
-            if (metres_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005 &&
-                radians_between(all[h].world_from_camera, all[best].world_from_camera) < 0.005) {
-                continue;
-            }
-            double only[2] = {0, 0};
-            for (std::size_t i = 0; i < rig.scene.body.size(); ++i) {
-                const Correspondence& c = rig.scene.correspondences[i];
-                const bool is_ours = rig.hypotheses->explains(best, i), is_theirs = rig.hypotheses->explains(h, i);
-                if (is_ours != is_theirs) only[is_theirs ? 1 : 0] += c.weight * c.p_camera.z() * c.p_camera.z();
-            }
-            const double by_surface = (only[0] - only[1]) / (only[0] + only[1]);
-            if (only[1] < 0.05 * area_all || !(by_surface < least)) continue;
+            if (is_same(all[h], all[best])) continue;
+            Only only = only_of(rig, best, h);
+            const double by_surface = (only.ours - only.theirs) / (only.ours + only.theirs);
+            if (only.theirs < 0.05 * area_all || !(by_surface < least)) continue;
             least = by_surface;
             most = h;
             const SE3 off = rig.context.world_from_camera_rival.inverse() * all[h].world_from_camera;
             const double d2 =
                 off.translation.squaredNorm() / (0.02 * 0.02) + std::pow(so3_log(off.rotation).norm() / 0.02, 2);
             const double as_rival = rig.context.rival_frames > 0 ? 1 / (1 + d2 / 25) : 0;
-            only[1] *= std::min(1.0, std::max(all[h].plausibility, as_rival) / all[best].plausibility);
-            margin = only[1] < 0.05 * area_all ? 1 : (only[0] - only[1]) / (only[0] + only[1]);
+            only.theirs *= std::min(1.0, std::max(all[h].plausibility, as_rival) / all[best].plausibility);
+            margin = only.theirs < 0.05 * area_all ? 1 : (only.ours - only.theirs) / (only.ours + only.theirs);
         }
         const Contest found = contest_of(rig.input(), *rig.hypotheses, best);
         ASSERT_EQ(found.hypothesis, most) << "seed " << seed;

@@ -34,6 +34,13 @@ double largest(const Matrix6& m) {
     return m.cwiseAbs().maxCoeff();
 }
 
+SE3 motion_of(double metres, double radians) {
+    SE3 out;
+    out.rotation = so3_exp(Vector3(0, 0.6 * radians, 0.8 * radians));
+    out.translation = Vector3(0.8 * metres, 0, -0.6 * metres);
+    return out;
+}
+
 class Confidence : public testing::Test {
 protected:
     Confidence() { start({}); }
@@ -173,10 +180,7 @@ TEST_F(Confidence, JumpsAreDoubtedBeyondWhatWasExpected) {
         parameters.pose.sure_sigma_m = 0.05;
         const auto is_sure = [&](double off_m, double off_rad) {
             start(parameters);
-            SE3 off;
-            off.rotation = so3_exp(Vector3(0, 0.6 * off_rad, 0.8 * off_rad));
-            off.translation = Vector3(0.8 * off_m, 0, -0.6 * off_m);
-            confidence_.doubt_jump(kSecond, prior, expected * off);
+            confidence_.doubt_jump(kSecond, prior, expected * motion_of(off_m, off_rad));
             EXPECT_TRUE(confidence_.measured(kSecond, SE3{}, information_of(1e-5, 1e-5)));
             return confidence_.motion_doubt() == UnsureReason::kNone;
         };
@@ -197,10 +201,7 @@ TEST_F(Confidence, AContestIsDoubtedForASecond) {
     parameters.pose.sure_sigma_m = 0.03;
     const auto doubt_of = [&](double apart_m, double apart_rad) {
         start(parameters);
-        SE3 off;
-        off.rotation = so3_exp(Vector3(0, 0.6 * apart_rad, 0.8 * apart_rad));
-        off.translation = Vector3(0.8 * apart_m, 0, -0.6 * apart_m);
-        confidence_.doubt_contest(kSecond, chosen, chosen * off);
+        confidence_.doubt_contest(kSecond, chosen, chosen * motion_of(apart_m, apart_rad));
         EXPECT_TRUE(confidence_.measured(kSecond, chosen, information_of(1e-5, 1e-5)));
         return confidence_.motion_doubt();
     };
