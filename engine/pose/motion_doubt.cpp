@@ -5,9 +5,9 @@ namespace stillmesh {
 void MotionDoubt::add(std::int64_t time_ns, const Variance& variance) noexcept {
     const std::int64_t index = time_ns / kBin_ns;
     Bin& bin = bins_[static_cast<std::size_t>(index) % kEntriesMax];
-    if (bin.index != index) bin = Bin{index, {}};
-    bin.variance.translation_m2 += variance.translation_m2;
-    bin.variance.rotation_rad2 += variance.rotation_rad2;
+    if (bin.index != index) bin = Bin{index};
+    bin.translation_m2 += static_cast<float>(variance.translation_m2);
+    bin.rotation_rad2 += static_cast<float>(variance.rotation_rad2);
 }
 
 MotionDoubt::Variance MotionDoubt::over_window(std::int64_t time_ns) const noexcept {
@@ -15,8 +15,8 @@ MotionDoubt::Variance MotionDoubt::over_window(std::int64_t time_ns) const noexc
     Variance sum;
     for (const Bin& bin : bins_) {
         if (bin.index < 0 || bin.index + static_cast<std::int64_t>(kEntriesMax) <= last) continue;
-        sum.translation_m2 += bin.variance.translation_m2;
-        sum.rotation_rad2 += bin.variance.rotation_rad2;
+        sum.translation_m2 += static_cast<double>(bin.translation_m2);
+        sum.rotation_rad2 += static_cast<double>(bin.rotation_rad2);
     }
     return sum;
 }

@@ -12,6 +12,8 @@ void PoseConfidence::reset() noexcept {
     renewed_share_ = 0;
     jumped_ns_ = kNever;
     contested_ns_ = kNever;
+    unsure_.reset();
+    strayed_ns_ = kNever;
     motion_doubt_ = UnsureReason::kNone;
 }
 
@@ -36,6 +38,17 @@ void PoseConfidence::doubt_contest(std::int64_t time_ns, const SE3& chosen, cons
     if (off.translation.squaredNorm() > sure * sure || rotation_angle(off.rotation) > sure) contested_ns_ = time_ns;
 }
 
+void PoseConfidence::follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept {
+    const PoseParameters& p = parameters_->pose;
+    if (state == PoseState::kTracked) {
+        if (unsure_.end(time_ns, position, p.stray_frames, p.stray_m)) strayed_ns_ = time_ns;
+    } else if (state == PoseState::kNone) {
+        unsure_.add_without_pose();
+    } else {
+        unsure_.add(time_ns, position);
+    }
+}
+
 bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera, const Matrix6& information) noexcept {
     Matrix6 measured = Matrix6::Zero();
     if (!invert_spd(information, measured)) return false;
@@ -55,6 +68,7 @@ bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera
     const double sure2 = parameters_->pose.sure_sigma_m * parameters_->pose.sure_sigma_m;
     const bool is_sure = motion.translation_m2 <= sure2 && motion.rotation_rad2 <= sure2;
     motion_doubt_ = time_ns - contested_ns_ <= MotionDoubt::kWindow_ns ? UnsureReason::kRival
+                    : time_ns - strayed_ns_ <= MotionDoubt::kWindow_ns ? UnsureReason::kJump
                     : is_sure                                          ? UnsureReason::kNone
                     : time_ns - jumped_ns_ <= MotionDoubt::kWindow_ns  ? UnsureReason::kJump
                                                                        : UnsureReason::kRenewed;

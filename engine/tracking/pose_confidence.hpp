@@ -11,6 +11,7 @@
 #include "engine/parameters.hpp"
 #include "engine/pose/motion_doubt.hpp"
 #include "engine/pose/pose_optimiser.hpp"
+#include "engine/pose/unsure_stretch.hpp"
 
 namespace stillmesh {
 
@@ -32,6 +33,10 @@ public:
     // where that is more than pose.sure_sigma_m the last second is not sure.
     void doubt_contest(std::int64_t time_ns, const SE3& chosen, const SE3& rival) noexcept;
 
+    // Each frame, before measured(): where its pose is given out, or of which state none is. Where unsure ones are seen
+    // to have strayed, by the sure one that ends them, the second behind them is not sure.
+    void follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept;
+
     // A pose measured with this information (right increments): true, and covariance() is its; false when the
     // information is singular. motion_doubt() tells whether the last second's path can be trusted, or why not.
     [[nodiscard]] bool measured(std::int64_t time_ns, const SE3& world_from_camera,
@@ -52,6 +57,8 @@ private:
     double renewed_share_ = 0;
     std::int64_t jumped_ns_ = kNever;
     std::int64_t contested_ns_ = kNever;
+    UnsureStretch unsure_;
+    std::int64_t strayed_ns_ = kNever;
     UnsureReason motion_doubt_ = UnsureReason::kNone;
 };
 

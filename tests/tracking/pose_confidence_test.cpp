@@ -222,6 +222,42 @@ TEST_F(Confidence, AContestIsDoubtedForASecond) {
     EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
 }
 
+// Promise: unsure poses that left the line between two sure ones make the second behind them unsure, and a state
+// without a pose counts among them; those that kept to the line do not, and fewer than pose.stray_frames do not.
+TEST_F(Confidence, AStrayedStretchIsDoubtedForASecond) {
+    const Matrix6 precise = information_of(1e-5, 1e-5);
+    // Three frames in between, the second `off_m` aside; the doubt of the sure one behind them.
+    const auto doubt_of = [&](double off_m, PoseState third, const Parameters& parameters) {
+        start(parameters);
+        const auto follow = [&](int frame, double aside_m, PoseState state) {
+            confidence_.follow_path(kSecond + frame * kFrame_ns, Vector3(0.01 * frame, aside_m, 0), state);
+            EXPECT_TRUE(confidence_.measured(kSecond + frame * kFrame_ns, SE3{}, precise));
+        };
+        follow(0, 0, PoseState::kTracked);
+        follow(1, 0, PoseState::kUnsure);
+        follow(2, off_m, PoseState::kPredicted);
+        follow(3, 0, third);
+        EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
+        follow(4, 0, PoseState::kTracked);
+        return confidence_.motion_doubt();
+    };
+    EXPECT_EQ(doubt_of(0.0149, PoseState::kUnsure, {}), UnsureReason::kNone);
+    EXPECT_EQ(doubt_of(0.0151, PoseState::kTracked, {}), UnsureReason::kNone);
+    EXPECT_EQ(doubt_of(0.0151, PoseState::kNone, {}), UnsureReason::kJump);
+    EXPECT_EQ(doubt_of(0.0151, PoseState::kUnsure, {}), UnsureReason::kJump);
+    const std::int64_t end_ns = kSecond + 4 * kFrame_ns;
+    EXPECT_TRUE(confidence_.measured(end_ns + kSecond, SE3{}, precise));
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kJump);
+    EXPECT_TRUE(confidence_.measured(end_ns + kSecond + 1, SE3{}, precise));
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
+    Parameters off;
+    off.pose.stray_m = 1000;
+    EXPECT_EQ(doubt_of(0.0151, PoseState::kUnsure, off), UnsureReason::kNone);
+    EXPECT_EQ(doubt_of(0.0151, PoseState::kUnsure, {}), UnsureReason::kJump);
+    confidence_.reset();
+    EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
+}
+
 // Promise: a pose that was not measured is less sure by its deviations, for as many frames as passed, at least one, and
 // never surer again without a measurement.
 TEST_F(Confidence, PredictionAddsItsDeviations) {
