@@ -11,6 +11,8 @@
 
 namespace stillmesh {
 
+inline constexpr std::int64_t kNoTime = -1;
+
 // How far a pose can be trusted.
 enum class PoseState : std::uint8_t {
     kNone = 0,       // no pose: the transform is the last one known
@@ -30,7 +32,7 @@ enum class UnsureReason : std::uint8_t {
     kUnclear = 2,    // the motion chosen explains too little of it (region.score_min)
     kFewPoints = 3,  // too few points agree (twice pose.inliers_min)
     kNoDepth = 4,    // too few features have depth, which tells what moves from what stands
-    kJump = 5,       // within the last second a pose lay where the motion did not lead
+    kJump = 5,       // within the last second a pose lay where the motion did not lead, or unsure ones strayed
     kRenewed = 6,    // the last second's path is not known to pose.sure_sigma_m: the map was renewed from few points
     kHint = 7,       // it contradicts what wheels or a gyroscope said, and no point has a past
 };
@@ -102,6 +104,9 @@ struct FrameStatistics {
     // against; 0: there is none. (The margin counts what stood still so far; this counts all.)
     double chosen_share = 0;
     double rival_share = 0;
+    // Poses given out behind the frame of this time and before this frame were not sure and are seen to have strayed:
+    // on the line between the poses of both frames they are nearer to where the camera was. kNoTime: nothing is seen.
+    std::int64_t strayed_since_ns = kNoTime;
 };
 
 // What was seen at one moment, small: depths along the camera's axis, 0 where nothing was measured. Cell i lies on the

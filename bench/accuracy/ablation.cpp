@@ -41,6 +41,7 @@ constexpr std::array kRules = {
     Rule{"a widened search is less certain", "6", "prediction.retry_sigma_factor=1"},
     Rule{"an unsure pose far off is doubted", "6", "prediction.jump_sigmas=100"},
     Rule{"and any pose behind a gap", "6", "prediction.doubts_gaps=0"},
+    Rule{"and unsure ones that are seen to have strayed", "6", "pose.stray_m=1000"},
     Rule{"a keyframe when little is tracked", "8", "keyframes.tracked_urgent_permille=0"},
     Rule{"a keyframe's measurement is a mean", "6", "map.averaged_max=1"},
     Rule{"mapping", "6", "mapping.is_enabled=false"},

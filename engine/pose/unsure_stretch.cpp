@@ -12,15 +12,16 @@ void UnsureStretch::add(std::int64_t time_ns, const Vector3& position) noexcept 
     if (!poses_.push(pose)) is_long_ = true;
 }
 
-bool UnsureStretch::end(std::int64_t time_ns, const Vector3& position, std::uint32_t frames_min,
-                        double stray_m) noexcept {
-    const bool has_strayed =
-        has_sure_ && frames_ >= frames_min && (is_long_ || strays(time_ns, position, stray_m));
+UnsureStretch::Verdict UnsureStretch::end(std::int64_t time_ns, const Vector3& position, std::uint32_t frames_min,
+                                          double stray_m) noexcept {
+    Verdict out;
+    out.has_strayed = has_sure_ && frames_ >= frames_min && (is_long_ || strays(time_ns, position, stray_m));
+    if (out.has_strayed && poses_.size() == frames_) out.since_ns = sure_ns_;
     reset();
     sure_ns_ = time_ns;
     sure_position_ = position;
     has_sure_ = true;
-    return has_strayed;
+    return out;
 }
 
 bool UnsureStretch::strays(std::int64_t time_ns, const Vector3& position, double stray_m) const noexcept {

@@ -8,6 +8,7 @@
 
 #include "engine/base/fixed_vector.hpp"
 #include "engine/geometry/se3.hpp"
+#include "engine/outputs.hpp"
 
 namespace stillmesh {
 
@@ -19,10 +20,15 @@ public:
     // A frame that is not sure, and where its pose lies, m; of one that has none, or no position, only that it was.
     void add(std::int64_t time_ns, const Vector3& position) noexcept;
     void add_without_pose() noexcept { ++frames_; }
-    // A sure frame, later than all before: where the next stretch begins. True: a stretch of at least `frames_min`
-    // frames ends here that left the line by more than `stray_m`, or had more poses than are looked into.
-    [[nodiscard]] bool end(std::int64_t time_ns, const Vector3& position, std::uint32_t frames_min,
-                           double stray_m) noexcept;
+    // Of a stretch that ends: it had at least the frames asked for, and left the line or had more poses than are looked
+    // into; behind which frame, if the line says more than its poses do: each frame had one, and all were looked into.
+    struct Verdict {
+        bool has_strayed = false;
+        std::int64_t since_ns = kNoTime;
+    };
+    // A sure frame, later than all before: where the next stretch begins.
+    [[nodiscard]] Verdict end(std::int64_t time_ns, const Vector3& position, std::uint32_t frames_min,
+                              double stray_m) noexcept;
 
 private:
     struct Pose {

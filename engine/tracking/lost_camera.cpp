@@ -53,9 +53,9 @@ bool LostCamera::accepts(const Estimate& estimate, const CameraState& camera) no
         return false;
     }
     if (!is_on_probation_) return true;
-    // A few that agree do not count, as long as the depth agrees.
+    // Once it is foretold a sure pose is evidence, as long as the depth agrees; any other may pass and does not count.
     if (sees_through(found, estimate.noise.factors().depth)) return false;
-    if (is_place(estimate)) --frames_left_;
+    if (estimate.is_sure()) --frames_left_;
     return true;
 }
 

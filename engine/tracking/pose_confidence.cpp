@@ -38,15 +38,19 @@ void PoseConfidence::doubt_contest(std::int64_t time_ns, const SE3& chosen, cons
     if (off.translation.squaredNorm() > sure * sure || rotation_angle(off.rotation) > sure) contested_ns_ = time_ns;
 }
 
-void PoseConfidence::follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept {
+std::int64_t PoseConfidence::follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept {
     const PoseParameters& p = parameters_->pose;
     if (state == PoseState::kTracked) {
-        if (unsure_.end(time_ns, position, p.stray_frames, p.stray_m)) strayed_ns_ = time_ns;
-    } else if (state == PoseState::kNone) {
+        const UnsureStretch::Verdict unsure = unsure_.end(time_ns, position, p.stray_frames, p.stray_m);
+        if (unsure.has_strayed) strayed_ns_ = time_ns;
+        return unsure.since_ns;
+    }
+    if (state == PoseState::kNone) {
         unsure_.add_without_pose();
     } else {
         unsure_.add(time_ns, position);
     }
+    return kNoTime;
 }
 
 bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera, const Matrix6& information) noexcept {

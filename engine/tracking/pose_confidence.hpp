@@ -34,8 +34,9 @@ public:
     void doubt_contest(std::int64_t time_ns, const SE3& chosen, const SE3& rival) noexcept;
 
     // Each frame, before measured(): where its pose is given out, or of which state none is. Where unsure ones are seen
-    // to have strayed, by the sure one that ends them, the second behind them is not sure.
-    void follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept;
+    // to have strayed, by the sure one that ends them, the second behind them is not sure. Behind which frame they lie
+    // (UnsureStretch::Verdict), or kNoTime.
+    [[nodiscard]] std::int64_t follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept;
 
     // A pose measured with this information (right increments): true, and covariance() is its; false when the
     // information is singular. motion_doubt() tells whether the last second's path can be trusted, or why not.

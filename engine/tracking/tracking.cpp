@@ -348,7 +348,8 @@ void Tracking::give_out(PoseState state, const Matrix6& information) noexcept {
     pose.state = state;
     camera_.odometry.split(world_from_camera(), pose);
     const double(&at)[3] = pose.odom_from_camera.translation_m;
-    confidence.follow_path(time_ns_, Vector3(at[0], at[1], at[2]), state);
+    const std::int64_t since_ns = confidence.follow_path(time_ns_, Vector3(at[0], at[1], at[2]), state);
+    if (since_ns != kNoTime) statistics_.strayed_since_ns = since_ns - time_shift_ns_;
     const bool is_measured = state == PoseState::kTracked || state == PoseState::kUnsure;
     if (state == PoseState::kUnsure) statistics_.unsure = estimate_.unsure;
     if (is_measured && confidence.measured(time_ns_, world_from_camera(), information)) {

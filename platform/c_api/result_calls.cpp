@@ -182,6 +182,7 @@ sm_status sm_get_frame_statistics(const sm_engine* engine, sm_frame_statistics* 
     STILLMESH_SAME(region_margin)
     STILLMESH_SAME(chosen_share)
     STILLMESH_SAME(rival_share)
+    STILLMESH_SAME(strayed_since_ns)
     return write_struct(out, statistics);
 }
 
@@ -279,6 +280,8 @@ sm_status sm_trajectory_add(sm_trajectory* trajectory) {
     return guarded(nullptr, [&] {
         update(*trajectory);
         trajectory->final.add(pose_of(map_from_camera(pose), pose.time_ns), engine.reference_keyframe());
+        const std::int64_t since_ns = engine.frame_statistics().strayed_since_ns;
+        if (since_ns != kNoTime) trajectory->final.straighten(since_ns);
         ++trajectory->frames;
         return SM_OK;
     });

@@ -275,6 +275,7 @@ typedef struct sm_frame_statistics {
     uint32_t is_keyframe, pose_iterations;
     double region_score, region_margin;
     double chosen_share, rival_share; /* of the surface in view: what the motion chosen explains, its rival */
+    int64_t strayed_since_ns;         /* poses since then and before this frame have strayed; -1: nothing is seen */
 } sm_frame_statistics;
 typedef struct sm_statistics {
     uint32_t size, reserved;

@@ -211,6 +211,7 @@ public:
         if (keeps_final_ && pose.state != PoseState::kNone) {
             note_keyframes();
             final_.add(out.world_from_camera, engine_->reference_keyframe());
+            if (statistics.strayed_since_ns != kNoTime) final_.straighten(statistics.strayed_since_ns);
         }
         out.features = count16(statistics.features);
         out.static_features = count16(statistics.static_matches);

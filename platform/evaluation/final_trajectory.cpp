@@ -97,6 +97,26 @@ void FinalTrajectory::add(const TrajectoryPose& map_from_camera, std::uint64_t r
     frames_.push_back(frame);
 }
 
+void FinalTrajectory::straighten(std::int64_t since_ns) {
+    for (std::size_t i = frames_.size(); i-- > 1 && frames_[i - 1].pose.time_ns > since_ns;)
+        frames_[i - 1].has_strayed = true;
+}
+
+void FinalTrajectory::straighten(Trajectory& path) const {
+    std::size_t before = 0;
+    for (std::size_t i = 1; i < path.size(); ++i) {
+        if (frames_[i].has_strayed) continue;
+        const TrajectoryPose& a = path[before];
+        const TrajectoryPose& b = path[i];
+        for (std::size_t k = before + 1; k < i; ++k) {
+            const double share =
+                static_cast<double>(path[k].time_ns - a.time_ns) / static_cast<double>(b.time_ns - a.time_ns);
+            for (std::size_t j = 0; j < 3; ++j) path[k].t[j] = a.t[j] + share * (b.t[j] - a.t[j]);
+        }
+        before = i;
+    }
+}
+
 Trajectory FinalTrajectory::finish() const {
     Trajectory out;
     out.reserve(frames_.size());
@@ -111,6 +131,7 @@ Trajectory FinalTrajectory::finish() const {
         }
         out.push_back(pose);
     }
+    straighten(out);
     return out;
 }
 

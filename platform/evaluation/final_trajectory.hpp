@@ -27,6 +27,10 @@ public:
     // A frame's pose as it was given out, after update() with the keyframes of that moment. `reference` kNone or
     // unknown: the pose stays as it is.
     void add(const TrajectoryPose& map_from_camera, std::uint64_t reference);
+    // The frames added behind this time, but for the last, strayed (FrameStatistics::strayed_since_ns): at the end they
+    // lie on the line between their neighbours. How the camera turned stays as it was given out: by the line it would
+    // be no better (docs/lab/tracking.md).
+    void straighten(std::int64_t since_ns);
     [[nodiscard]] Trajectory finish() const;
 
 private:
@@ -40,7 +44,9 @@ private:
     struct FrameKept {
         TrajectoryPose pose;  // in the reference, or in the map without one
         std::uint64_t reference = KeyframeNow::kNone;
+        bool has_strayed = false;
     };
+    void straighten(Trajectory& path) const;
 
     std::unordered_map<std::uint64_t, Kept> keyframes_;
     std::vector<std::uint64_t> alive_;

@@ -19,10 +19,13 @@ class Stretch : public testing::Test {
 protected:
     // A sure frame at `x` metres, `frame` frames behind the first.
     [[nodiscard]] bool sure(std::int64_t frame, double x, std::uint32_t frames_min = 3, double stray_m = 0.015) {
-        return stretch_.end(frame * kFrame_ns, Vector3(x, 1, -2), frames_min, stray_m);
+        const UnsureStretch::Verdict verdict = stretch_.end(frame * kFrame_ns, Vector3(x, 1, -2), frames_min, stray_m);
+        since_ = verdict.since_ns == kNoTime ? -1 : verdict.since_ns / kFrame_ns;
+        return verdict.has_strayed;
     }
     void unsure(std::int64_t frame, double x, double y = 0) { stretch_.add(frame * kFrame_ns, Vector3(x, 1 + y, -2)); }
     UnsureStretch stretch_;
+    std::int64_t since_ = -1;  // frame, of the last stretch
 };
 
 // Promise: what goes straight on from one sure pose to the next has not strayed, however far it goes; what leaves the
@@ -35,6 +38,7 @@ TEST_F(Stretch, WhatLeavesTheLineHasStrayed) {
         EXPECT_FALSE(sure(4, 0.4));
         for (int i = 5; i < 8; ++i) unsure(i, 0.1 * i, i == 6 ? aside : 0.0);
         EXPECT_EQ(sure(8, 0.8), aside > 0.015) << aside;
+        EXPECT_EQ(since_, aside > 0.015 ? 4 : -1);
         for (int i = 9; i < 12; ++i) unsure(i, 0.1 * i + (i == 10 ? aside : 0.0));
         EXPECT_EQ(sure(12, 1.2), aside > 0.015) << aside;
         stretch_.reset();
@@ -54,6 +58,7 @@ TEST_F(Stretch, FewFramesAreNotLookedInto) {
     stretch_.add_without_pose();
     stretch_.add_without_pose();
     EXPECT_TRUE(sure(10, 0));
+    EXPECT_EQ(since_, -1);  // the line says nothing of frames without a pose
     for (int i = 0; i < 30; ++i) stretch_.add_without_pose();
     EXPECT_FALSE(sure(41, 5));
 }
@@ -69,6 +74,7 @@ TEST_F(Stretch, ALongOneHasStrayed) {
         const auto last = static_cast<std::int64_t>(poses);
         for (std::int64_t i = 1; i <= last; ++i) unsure(i, 0);
         EXPECT_EQ(sure(last + 1, 0), poses > UnsureStretch::kPosesMax);
+        EXPECT_EQ(since_, -1);
     }
     for (int i = 0; i < 10; ++i) unsure(20 + i, 1);
     stretch_.reset();
@@ -98,7 +104,8 @@ TEST_F(Stretch, AgreesWithBruteForce) {
                 stretch_.add_without_pose();
                 continue;
             }
-            poses.emplace_back(now_ns, begin + velocity * (1e-9 * static_cast<double>(now_ns - begin_ns)) + point(0.01));
+            poses.emplace_back(now_ns,
+                               begin + velocity * (1e-9 * static_cast<double>(now_ns - begin_ns)) + point(0.01));
             stretch_.add(now_ns, poses.back().second);
         }
         now_ns += 1 + random.below(100'000'000);
@@ -110,9 +117,11 @@ TEST_F(Stretch, AgreesWithBruteForce) {
         }
         const bool expected = frames >= frames_min && worst > stray_m;
         const bool is_close = std::abs(worst - stray_m) < 1e-6;  // kept in single precision
-        const bool said = stretch_.end(now_ns, end, frames_min, stray_m);
+        const UnsureStretch::Verdict said = stretch_.end(now_ns, end, frames_min, stray_m);
         if (!is_close) {
-            EXPECT_EQ(said, expected) << "round " << round << ": " << worst << " of " << stray_m;
+            EXPECT_EQ(said.has_strayed, expected) << "round " << round << ": " << worst << " of " << stray_m;
+            const bool is_known = expected && poses.size() == frames && frames <= UnsureStretch::kPosesMax;
+            EXPECT_EQ(said.since_ns, is_known ? begin_ns : kNoTime);
         }
         strayed += expected ? 1 : 0;
     }

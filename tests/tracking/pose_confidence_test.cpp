@@ -227,10 +227,11 @@ TEST_F(Confidence, AContestIsDoubtedForASecond) {
 TEST_F(Confidence, AStrayedStretchIsDoubtedForASecond) {
     const Matrix6 precise = information_of(1e-5, 1e-5);
     // Three frames in between, the second `off_m` aside; the doubt of the sure one behind them.
+    std::int64_t since_ns = kNoTime;
     const auto doubt_of = [&](double off_m, PoseState third, const Parameters& parameters) {
         start(parameters);
         const auto follow = [&](int frame, double aside_m, PoseState state) {
-            confidence_.follow_path(kSecond + frame * kFrame_ns, Vector3(0.01 * frame, aside_m, 0), state);
+            since_ns = confidence_.follow_path(kSecond + frame * kFrame_ns, Vector3(0.01 * frame, aside_m, 0), state);
             EXPECT_TRUE(confidence_.measured(kSecond + frame * kFrame_ns, SE3{}, precise));
         };
         follow(0, 0, PoseState::kTracked);
@@ -244,7 +245,9 @@ TEST_F(Confidence, AStrayedStretchIsDoubtedForASecond) {
     EXPECT_EQ(doubt_of(0.0149, PoseState::kUnsure, {}), UnsureReason::kNone);
     EXPECT_EQ(doubt_of(0.0151, PoseState::kTracked, {}), UnsureReason::kNone);
     EXPECT_EQ(doubt_of(0.0151, PoseState::kNone, {}), UnsureReason::kJump);
+    EXPECT_EQ(since_ns, kNoTime);  // who knows where the camera was without a pose
     EXPECT_EQ(doubt_of(0.0151, PoseState::kUnsure, {}), UnsureReason::kJump);
+    EXPECT_EQ(since_ns, kSecond);
     const std::int64_t end_ns = kSecond + 4 * kFrame_ns;
     EXPECT_TRUE(confidence_.measured(end_ns + kSecond, SE3{}, precise));
     EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kJump);

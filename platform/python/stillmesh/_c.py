@@ -78,7 +78,8 @@ class FrameStatistics(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("unsure", c_int32), ("frame", c_uint64),
                 *[(name, c_uint32) for name in "features features_with_depth matches static_matches dynamic_matches "
                   "mesh_edges mesh_edges_kept groups is_keyframe pose_iterations".split()],
-                *[(name, c_double) for name in "region_score region_margin chosen_share rival_share".split()]]
+                *[(name, c_double) for name in "region_score region_margin chosen_share rival_share".split()],
+                ("strayed_since_ns", c_int64)]
 
 
 _COUNTERS = ("keyframes_evicted keyframes_redundant points_culled points_emptied points_fused points_evicted frames "
