@@ -193,7 +193,7 @@ static void refused_frames(sm_engine* engine, wall* w) {
 /* Promise: everything that the engine says of itself is there, and structs of an older, shorter header are left whole.
  */
 static void results(sm_engine* engine) {
-    sm_frame_statistics frame = {sizeof(sm_frame_statistics), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    sm_frame_statistics frame = {sizeof(sm_frame_statistics), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
     sm_statistics all;
     sm_tracking_view view = {sizeof(sm_tracking_view), 0, NULL, 0, NULL, 0, NULL};
     sm_features features = {sizeof(sm_features), 0, NULL, NULL, 0};
@@ -221,7 +221,7 @@ static void results(sm_engine* engine) {
         EXPECT(view.explained_by[i] <= (SM_BY_CHOICE | SM_BY_RIVAL));
         count += view.explained_by[i] & SM_BY_CHOICE;
     }
-    EXPECT(count > 8 && frame.chosen_share > 0 && frame.chosen_share <= 1 && frame.rival_share >= 0);
+    EXPECT(count > 8 && frame.chosen_share > 0 && frame.chosen_share <= 1 && frame.rival_share >= 0 && frame.strayed_since_ns == -1);
     count = sm_keyframes(engine, keyframes, 8);
     EXPECT(count == all.keyframes_size && keyframes[0].id != SM_NO_KEYFRAME && sm_keyframes(engine, NULL, 8) == 0);
     links_count = sm_keyframe_links(engine, links, 64, 8);

@@ -118,9 +118,9 @@ def at_most_eight_look_on():
 
 def nobody_is_waited_for():
     """Clients that never read, or never say what they want, hold nobody up: others are served, and the run ends."""
-    with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "120") as run:
+    with Run(PROGRAM, "--simulate", "walking_static:1", "--realtime", "--frames", "180") as run:
         silent = []
-        for request in [b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n"] * 4 + [b"GET / HT"] * 4 + [b""] * 20:
+        for request in [b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n"] * 4 + [b"GET / HT"] * 4 + [b""] * 12:
             client = socket.create_connection(("127.0.0.1", run.port), timeout=WAIT_S)
             client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             client.sendall(request)
