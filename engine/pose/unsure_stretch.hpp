@@ -1,6 +1,7 @@
-// Frames in a row whose pose is not sure, judged when the next sure one comes. While they last nothing says whether the
-// path is right; then both ends are known, and poses that left the straight line between them by more than a hand does
-// in that time were those of a body. Cost: a pass over at most kPosesMax poses at the end of a stretch.
+// Frames in a row that are not sure of their pose, looked at again by the next one that is. While they last nothing
+// says whether the path is right. Then it is known where the camera was before and behind them, and a pose that lies
+// farther off the straight line between than a hand strays in that time was more likely wrong than right. Cost: a pass
+// over at most kPosesMax poses at the end of a stretch.
 #pragma once
 
 #include <cstddef>
@@ -17,16 +18,18 @@ public:
     static constexpr std::size_t kPosesMax = 15;  // half a second; a longer stretch is not looked into
 
     void reset() noexcept { *this = UnsureStretch{}; }
-    // A frame that is not sure, and where its pose lies, m; of one that has none, or no position, only that it was.
+    // A frame that is not sure of its pose, and where that lies, m; or that has none.
     void add(std::int64_t time_ns, const Vector3& position) noexcept;
     void add_without_pose() noexcept { ++frames_; }
-    // Of a stretch that ends: it had at least the frames asked for, and left the line or had more poses than are looked
-    // into; behind which frame, if the line says more than its poses do: each frame had one, and all were looked into.
     struct Verdict {
+        // It had at least `frames_min` frames, and a pose more than `stray_m` off the line, or more than are looked
+        // into.
         bool has_strayed = false;
+        // The sure frame before it, if the line is nearer to the truth than its poses are: each frame had one, and all
+        // were looked into.
         std::int64_t since_ns = kNoTime;
     };
-    // A sure frame, later than all before: where the next stretch begins.
+    // A sure frame, later than all before: a stretch ends here, if there was one, and the next begins.
     [[nodiscard]] Verdict end(std::int64_t time_ns, const Vector3& position, std::uint32_t frames_min,
                               double stray_m) noexcept;
 

@@ -33,9 +33,9 @@ public:
     // where that is more than pose.sure_sigma_m the last second is not sure.
     void doubt_contest(std::int64_t time_ns, const SE3& chosen, const SE3& rival) noexcept;
 
-    // Each frame, before measured(): where its pose is given out, or of which state none is. Where unsure ones are seen
-    // to have strayed, by the sure one that ends them, the second behind them is not sure. Behind which frame they lie
-    // (UnsureStretch::Verdict), or kNoTime.
+    // Each frame, before measured(): its pose, and how sure the frame itself is of it; kNone: there is none. Where a
+    // sure pose shows that unsure ones before it strayed, the second behind them is not sure. Returns behind which
+    // frame they lie (UnsureStretch::Verdict), or kNoTime.
     [[nodiscard]] std::int64_t follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept;
 
     // A pose measured with this information (right increments): true, and covariance() is its; false when the

@@ -221,7 +221,8 @@ static void results(sm_engine* engine) {
         EXPECT(view.explained_by[i] <= (SM_BY_CHOICE | SM_BY_RIVAL));
         count += view.explained_by[i] & SM_BY_CHOICE;
     }
-    EXPECT(count > 8 && frame.chosen_share > 0 && frame.chosen_share <= 1 && frame.rival_share >= 0 && frame.strayed_since_ns == -1);
+    EXPECT(count > 8 && frame.chosen_share > 0 && frame.chosen_share <= 1 && frame.rival_share >= 0 &&
+           frame.strayed_since_ns == -1);
     count = sm_keyframes(engine, keyframes, 8);
     EXPECT(count == all.keyframes_size && keyframes[0].id != SM_NO_KEYFRAME && sm_keyframes(engine, NULL, 8) == 0);
     links_count = sm_keyframe_links(engine, links, 64, 8);

@@ -20,16 +20,19 @@ struct Said {
     std::uint32_t jumps = 0;          // of them, for this reason
     std::uint32_t tracked_before = 0;
     PoseState last = PoseState::kNone;
+    std::uint32_t strays = 0;  // frames that have seen poses before them stray
+    std::int64_t strayed_since_ns = kNoTime;
 };
+constexpr double kOff_m = 1000;  // of pose.stray_m
 
 // A camera that slides before a wall, 1 cm a frame, sees nothing for three frames, and is `aside` frames of its way
 // farther on than it should be.
-Said run(std::uint32_t aside, bool doubts_gaps) {
+Said run(std::uint32_t aside, bool doubts_gaps, double stray_m = kOff_m) {
     test::DrawnScene scene;
     scene.has_board = false;
     Parameters parameters = fitting(Limits::pocket());
     parameters.prediction.doubts_gaps = doubts_gaps;
-    parameters.pose.stray_m = 1000;  // what was predicted in the gap is another promise's
+    parameters.pose.stray_m = stray_m;
     const EngineRig engine(Limits::pocket(), scene.camera(), parameters);
     EXPECT_EQ(engine.status(), Status::kOk);
     Said out;
@@ -42,6 +45,11 @@ Said run(std::uint32_t aside, bool doubts_gaps) {
         EXPECT_EQ(engine->submit(kept.frame()), Status::kOk);
         static_cast<void>(engine->step(20000));
         out.last = engine->pose().state;
+        if (const std::int64_t since_ns = engine->frame_statistics().strayed_since_ns; since_ns != kNoTime) {
+            EXPECT_EQ(i, kGapEnd);
+            ++out.strays;
+            out.strayed_since_ns = since_ns;
+        }
         EXPECT_EQ(out.last == PoseState::kPredicted, is_dark) << i;
         if (i < kGapBegin) out.tracked_before += out.last == PoseState::kTracked ? 1U : 0U;
         if (i == kGapEnd) is_behind = true;
@@ -66,6 +74,22 @@ TEST(Gap, APoseAwayFromTheMotionIsUnsureForASecond) {
     EXPECT_GE(jumped.jumps, 28U);
     EXPECT_EQ(jumped.last, PoseState::kTracked);
     EXPECT_LE(run(20, false).unsure_behind, 3U);
+}
+
+// Promise: the first sure pose behind three predicted ones says that they strayed, and since when, if they did; the
+// second behind them is unsure. Where the motion went on as predicted, or nobody asks, nothing is said.
+TEST(Gap, WhatWasPredictedIsSeenToHaveStrayed) {
+    const Said strayed = run(20, false, Parameters{}.pose.stray_m);
+    EXPECT_EQ(strayed.strays, 1U);
+    EXPECT_EQ(strayed.strayed_since_ns, std::int64_t{kGapBegin - 1} * test::kFrameGap_ns);
+    EXPECT_GE(strayed.unsure_behind, 29U);
+    EXPECT_LE(strayed.unsure_behind, 33U);
+    EXPECT_GE(strayed.jumps, 28U);
+    EXPECT_EQ(strayed.last, PoseState::kTracked);
+    for (const Said& ordinary : {run(0, false, Parameters{}.pose.stray_m), run(20, false)}) {
+        EXPECT_EQ(ordinary.strays, 0U);
+        EXPECT_LE(ordinary.unsure_behind, 3U);
+    }
 }
 
 }  // namespace
