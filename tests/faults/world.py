@@ -3,9 +3,10 @@
 does, over several lives of the program in a row: it never crashes, hangs, or leaves a map that cannot be read, never gives
 out a pose that is not where the camera was, and once the world is whole again it tracks within 30 frames.
 
-  world.py PROGRAM FAILING_CALLS SMALL_RECORDING [--seeds FIRST-LAST] [--seconds S] [--jobs N]
+  world.py PROGRAM FAILING_CALLS SMALL_RECORDING [--seeds FIRST-LAST] [--seconds S] [--jobs N] [--keep DIR]
 
-A failing seed prints the command line that repeats it.
+A failing seed prints the command line that repeats it. What hangs on the clock may not come again: --keep has the files that
+its last life began with in DIR/SEED.
 """
 import argparse
 import collections
@@ -132,7 +133,8 @@ def poses_of(text, is_torn_allowed):
 
 
 class World:
-    def __init__(self, folder, program, shim, recorder):
+    def __init__(self, folder, program, shim, recorder, keep=None):
+        self.keep = keep
         self.folder, self.program, self.shim = folder, program, shim
         self.truth = {}
         for i, (name, (scene, seed, day, frames)) in enumerate(RECORDINGS.items()):
@@ -232,6 +234,9 @@ def live(world, seed):
             def say(sentence):
                 wrong.append(f"life {number + 1} of {len(lives)} ({life.faults or 'no fault'}; {' '.join(life.options)}): "
                              + sentence)
+            kept = os.path.join(world.keep, str(seed)) if world.keep and is_last else None
+            if kept:
+                shutil.copytree(work, kept, dirs_exist_ok=True)
             before_path = read(os.path.join(work, "path.txt"))
             room = os.path.join(work, "room.map")
             was_map = digest(room) if os.path.exists(room) else ""
@@ -293,6 +298,8 @@ def live(world, seed):
                                        timeout=TIMEOUT_S)
                 if rerun.returncode not in (0, 1, 2):
                     say(f"rerun ended with {rerun.returncode}: {rerun.stderr.decode(errors='replace')[-300:]}")
+        if world.keep and not wrong:
+            shutil.rmtree(os.path.join(world.keep, str(seed)), ignore_errors=True)
         return wrong
     finally:
         shutil.rmtree(work, ignore_errors=True)
@@ -314,13 +321,14 @@ def main():
     parser.add_argument("--seeds", default="1-10000")
     parser.add_argument("--seconds", type=float, help="no seed is begun after so long")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--keep", metavar="DIR", help="keeps there what the last life of a failing seed began with")
     options = parser.parse_args()
     paths = list(map(os.path.abspath, (options.program, options.shim, options.recorder)))
     first, last = (int(n) for n in (options.seeds + "-" + options.seeds).split("-")[:2])
     begin = time.monotonic()
     tried = failed = 0
     with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as folder:
-        world = World(folder, *paths)
+        world = World(folder, *paths, keep=os.path.abspath(options.keep) if options.keep else None)
 
         def attempt(seed):
             if options.seconds and time.monotonic() - begin > options.seconds:
