@@ -29,7 +29,7 @@ public:
 private:
     struct Bin {
         std::int64_t index = -1;
-        float translation_m2 = 0, rotation_rad2 = 0;
+        float translation_m2 = 0, rotation_rad2 = 0;  // single precision: enough to compare with a limit
     };
     static constexpr std::int64_t kBin_ns = kWindow_ns / (static_cast<std::int64_t>(kEntriesMax) - 1);
 

@@ -11,9 +11,8 @@ void PoseConfidence::reset() noexcept {
     covariance_ = Matrix6::Zero();
     renewed_share_ = 0;
     jumped_ns_ = kNever;
-    contested_ns_ = kNever;
     unsure_.reset();
-    strayed_ns_ = kNever;
+    doubt(kNever, UnsureReason::kNone);
     motion_doubt_ = UnsureReason::kNone;
 }
 
@@ -35,14 +34,15 @@ void PoseConfidence::doubt_jump(std::int64_t time_ns, const MotionPrior& expecte
 void PoseConfidence::doubt_contest(std::int64_t time_ns, const SE3& chosen, const SE3& rival) noexcept {
     const SE3 off = chosen.inverse() * rival;
     const double sure = parameters_->pose.sure_sigma_m;
-    if (off.translation.squaredNorm() > sure * sure || rotation_angle(off.rotation) > sure) contested_ns_ = time_ns;
+    if (off.translation.squaredNorm() > sure * sure || rotation_angle(off.rotation) > sure)
+        doubt(time_ns, UnsureReason::kRival);
 }
 
 std::int64_t PoseConfidence::follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept {
     const PoseParameters& p = parameters_->pose;
     if (state == PoseState::kTracked) {
         const UnsureStretch::Verdict unsure = unsure_.end(time_ns, position, p.stray_frames, p.stray_m);
-        if (unsure.has_strayed) strayed_ns_ = time_ns;
+        if (unsure.has_strayed) doubt(time_ns, UnsureReason::kJump);
         return unsure.since_ns;
     }
     if (state == PoseState::kNone) {
@@ -71,11 +71,10 @@ bool PoseConfidence::measured(std::int64_t time_ns, const SE3& world_from_camera
     motion.rotation_rad2 += now.rotation_rad2;
     const double sure2 = parameters_->pose.sure_sigma_m * parameters_->pose.sure_sigma_m;
     const bool is_sure = motion.translation_m2 <= sure2 && motion.rotation_rad2 <= sure2;
-    motion_doubt_ = time_ns - contested_ns_ <= MotionDoubt::kWindow_ns ? UnsureReason::kRival
-                    : time_ns - strayed_ns_ <= MotionDoubt::kWindow_ns ? UnsureReason::kJump
-                    : is_sure                                          ? UnsureReason::kNone
-                    : time_ns - jumped_ns_ <= MotionDoubt::kWindow_ns  ? UnsureReason::kJump
-                                                                       : UnsureReason::kRenewed;
+    motion_doubt_ = time_ns - doubted_ns_ <= MotionDoubt::kWindow_ns  ? doubted_for_
+                    : is_sure                                         ? UnsureReason::kNone
+                    : time_ns - jumped_ns_ <= MotionDoubt::kWindow_ns ? UnsureReason::kJump
+                                                                      : UnsureReason::kRenewed;
     const Matrix6 to_camera = se3_adjoint(world_from_camera.inverse());
     half.noalias() = to_camera * map_covariance_;
     covariance_.noalias() = half * to_camera.transpose();

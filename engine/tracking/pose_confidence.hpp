@@ -51,15 +51,20 @@ public:
 private:
     static constexpr std::int64_t kNever = -2 * MotionDoubt::kWindow_ns;
 
+    void doubt(std::int64_t time_ns, UnsureReason reason) noexcept {
+        doubted_ns_ = time_ns;
+        doubted_for_ = reason;
+    }
+
     const Parameters* parameters_ = nullptr;  // outlives it
     MotionDoubt doubt_;
     Matrix6 map_covariance_ = Matrix6::Zero();  // of the local map against where odometry began; left increments
     Matrix6 covariance_ = Matrix6::Zero();      // of the pose given out
     double renewed_share_ = 0;
     std::int64_t jumped_ns_ = kNever;
-    std::int64_t contested_ns_ = kNever;
     UnsureStretch unsure_;
-    std::int64_t strayed_ns_ = kNever;
+    std::int64_t doubted_ns_ = kNever;  // the second behind it is not sure, whatever is measured
+    UnsureReason doubted_for_ = UnsureReason::kNone;
     UnsureReason motion_doubt_ = UnsureReason::kNone;
 };
 

@@ -20,7 +20,7 @@ const REASONS = {
   'unclear motion': 'The motion found explains too little of the picture. Move slowly, towards what stands still.',
   'few points': 'Too few points agree. Look at something with texture.',
   'no depth': 'Too little of the picture has depth. Stay between half a metre and four metres from what it sees.',
-  'jump': 'The pose jumped within the last second. Hold still for a second.',
+  'jump': 'The path was off within the last second. Hold still for a second.',
   'map newly made here': 'The map was made anew here, from few points. Look back at what it saw before.',
   'against the hint': 'It contradicts wheels or gyroscope. See whether a wheel slips.',
   'camera fault': 'Calibration or depth cannot be right. Read what happened, below.',
