@@ -146,7 +146,8 @@ Result<Engine*> Engine::create(std::span<std::byte> block, const Limits& limits,
 }
 
 Result<Engine*> create_engine(std::span<std::byte> block, const Limits& limits, const Parameters& parameters,
-                              const CameraModel& camera, const EngineParts& parts) noexcept {
+                              const CameraModel& given, const EngineParts& parts) noexcept {
+    const CameraModel camera = given.with_plain_zeros();
     if (validate(limits).key != nullptr || validate(parameters, limits).key != nullptr) return Status::kInvalid;
     if (validate(camera, limits).key != nullptr) return Status::kInvalid;
     if (parts.store != nullptr && limits.store_features_max == 0) return Status::kInvalid;

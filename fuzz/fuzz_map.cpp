@@ -31,6 +31,7 @@ namespace {
 using namespace stillmesh;
 
 constexpr std::size_t kParentPoseAt = 96, kPoseBytes = 96;  // docs/SPEC-map.md
+constexpr std::size_t kCoefficientsAt = 8, kCoefficientsBytes = 72;
 constexpr std::uint32_t kFramesBefore = 14, kFramesAfter = 2;
 constexpr std::uint32_t kStepUnits = 20000;
 
@@ -127,7 +128,8 @@ void mend(std::vector<std::byte>& file) {
 }
 
 // Its content is written back: the hash in the header is information, not checked, and a file that lies about it is
-// corrected. So are the pose of a keyframe in its parent and the rays of depth images, which readers pass over.
+// corrected. So are the pose of a keyframe in its parent and the rays of depth images, which readers pass over, and the
+// sign of a zero of the camera, whose numbers are compared.
 void expect_written_back(const std::vector<std::byte>& file) {
     const std::vector<std::byte> again = fuzz::map_of(engine());
     MapFileInfo info, said;
@@ -140,6 +142,9 @@ void expect_written_back(const std::vector<std::byte>& file) {
     fuzz::expect(again.size() == file.size(), "a map is written back to as many bytes");
     std::vector<std::byte> wanted = file;
     std::memcpy(wanted.data() + 72, again.data() + 72, 8);
+    const auto camera = static_cast<std::size_t>(
+        map_records::records_at(info, static_cast<std::uint32_t>(map_records::Section::kCamera)));
+    std::memcpy(wanted.data() + camera + kCoefficientsAt, again.data() + camera + kCoefficientsAt, kCoefficientsBytes);
     if (info.depth_images > 0) {
         const auto rays = static_cast<std::uint32_t>(map_records::Section::kRays);
         const auto at = static_cast<std::size_t>(map_records::records_at(info, rays));

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 
 namespace stillmesh {
 
@@ -27,6 +28,15 @@ struct CameraModel {
     // What older files of maps and recordings have no place for.
     [[nodiscard]] constexpr bool is_plain_brown() const noexcept {
         return lens == Lens::kBrown && k4 == 0 && k5 == 0 && k6 == 0;
+    }
+    // The same camera, and of cameras that are equal the same bits: a zero below zero becomes a plain one, since files
+    // keep bits and compare numbers.
+    [[nodiscard]] constexpr CameraModel with_plain_zeros() const noexcept {
+        CameraModel out = *this;
+        for (double* number : {&out.fx, &out.fy, &out.cx, &out.cy, &out.k1, &out.k2, &out.p1, &out.p2, &out.k3, &out.k4,
+                               &out.k5, &out.k6})
+            *number += 0.0;
+        return out;
     }
 };
 

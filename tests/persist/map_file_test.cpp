@@ -200,6 +200,34 @@ TEST(MapFile, TheLensMustBeTheSame) {
     }
 }
 
+// Promise: a zero of the camera has no sign: a camera with -0 makes the file that one with 0 makes, each reads the
+// other's, and a file with -0 is taken and written back without.
+TEST(MapFile, AZeroOfTheCameraHasNoSign) {
+    const Sequence& sequence = tiny_sequence();
+    CameraModel plain = sequence.camera;
+    plain.k1 = plain.k4 = 0;
+    plain.lens = Lens::kFisheye;
+    CameraModel below = plain;
+    below.k1 = below.k4 = -0.0;
+    EngineRig with_plain(Limits::tiny(), plain);
+    EngineRig with_below(Limits::tiny(), below);
+    for (EngineRig* const engine : {&with_plain, &with_below}) test::run(**engine, sequence, 0, 5);
+    const Bytes file = test::saved(*with_plain, Limits::tiny());
+    EXPECT_TRUE(test::saved(*with_below, Limits::tiny()) == file);
+    EXPECT_EQ(with_plain->state_hash(), with_below->state_hash());
+    Bytes other = file;
+    const auto k1_at = static_cast<std::size_t>(map_records::records_at(
+                           test::info_of(file), static_cast<std::uint32_t>(map_records::Section::kCamera))) +
+                       40;
+    test::put(other, k1_at, std::bit_cast<std::uint64_t>(-0.0), 8);
+    test::mend(other);
+    for (EngineRig* const engine : {&with_plain, &with_below}) {
+        MapFileProblem problem;
+        ASSERT_EQ((*engine)->load_map(other, MapUse::kContinue, problem), Status::kOk) << problem.part;
+        EXPECT_TRUE(test::saved(**engine, Limits::tiny()) == file);
+    }
+}
+
 // Promise: an engine that loaded a map and one that loaded it from another processor's or its own file go on alike:
 // the run after a load is a function of file and frames.
 TEST(MapFile, RunsAfterALoadRepeat) {
