@@ -49,7 +49,7 @@ struct RegionKeys { STILLMESH_KEYS_region(STILLMESH_FIELD) };
     KEY(pose, std::uint32_t, inliers_min, 8, 4.0, 1000.0, "", "fewer static inliers give no pose") \
     KEY(pose, std::uint32_t, lost_frames_max, 30, 0.0, 1000.0, "frames", "how long a lost pose is predicted") \
     KEY(pose, double, sure_sigma_m, 0.03, 1e-4, 10.0, "m or rad", "less certain motion over a second is unsure") \
-    KEY(pose, double, stray_m, 0.015, 0.0, 1000.0, "m", "unsure poses farther off the line between sure ones make the second after them unsure")
+    KEY(pose, double, stray_m, 0.03, 0.0, 1000.0, "m", "unsure poses farther off the line between sure ones make the second after them unsure")
 struct PoseKeys { STILLMESH_KEYS_pose(STILLMESH_FIELD) };
 
 #define STILLMESH_KEYS_weights(KEY) \

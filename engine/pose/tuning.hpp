@@ -29,7 +29,6 @@ struct ShutterParameters { STILLMESH_TUNING_shutter(STILLMESH_FIELD) };
     KEY(pose, double, confidence, 0.99, 0.5, 0.9999, "", "of RANSAC's iteration rule") \
     KEY(pose, std::uint32_t, coarse_total_max, 1024, 1.0, 20000.0, "", "RANSAC iterations of all groups together") \
     KEY(pose, std::uint32_t, sure_inliers_factor, 2, 1.0, 100.0, "", "times inliers_min inliers make a pose sure") \
-    KEY(pose, std::uint32_t, stray_frames, 3, 1.0, 1000000.0, "frames", "unsure in a row, and fewer are not looked into") \
     KEY(pose, std::uint32_t, coarse_factor, 3, 1.0, 100.0, "", "RANSAC iterations over the rule's, for a group") \
     KEY(pose, std::uint32_t, final_factor, 10, 1.0, 100.0, "", "RANSAC iterations over the rule's, for the pose") \
     KEY(pose, double, depth_trust, 0.1, 0.0, 1.0, "", "of what matches say of the turn between picture and depth; 0: they are not asked") \

@@ -5,18 +5,16 @@
 namespace stillmesh {
 
 void UnsureStretch::add(std::int64_t time_ns, const Vector3& position) noexcept {
-    ++frames_;
     const Vector3 off = position - sure_position_;
     Pose pose{static_cast<float>(seconds_between(sure_ns_, time_ns)), {}};
     for (int i = 0; i < 3; ++i) pose.off_m[i] = static_cast<float>(off(i));
     if (!poses_.push(pose)) is_long_ = true;
 }
 
-UnsureStretch::Verdict UnsureStretch::end(std::int64_t time_ns, const Vector3& position, std::uint32_t frames_min,
-                                          double stray_m) noexcept {
+UnsureStretch::Verdict UnsureStretch::end(std::int64_t time_ns, const Vector3& position, double stray_m) noexcept {
     Verdict out;
-    out.has_strayed = has_sure_ && frames_ >= frames_min && (is_long_ || strays(time_ns, position, stray_m));
-    if (out.has_strayed && poses_.size() == frames_) out.since_ns = sure_ns_;
+    out.has_strayed = has_sure_ && (is_long_ || strays(time_ns, position, stray_m));
+    if (out.has_strayed && is_whole_ && !is_long_) out.since_ns = sure_ns_;
     reset();
     sure_ns_ = time_ns;
     sure_position_ = position;

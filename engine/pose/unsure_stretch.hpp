@@ -20,18 +20,16 @@ public:
     void reset() noexcept { *this = UnsureStretch{}; }
     // A frame that is not sure of its pose, and where that lies, m; or that has none.
     void add(std::int64_t time_ns, const Vector3& position) noexcept;
-    void add_without_pose() noexcept { ++frames_; }
+    void add_without_pose() noexcept { is_whole_ = false; }
     struct Verdict {
-        // It had at least `frames_min` frames, and a pose more than `stray_m` off the line, or more than are looked
-        // into.
+        // It had a pose more than `stray_m` off the line, or more poses than are looked into.
         bool has_strayed = false;
         // The sure frame before it, if the line is nearer to the truth than its poses are: each frame had one, and all
         // were looked into.
         std::int64_t since_ns = kNoTime;
     };
     // A sure frame, later than all before: a stretch ends here, if there was one, and the next begins.
-    [[nodiscard]] Verdict end(std::int64_t time_ns, const Vector3& position, std::uint32_t frames_min,
-                              double stray_m) noexcept;
+    [[nodiscard]] Verdict end(std::int64_t time_ns, const Vector3& position, double stray_m) noexcept;
 
 private:
     struct Pose {
@@ -43,9 +41,9 @@ private:
     InlineVector<Pose, kPosesMax> poses_;
     std::int64_t sure_ns_ = 0;
     Vector3 sure_position_ = Vector3::Zero();
-    std::uint32_t frames_ = 0;
     bool has_sure_ = false;
-    bool is_long_ = false;
+    bool is_long_ = false;  // more poses than are kept
+    bool is_whole_ = true;  // each frame has a pose
 };
 
 }  // namespace stillmesh

@@ -39,9 +39,8 @@ void PoseConfidence::doubt_contest(std::int64_t time_ns, const SE3& chosen, cons
 }
 
 std::int64_t PoseConfidence::follow_path(std::int64_t time_ns, const Vector3& position, PoseState state) noexcept {
-    const PoseParameters& p = parameters_->pose;
     if (state == PoseState::kTracked) {
-        const UnsureStretch::Verdict unsure = unsure_.end(time_ns, position, p.stray_frames, p.stray_m);
+        const UnsureStretch::Verdict unsure = unsure_.end(time_ns, position, parameters_->pose.stray_m);
         if (unsure.has_strayed) doubt(time_ns, UnsureReason::kJump);
         return unsure.since_ns;
     }

@@ -18,8 +18,8 @@ constexpr std::int64_t kFrame_ns = 33'333'333;
 class Stretch : public testing::Test {
 protected:
     // A sure frame at `x` metres, `frame` frames behind the first.
-    [[nodiscard]] bool sure(std::int64_t frame, double x, std::uint32_t frames_min = 3, double stray_m = 0.015) {
-        const UnsureStretch::Verdict verdict = stretch_.end(frame * kFrame_ns, Vector3(x, 1, -2), frames_min, stray_m);
+    [[nodiscard]] bool sure(std::int64_t frame, double x, double stray_m = 0.015) {
+        const UnsureStretch::Verdict verdict = stretch_.end(frame * kFrame_ns, Vector3(x, 1, -2), stray_m);
         since_ = verdict.since_ns == kNoTime ? -1 : verdict.since_ns / kFrame_ns;
         return verdict.has_strayed;
     }
@@ -45,22 +45,21 @@ TEST_F(Stretch, WhatLeavesTheLineHasStrayed) {
     }
 }
 
-// Promise: fewer frames than asked are not looked into; those without a pose count, and say nothing themselves.
-TEST_F(Stretch, FewFramesAreNotLookedInto) {
+// Promise: one pose is enough; frames without one say nothing, and where there is one nobody knows since when.
+TEST_F(Stretch, FramesWithoutAPoseSayNothing) {
     EXPECT_FALSE(sure(0, 0));
     unsure(1, 1);
-    unsure(2, 1);
-    EXPECT_FALSE(sure(3, 0));
-    unsure(4, 1);
+    EXPECT_TRUE(sure(2, 0));
+    EXPECT_EQ(since_, 0);
+    unsure(3, 1);
     stretch_.add_without_pose();
-    EXPECT_FALSE(sure(6, 0));
-    unsure(7, 1);
-    stretch_.add_without_pose();
-    stretch_.add_without_pose();
-    EXPECT_TRUE(sure(10, 0));
+    EXPECT_TRUE(sure(5, 0));
     EXPECT_EQ(since_, -1);  // the line says nothing of frames without a pose
     for (int i = 0; i < 30; ++i) stretch_.add_without_pose();
-    EXPECT_FALSE(sure(41, 5));
+    EXPECT_FALSE(sure(36, 5));
+    unsure(37, 6);
+    EXPECT_TRUE(sure(38, 5));
+    EXPECT_EQ(since_, 36);
 }
 
 // Promise: a stretch of more poses than are kept has strayed, since nobody knows; before the first sure pose and behind
@@ -89,13 +88,12 @@ TEST_F(Stretch, AgreesWithBruteForce) {
     };
     int strayed = 0;
     for (int round = 0; round < 2000; ++round) {
-        const auto frames_min = 1 + random.below(5);
         const double stray_m = 0.001 * (1 + random.below(60));
         std::int64_t now_ns = random.below(1000) * kFrame_ns;
         const std::int64_t begin_ns = now_ns;
         const Vector3 begin = point(3);
         const Vector3 velocity = point(0.5);
-        static_cast<void>(stretch_.end(begin_ns, begin, 1, 1));
+        static_cast<void>(stretch_.end(begin_ns, begin, 1));
         std::vector<std::pair<std::int64_t, Vector3>> poses;
         std::uint32_t frames = 0;
         for (std::uint32_t i = random.below(20); i > 0; --i, ++frames) {
@@ -115,9 +113,9 @@ TEST_F(Stretch, AgreesWithBruteForce) {
             const double share = static_cast<double>(time_ns - begin_ns) / static_cast<double>(now_ns - begin_ns);
             worst = std::max(worst, (position - begin - (end - begin) * share).norm());
         }
-        const bool expected = frames >= frames_min && worst > stray_m;
+        const bool expected = worst > stray_m;
         const bool is_close = std::abs(worst - stray_m) < 1e-6;  // kept in single precision
-        const UnsureStretch::Verdict said = stretch_.end(now_ns, end, frames_min, stray_m);
+        const UnsureStretch::Verdict said = stretch_.end(now_ns, end, stray_m);
         if (!is_close) {
             EXPECT_EQ(said.has_strayed, expected) << "round " << round << ": " << worst << " of " << stray_m;
             const bool is_known = expected && poses.size() == frames && frames <= UnsureStretch::kPosesMax;

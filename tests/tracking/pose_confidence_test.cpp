@@ -222,8 +222,8 @@ TEST_F(Confidence, AContestIsDoubtedForASecond) {
     EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
 }
 
-// Promise: unsure poses that left the line between two sure ones make the second behind them unsure, and a state
-// without a pose counts among them; those that kept to the line do not, and fewer than pose.stray_frames do not.
+// Promise: unsure poses that left the line between two sure ones make the second behind them unsure; those
+// that kept to the line do not.
 TEST_F(Confidence, AStrayedStretchIsDoubtedForASecond) {
     const Matrix6 precise = information_of(1e-5, 1e-5);
     // Three frames in between, the second `off_m` aside; the doubt of the sure one behind them.
@@ -242,11 +242,10 @@ TEST_F(Confidence, AStrayedStretchIsDoubtedForASecond) {
         follow(4, 0, PoseState::kTracked);
         return confidence_.motion_doubt();
     };
-    EXPECT_EQ(doubt_of(0.0149, PoseState::kUnsure, {}), UnsureReason::kNone);
-    EXPECT_EQ(doubt_of(0.0151, PoseState::kTracked, {}), UnsureReason::kNone);
-    EXPECT_EQ(doubt_of(0.0151, PoseState::kNone, {}), UnsureReason::kJump);
+    EXPECT_EQ(doubt_of(0.0299, PoseState::kUnsure, {}), UnsureReason::kNone);
+    EXPECT_EQ(doubt_of(0.0301, PoseState::kNone, {}), UnsureReason::kJump);
     EXPECT_EQ(since_ns, kNoTime);  // who knows where the camera was without a pose
-    EXPECT_EQ(doubt_of(0.0151, PoseState::kUnsure, {}), UnsureReason::kJump);
+    EXPECT_EQ(doubt_of(0.0301, PoseState::kUnsure, {}), UnsureReason::kJump);
     EXPECT_EQ(since_ns, kSecond);
     const std::int64_t end_ns = kSecond + 4 * kFrame_ns;
     EXPECT_TRUE(confidence_.measured(end_ns + kSecond, SE3{}, precise));
@@ -255,8 +254,8 @@ TEST_F(Confidence, AStrayedStretchIsDoubtedForASecond) {
     EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
     Parameters off;
     off.pose.stray_m = 1000;
-    EXPECT_EQ(doubt_of(0.0151, PoseState::kUnsure, off), UnsureReason::kNone);
-    EXPECT_EQ(doubt_of(0.0151, PoseState::kUnsure, {}), UnsureReason::kJump);
+    EXPECT_EQ(doubt_of(0.0301, PoseState::kUnsure, off), UnsureReason::kNone);
+    EXPECT_EQ(doubt_of(0.0301, PoseState::kUnsure, {}), UnsureReason::kJump);
     confidence_.reset();
     EXPECT_EQ(confidence_.motion_doubt(), UnsureReason::kNone);
 }
