@@ -383,7 +383,9 @@ bool RegionStore::begin_segment() {
 }
 
 bool RegionStore::append(RecordHead& head, std::span<const WordWeight> words, std::span<const std::byte> body) {
-    if (has_failed() || !begin_segment()) return false;
+    if (has_failed()) return false;
+    if (sequence_ >= kNumberMax || head.id > kNumberMax) return fail("has no number left for a record", EOVERFLOW);
+    if (!begin_segment()) return false;
     head.sequence = sequence_ + 1;
     if (head.used == 0 || head.used > head.sequence) head.used = head.sequence;
     head.words = static_cast<std::uint32_t>(words.size());

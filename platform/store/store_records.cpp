@@ -106,8 +106,8 @@ bool read_head(std::span<const std::byte> bytes, RecordHead& head) {
     if (!is_region && !is_mark) return false;
     if (head.words > kWordsMax || head.body_bytes > kBodyBytesMax || !is_finite) return false;
     if (is_mark && (head.words != 0 || head.body_bytes != 0)) return false;
-    return head.sequence > 0 && head.sequence < ~std::uint64_t{0} && head.used <= head.sequence && head.time_ns >= 0 &&
-           head.id < ~std::uint64_t{0};
+    return head.sequence > 0 && head.sequence <= kNumberMax && head.used <= head.sequence && head.time_ns >= 0 &&
+           head.id <= kNumberMax;
 }
 
 std::size_t find_letters(std::span<const std::byte> bytes, std::size_t from) {

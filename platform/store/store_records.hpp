@@ -14,6 +14,8 @@ inline constexpr std::size_t kHeadBytes = 88;
 inline constexpr std::size_t kWordBytes = 6;
 inline constexpr std::uint32_t kWordsMax = 16000;
 inline constexpr std::uint32_t kBodyBytesMax = 8U << 20U;
+// Of sequences and ids: no store comes near it, and what is counted on from it does not wrap around.
+inline constexpr std::uint64_t kNumberMax = std::uint64_t{1} << 62U;
 
 // What all segments of a store have in common; a run with something else is refused.
 struct StoreOrigin {

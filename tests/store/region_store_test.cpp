@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <fstream>
 #include <map>
+#include <span>
 #include <sstream>
 
 #include "tests/store/store_rig.hpp"
@@ -441,6 +442,42 @@ TEST(RegionStore, RefusesWithASentence) {
     test::write_file(only_segment(place), other_version);
     EXPECT_NE(refusal(test::options_in(place)).find("version 2"), std::string::npos);
     EXPECT_EQ(test::bytes_of_file(only_segment(place)), other_version);
+}
+
+// Promise: a store whose numbers have come to their end says so and keeps what it has, in the next opening too; a
+// record whose number is beyond it is damaged. (By 2^64 - 2 a region was kept under a number that no reader took.)
+TEST(RegionStore, NumbersHaveAnEnd) {
+    using namespace store_records;
+    for (const std::uint64_t last : {kNumberMax - 1, kNumberMax, kNumberMax + 1}) {
+        const test::TemporaryFolder folder;
+        const RegionStoreOptions options = test::options_in(folder.path() + "/store");
+        {
+            RegionStore store;
+            open(store, options);
+            ASSERT_TRUE(store.keep(test::made_region(1, 1).given()));
+        }
+        std::vector<std::byte> bytes = test::bytes_of_file(only_segment(options.folder));
+        const auto at = std::span(bytes).subspan(kSegmentHeaderBytes).first<kHeadBytes>();
+        RecordHead head;
+        ASSERT_TRUE(read_head(at, head));
+        head.sequence = head.used = last;
+        write_head(at, head);
+        test::write_file(only_segment(options.folder), bytes);
+        std::uint64_t kept = last > kNumberMax ? 0 : 1;
+        for (int round = 0; round < 2; ++round) {
+            RegionStore store;
+            open(store, options);
+            EXPECT_EQ(store.content().regions, kept) << last << ", round " << round;
+            if (round > 0) break;
+            if (last == kNumberMax) {
+                EXPECT_FALSE(store.keep(test::made_region(2, 2).given()));
+                EXPECT_NE(store.problem().find("no number left"), std::string::npos) << store.problem();
+            } else {
+                EXPECT_TRUE(store.keep(test::made_region(2, 2).given()));
+                ++kept;
+            }
+        }
+    }
 }
 
 // Promise: the example in docs/SPEC-map-store.md is what is written, byte for byte.
