@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "engine/record/map_checks.hpp"
+
 namespace stillmesh {
 
 void MapPager::create(Arena& arena, World& world, PlaceSearch& places, MapStore* store) noexcept {
@@ -17,6 +19,13 @@ void MapPager::reset() noexcept {
     keeper_.reset();
     returns_.reset();
     round_frame_ = ~std::uint64_t{0};  // the next step begins a round
+}
+
+StoreContent MapPager::content() const noexcept {
+    StoreContent out = state_.store->content();
+    out.ids_end = std::min(out.ids_end, map_checks::kFramesMax / 2);
+    out.time_ns = std::clamp(out.time_ns, std::int64_t{0}, map_checks::kTimeMax_ns / 2);
+    return out;
 }
 
 Progress MapPager::step(WorkBudget& budget) noexcept {

@@ -48,8 +48,8 @@ struct StoreAnswer {
 // What a store held when it was opened.
 struct StoreContent {
     std::uint64_t regions = 0;
-    std::uint64_t ids_end = 0;  // above every id in it
-    std::int64_t time_ns = 0;   // the latest, on the map's clock
+    std::uint64_t ids_end = 0;  // above every id in it; beyond 2^37 not believed
+    std::int64_t time_ns = 0;   // the latest, on the map's clock; beyond 2^61 not believed
 };
 
 class MapStore {

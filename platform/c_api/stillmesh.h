@@ -138,8 +138,8 @@ typedef struct sm_word_weight {
 } sm_word_weight;
 typedef struct sm_store_content {
     uint64_t regions;
-    uint64_t ids_end; /* above every id in it */
-    int64_t time_ns;  /* the latest */
+    uint64_t ids_end; /* above every id in it; beyond 2^37 not believed */
+    int64_t time_ns;  /* the latest; beyond 2^61 not believed */
 } sm_store_content;
 typedef struct sm_region {
     uint64_t id;

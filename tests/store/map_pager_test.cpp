@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <map>
 #include <vector>
 
@@ -28,9 +29,11 @@ public:
 
     explicit MemoryStore(Fault fault = Fault::kNone) : fault_(fault) {}
     std::map<std::uint64_t, Kept> regions;
+    StoreContent claimed;  // instead of what is there, if it has regions
     std::uint64_t keeps = 0, asks = 0, uses = 0;
 
     [[nodiscard]] StoreContent content() const noexcept override {
+        if (claimed.regions > 0) return claimed;
         StoreContent out;
         out.regions = regions.size();
         for (const auto& [id, kept] : regions) {
@@ -223,6 +226,38 @@ TEST(MapPager, AMapIsWholeRightAfterAReturn) {
             << problem.part;
     }
     EXPECT_GT(returned, 2U);
+}
+
+// Promise: whatever a store says that it holds, the camera is tracked in a map that was loaded, and the map that comes
+// of it can be loaded again.
+TEST(MapPager, AStoreMayClaimAnything) {
+    const Limits limits = small(true);
+    const std::vector<test::KeptFrame>& frames = there_and_back().frames;
+    const auto follow = [&](Rig& rig, std::size_t count) {
+        std::uint32_t measured = 0;
+        for (std::size_t i = 0; i < count; ++i) {
+            EXPECT_EQ(rig->submit(frames[i].frame()), Status::kOk);
+            static_cast<void>(rig->step(20000));
+            measured += rig->pose().state >= PoseState::kUnsure ? 1U : 0U;
+        }
+        return measured;
+    };
+    MapFileProblem problem;
+    Rig reader(limits, configuration_of(limits), nullptr);
+    EXPECT_EQ(follow(reader, 40), 40U);
+    const test::Bytes file = test::saved(*reader, limits);
+    constexpr std::uint64_t kEnd = ~std::uint64_t{0};
+    constexpr std::int64_t kLast_ns = std::numeric_limits<std::int64_t>::max();
+    for (const StoreContent& claimed : {StoreContent{1, 41, 0}, StoreContent{1, kEnd, 0},
+                                        StoreContent{1, kEnd / 2, kLast_ns}, StoreContent{1, 0, -kLast_ns}}) {
+        MemoryStore store;
+        store.claimed = claimed;
+        Rig rig(limits, configuration_of(limits), &store);
+        ASSERT_EQ(rig->load_map(file, MapUse::kContinue, problem, 0), Status::kOk) << problem.part;
+        EXPECT_GT(follow(rig, 40), 25U) << claimed.ids_end;
+        EXPECT_EQ(reader->load_map(test::saved(*rig, limits), MapUse::kContinue, problem, 0), Status::kOk)
+            << claimed.ids_end << ", " << claimed.time_ns << ": " << problem.part;
+    }
 }
 
 // Promise: an engine that could have a store and was given none does what one without does, bit by bit.
