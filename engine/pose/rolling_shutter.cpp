@@ -110,6 +110,7 @@ void RollingShutter::add_turn(double turned, double turning) noexcept {
 }
 
 bool RollingShutter::adopt() noexcept {
+    if (!is_estimated_) return false;
     const double wanted = std::abs(estimate_s_) < parameters_.negligible_s ? 0.0 : estimate_s_;
     if (std::abs(wanted - readout_s_) < parameters_.step_s) return false;
     readout_s_ = wanted;

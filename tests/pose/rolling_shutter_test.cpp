@@ -375,6 +375,17 @@ TEST(RollingShutter, WeighsFramesAsDocumented) {
     EXPECT_NEAR(std::pow(ShutterParameters{}.fading, 30), 0.74, 0.005);
 }
 
+// Promise: a readout that is given stays, however short it is. (One below negligible_s was none from the second frame
+// on, but not in a map that was loaded.)
+TEST(RollingShutter, WhatIsGivenStays) {
+    for (const double given_s : {0.0, 0.0003, 0.0029, 0.0031, 0.02}) {
+        RollingShutter shutter;
+        shutter.create(given_s, 480);
+        EXPECT_FALSE(shutter.adopt()) << given_s;
+        EXPECT_EQ(shutter.readout_s(), given_s);
+    }
+}
+
 // Promise: changes below step_s are not adopted, but add up until they are; a readout below negligible_s is none.
 TEST(RollingShutter, SmallChangesWait) {
     Random random(17);
