@@ -18,7 +18,9 @@ namespace stillmesh::fuzz {
 inline constexpr std::uint8_t kActReset = 255;
 inline constexpr std::uint8_t kActStep = 254;  // then units, 16 bits; the highest says: of the store
 inline constexpr std::uint8_t kActMap = 253;   // the map is written and loaded again; then how it is used
-inline constexpr std::uint8_t kActHarm = 252;  // one byte of a region in the store: which, place (16 bits), value
+// One byte of a region in the store: which, place (16 bits), value; or, of which % 8 == 7, what the store says it
+// holds.
+inline constexpr std::uint8_t kActHarm = 252;
 
 // Of any other first byte: a frame.
 constexpr bool is_drawn(std::uint8_t what) {

@@ -122,7 +122,13 @@ public:
         } else if (what == fuzz::kActHarm) {
             const std::size_t which = bytes.u8(), place = bytes.u16();
             const auto value = static_cast<std::byte>(bytes.u8());
-            for (fuzz::MemoryStore* const store : stores_) store->harm(which, place, value);
+            for (fuzz::MemoryStore* const store : stores_) {
+                if (which % 8 == 7) {
+                    store->claim(std::to_integer<std::uint64_t>(value) << (place % 57U));
+                } else {
+                    store->harm(which, place, value);
+                }
+            }
         } else {
             show(what, bytes);
         }

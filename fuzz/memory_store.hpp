@@ -17,6 +17,7 @@ public:
 
     void clear() {
         regions_.clear();
+        claimed_ = 0;
         has_question_ = false;
     }
     // What a disk may do to a region.
@@ -25,9 +26,12 @@ public:
         std::vector<std::byte>& body = regions_[which % regions_.size()].body;
         if (!body.empty()) body[place % body.size()] = value;
     }
+    // What a store may say that it holds: names below this, until this time.
+    void claim(std::uint64_t end) { claimed_ = end; }
     [[nodiscard]] StoreContent content() const noexcept override {
         StoreContent out;
         out.regions = regions_.size();
+        if (claimed_ > 0) return {out.regions, claimed_, static_cast<std::int64_t>(claimed_)};
         for (const Region& region : regions_) {
             out.ids_end = std::max(out.ids_end, region.id + 1);
             out.time_ns = std::max(out.time_ns, region.time_ns);
@@ -97,6 +101,7 @@ private:
     }
 
     std::vector<Region> regions_;
+    std::uint64_t claimed_ = 0;  // 0: what is there
     std::vector<WordWeight> words_;
     std::vector<std::uint64_t> without_;
     std::uint64_t number_ = 0, older_than_ = 0;
