@@ -155,7 +155,8 @@ private:
         if (file.empty()) return;
         MapFileProblem problem;
         fuzz::expect(engine_.load_map(file, use, problem) == Status::kOk, "a map that was written is taken");
-        fuzz::expect(fuzz::map_of(engine_) == file, "and written back to the same bytes");
+        // A store that says that it holds later names makes frames count on behind them.
+        if (!stores_[0]->claims()) fuzz::expect(fuzz::map_of(engine_) == file, "and written back to the same bytes");
         if (twin_ != nullptr) {
             fuzz::expect(fuzz::map_of(*twin_) == file, "the same map, whatever the memory held before");
             fuzz::expect(twin_->load_map(file, use, problem) == Status::kOk, "the same status for the same map");

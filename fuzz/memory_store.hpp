@@ -28,6 +28,7 @@ public:
     }
     // What a store may say that it holds: names below this, until this time.
     void claim(std::uint64_t end) { claimed_ = end; }
+    [[nodiscard]] bool claims() const { return claimed_ > 0; }
     [[nodiscard]] StoreContent content() const noexcept override {
         StoreContent out;
         out.regions = regions_.size();
