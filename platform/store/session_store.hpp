@@ -16,8 +16,9 @@
 namespace stillmesh {
 
 [[nodiscard]] inline RegionStoreOptions store_options(const std::string& folder, const Configuration& configuration,
-                                                      const CameraModel& c, std::uint8_t extractor,
+                                                      const CameraModel& camera_model, std::uint8_t extractor,
                                                       std::uint32_t vocabulary_crc) {
+    const CameraModel c = camera_model.with_plain_zeros();
     RegionStoreOptions out;
     out.folder = folder;
     out.regions_max = configuration.store.regions_max;

@@ -11,6 +11,7 @@
 #include <span>
 #include <sstream>
 
+#include "platform/store/session_store.hpp"
 #include "tests/store/store_rig.hpp"
 
 namespace stillmesh::region_store_test {
@@ -442,6 +443,21 @@ TEST(RegionStore, RefusesWithASentence) {
     test::write_file(only_segment(place), other_version);
     EXPECT_NE(refusal(test::options_in(place)).find("version 2"), std::string::npos);
     EXPECT_EQ(test::bytes_of_file(only_segment(place)), other_version);
+}
+
+// Promise: a store is of one camera, whatever sign its zeros have; any other number makes another store.
+TEST(RegionStore, IsOfOneCamera) {
+    const auto origin_of = [](double k2, double k4) {
+        CameraModel camera{640, 480, 525, 525, 319.5, 239.5};
+        camera.lens = Lens::kFisheye;
+        camera.k2 = k2;
+        camera.k4 = k4;
+        return store_options("", {}, camera, 0, 1).origin;
+    };
+    EXPECT_EQ(origin_of(-0.0, 0), origin_of(0, 0));
+    EXPECT_EQ(origin_of(0, -0.0), origin_of(0, 0));
+    EXPECT_FALSE(origin_of(1e-9, 0) == origin_of(0, 0));
+    EXPECT_FALSE(origin_of(0, 1e-9) == origin_of(0, 0));
 }
 
 // Promise: a store whose numbers have come to their end says so and keeps what it has, in the next opening too; a
